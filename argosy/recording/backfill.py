@@ -41,6 +41,16 @@ REPLIES = 100_000
 log = logging.getLogger("recorder")
 
 
+def token_seen(key: str, alive: bool, at: int) -> Heard | None:
+    """Return what is recorded of a daemon's token that appears or ends, at Unix nanoseconds; None for another key."""
+    parsed = keys.parse(key)
+    if parsed is None or len(parsed[2]) != 3:
+        return None
+    fleet, name, (_, daemon, _) = parsed
+    payload = msgspec.json.encode(TokenSeen(key=key, alive=alive))
+    return Heard(at, f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}", payload, encoding_of(TokenSeen), "token")
+
+
 class Backfill:
     """Follows the tokens of a fleet and queries each daemon that appears."""
 
@@ -82,10 +92,9 @@ class Backfill:
         if parsed is None or len(parsed[2]) != 3:
             return
         fleet, name, (_, daemon, _) = parsed
-        payload = msgspec.json.encode(TokenSeen(key=key, alive=alive))
-        topic = f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}"
-        if self._wants(keys.alive(fleet, name, daemon, "*")):
-            self._write_queue.put(Heard(self._write_queue.now(), topic, payload, encoding_of(TokenSeen), "token"))
+        seen = token_seen(key, alive, self._write_queue.now())
+        if seen is not None and self._wants(keys.alive(fleet, name, daemon, "*")):
+            self._write_queue.put(seen)
         if not alive:
             return
         match daemon:

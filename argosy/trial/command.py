@@ -3,32 +3,43 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Final
 
-import msgspec
-
+from argosy.check.command import check_mission
 from argosy.cli.errors import BadInput
+from argosy.cli.extras import install_command
 from argosy.trial.faults import Fault, draw, read
+from argosy.trial.refusals import refusals
+from argosy.trial.report import Comparison, Trial, text, write
 from argosy.trial.single_run import Outcome, Request
-from argosy.trial.statistics import causes, mcnemar, quantiles, wilson
+from argosy.trial.statistics import causes
 from argosy.trial.workers import workers
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.mission.model import Mission, load_mission
+from schemas.files.findings import Findings
+from schemas.humanize import printable, span
+from schemas.mission.model import Mission
 
-SEEDS_SHOWN = 5
-"""Seeds that are named for each cause."""
+EXIT_INTERRUPTED: Final = 130
+BAD_INPUT: Final = "bad input: "
+"""Begins the `why` of a run that could not begin."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy trial`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("--runs", type=_count, default=100, metavar="N", help="number of runs (default: 100)")
-    parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the first run; the next has S + 1")
-    parser.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, metavar="J", help="runs at a time")
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="seed of the first run (default: 1); the next has S + 1"
+    )
+    parser.add_argument("--jobs", type=_count, metavar="J", help="runs at a time (default: as many as there are cores)")
     parser.add_argument(
         "--faults",
         default="standard",
@@ -36,11 +47,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="standard (drawn by seed; the default), none, or a YAML file with a list of faults",
     )
     parser.add_argument("--replay", type=int, metavar="SEED", help="run one seed, and print its faults and its journal")
-    parser.add_argument("--until", type=float, metavar="T", help="with --replay: stop after T virtual seconds")
+    parser.add_argument("--until", type=_seconds, metavar="T", help="with --replay: stop after T virtual seconds")
     parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it still fails")
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
     parser.add_argument("--min-success", type=_share, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write report.txt and outcomes.json to this folder")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write report.html, report.txt and outcomes.json to this folder; with --replay: seed-SEED.mcap",
+    )
 
 
 def _count(text: str) -> int:
@@ -55,116 +71,135 @@ def _share(text: str) -> float:
     return share
 
 
-_count.__name__, _share.__name__ = "number above 0", "share (0 to 1)"
+def _seconds(text: str) -> float:
+    if not (seconds := float(text)) > 0:
+        raise ValueError
+    return seconds
+
+
+_count.__name__, _share.__name__, _seconds.__name__ = "number above 0", "share (0 to 1)", "number of seconds above 0"
 
 
 def run(args: Namespace) -> int:
     """Run the trial. Returns the exit code: 0 unless fewer runs than wanted succeed, or the run of a seed fails."""
-    mission = load_mission(args.mission)
+    if args.replay is None and (args.until is not None or args.shrink):
+        raise BadInput(f"{'--until' if args.until is not None else '--shrink'}: expected --replay SEED, too")
+    if args.replay is not None and args.compare is not None:
+        raise BadInput("--compare: it compares many runs, and --replay is one")
+    mission = _mission(args.mission)
+    compared = _mission(args.compare) if args.compare is not None else None
     if args.replay is not None:
         return _replay(mission, args)
-    outcomes = _run_all(mission, args)
-    text = report(mission, outcomes)
-    if args.compare is not None:
-        other = _run_all(load_mission(args.compare), args)
-        text += "\n" + comparison(args.mission, outcomes, args.compare, other)
-    print(text)
+    _faults(mission, args, args.seed)  # says what is wrong with them before anything starts
+    trial, comparison = Trial(args.mission, args.faults, args.runs, []), None
+    _run_all(mission, args, trial)
+    if compared is not None and len(trial.outcomes) == args.runs:
+        comparison = Comparison(trial, Trial(args.compare, args.faults, args.runs, []))
+        _run_all(compared, args, comparison.second)
+    print(text(trial, comparison))
     if args.out is not None:
-        _write(args.out, text, outcomes)
-    share = sum(one.success for one in outcomes) / len(outcomes)
+        write(args.out, trial, comparison)
+    if len(trial.outcomes) < args.runs or (comparison is not None and len(comparison.second.outcomes) < args.runs):
+        return EXIT_INTERRUPTED
+    share = trial.successes / len(trial.outcomes)
     return EXIT_FAILED if args.min_success is not None and share < args.min_success else EXIT_DONE
 
 
+def _mission(path: str) -> Mission:
+    """Return a mission that can be tried. Raises Findings with everything that is wrong with it."""
+    mission, findings = check_mission(path, restarts=True)
+    errors = [one for one in findings if one.severity == "error"]
+    if mission is None or errors:
+        raise Findings(errors or findings)
+    if refused := refusals(mission):
+        raise Findings(refused)
+    return mission
+
+
 def _faults(mission: Mission, args: Namespace, seed: int) -> tuple[Fault, ...]:
+    """Return the faults of a run. Raises Findings or BadInput for a file that does not fit."""
     match args.faults:
         case "none":
             return ()
         case "standard":
             return tuple(draw(mission, seed))
         case file:
+            if not Path(file).exists():
+                raise BadInput(f"--faults {file}: no such file; expected `standard`, `none` or a YAML list of faults")
             return tuple(read(Path(file), mission))
 
 
-def _requests(mission: Mission, args: Namespace, seeds: Sequence[int]) -> list[Request]:
+def _requests(mission: Mission, args: Namespace) -> Iterator[Request]:
     path = str(mission.path.resolve())
-    return [Request(path, seed, _faults(mission, args, seed)) for seed in seeds]
+    named = None if args.faults == "standard" else _faults(mission, args, args.seed)
+    for seed in range(args.seed, args.seed + args.runs):
+        yield Request(path, seed, _faults(mission, args, seed) if named is None else named)
 
 
-def _run_all(mission: Mission, args: Namespace) -> list[Outcome]:
-    seeds = range(args.seed, args.seed + args.runs)
-    done: list[Outcome] = []
-    begun = time.monotonic()
-    with workers(min(args.jobs, args.runs)) as run_all:
-        for outcome in run_all(_requests(mission, args, seeds)):
-            if outcome.why.startswith("bad input: "):
-                raise BadInput(outcome.why.removeprefix("bad input: "))
-            done.append(outcome)
-            failed = sum(not one.success for one in done)
-            if sys.stderr.isatty():
-                left = (time.monotonic() - begun) / len(done) * (args.runs - len(done))
-                print(
-                    f"\r{len(done)} of {args.runs} runs, {failed} failed, {left:.0f} s left ", end="", file=sys.stderr
-                )
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
-    return sorted(done, key=lambda one: one.seed)
+def _run_all(mission: Mission, args: Namespace, trial: Trial) -> None:
+    """Run all seeds, and put the outcomes into the trial by their seeds. Ctrl-C ends all runs that are under way."""
+    progress = Progress(args.runs)
+    try:
+        with workers(min(args.jobs or len(os.sched_getaffinity(0)), args.runs)) as run_all:
+            for outcome in run_all(_requests(mission, args)):
+                _refuse(outcome)
+                trial.outcomes.append(outcome)
+                progress.show(trial.outcomes)
+    except KeyboardInterrupt:
+        pass  # the report says how many are done
+    finally:
+        progress.end()
+        trial.outcomes.sort(key=lambda one: one.seed)
+        trial.wall = time.monotonic() - progress.begun
 
 
-def report(mission: Mission, outcomes: Sequence[Outcome]) -> str:
-    """Return what the runs say, as text."""
-    successes = sum(one.success for one in outcomes)
-    violated = [one for one in outcomes if one.violations]
-    lines = [
-        f"{mission.fleet}: {successes} of {len(outcomes)} runs succeed: "
-        f"{wilson(successes, len(outcomes))}, 95 % interval",
-        f"safety: {len(violated)} runs with a violation",
-    ]
-    for cause in causes(outcomes):
-        seeds = ", ".join(map(str, cause.seeds[:SEEDS_SHOWN])) + (", ..." if len(cause.seeds) > SEEDS_SHOWN else "")
-        lines.append(f"  {len(cause.seeds):4} x {cause.text.splitlines()[0] if cause.text else '?'} (seeds {seeds})")
-    lines.append(f"{'':16}{'median':>10}{'95 %':>10}{'most':>10}")
-    good = [one for one in outcomes if one.success]
-    rows = (
-        ("duration (s)", [one.seconds for one in good]),
-        ("flown (m)", [one.flown for one in good]),
-        ("messages", [float(one.messages) for one in good]),
-        ("apart (m)", [one.nearest for one in good if one.nearest is not None]),
-    )
-    for name, values in rows:
-        if values:
-            lines.append(f"{name:16}" + "".join(f"{value:10.1f}" for value in quantiles(values)))
-    if any(one.nearest is not None for one in outcomes):
-        lines.append(
-            f"nearest approach of two vehicles: {min(o.nearest for o in outcomes if o.nearest is not None):.1f} m"
-        )
-    return "\n".join(lines)
+def _refuse(outcome: Outcome) -> None:
+    if outcome.why.startswith(BAD_INPUT):
+        raise BadInput(outcome.why.removeprefix(BAD_INPUT))
 
 
-def comparison(one: str, first: Sequence[Outcome], other: str, second: Sequence[Outcome]) -> str:
-    """Return whether two missions differ over the same seeds, as text."""
-    pairs = list(zip(first, second, strict=True))
-    only_first = sum(a.success and not b.success for a, b in pairs)
-    only_second = sum(b.success and not a.success for a, b in pairs)
-    p = mcnemar(only_first, only_second)
-    differ = "they differ" if p < 0.05 else "no difference is shown"
-    return (
-        f"{one} against {other}: {sum(a.success for a in first)} and {sum(b.success for b in second)} "
-        f"of {len(pairs)} runs succeed; "
-        f"in {only_first} only the first, in {only_second} only the second: {differ} (McNemar, p = {p:.3g})"
-    )
+@dataclass
+class Progress:
+    """One line on a terminal: how many runs are done, and what has failed so far."""
+
+    wanted: int
+    begun: float = field(default_factory=time.monotonic)
+
+    def show(self, outcomes: Sequence[Outcome]) -> None:
+        """Draw the line again; do nothing where there is no terminal."""
+        if sys.stderr.isatty():
+            wide = shutil.get_terminal_size().columns - 1
+            line = self.line(outcomes, time.monotonic() - self.begun)
+            print(f"\r\x1b[K{line[:wide]}", end="", file=sys.stderr, flush=True)
+
+    def line(self, outcomes: Sequence[Outcome], seconds: float) -> str:
+        """Return the line after some wall seconds."""
+        left = span(seconds / len(outcomes) * (self.wanted - len(outcomes)))
+        failed = sum(not one.success for one in outcomes)
+        why = "; ".join(f"{len(one.seeds)} x {printable(one.text)}" for one in causes(outcomes))
+        return f"{len(outcomes)} of {self.wanted} runs, {left} left, {failed} failed" + (f": {why}" if why else "")
+
+    def end(self) -> None:
+        """Take the line away."""
+        if sys.stderr.isatty():
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def _replay(mission: Mission, args: Namespace) -> int:
+    recording = _recording(args)
     faults = _faults(mission, args, args.replay)
     with workers(1) as run_all:
 
-        def again(tried: tuple[Fault, ...], journal: bool = False) -> Outcome:
+        def again(tried: tuple[Fault, ...], record: str = "", journal: bool = False) -> Outcome:
             path = str(mission.path.resolve())
-            return next(iter(run_all([Request(path, args.replay, tried, journal=journal, until=args.until)])))
+            request = Request(path, args.replay, tried, journal=journal, until=args.until, record=record)
+            outcome = next(iter(run_all([request])))
+            _refuse(outcome)
+            return outcome
 
         if args.shrink:
             faults = shrunk(faults, lambda tried: not again(tried).success)
-        outcome = again(faults, journal=True)
+        outcome = again(faults, record=recording, journal=True)
     print("faults:" if faults else "no faults")
     for fault in faults:
         print(f"  {fault}")
@@ -172,7 +207,22 @@ def _replay(mission: Mission, args: Namespace) -> int:
     for violation in outcome.violations:
         print(f"{violation.at:8.1f} s  VIOLATION {violation.rule}: {violation.text}")
     print(f"seed {args.replay}: {'success' if outcome.success else f'failed: {outcome.why}'}; digest {outcome.digest}")
+    if recording and Path(recording).exists():
+        print(f"recording: {args.out / Path(recording).name}")
     return EXIT_DONE if outcome.success else EXIT_FAILED
+
+
+def _recording(args: Namespace) -> str:
+    """Return the absolute path of the recording of a replay; empty: none is wanted. Raises BadInput."""
+    if args.out is None:
+        return ""
+    if find_spec("mcap") is None:
+        raise BadInput(f"--out with --replay writes a recording: it needs `{install_command('record')}`")
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"--out {args.out}: {error.strerror}") from None
+    return str((args.out / f"seed-{args.replay}.mcap").resolve())
 
 
 def shrunk(faults: tuple[Fault, ...], fails: Callable[[tuple[Fault, ...]], bool]) -> tuple[Fault, ...]:
@@ -184,12 +234,3 @@ def shrunk(faults: tuple[Fault, ...], fails: Callable[[tuple[Fault, ...]], bool]
         if fails(fewer):
             faults = fewer
     return faults
-
-
-def _write(folder: Path, text: str, outcomes: Sequence[Outcome]) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "report.txt").write_text(text + "\n", encoding="utf-8")
-        (folder / "outcomes.json").write_bytes(msgspec.json.format(msgspec.json.encode(list(outcomes)), indent=1))
-    except OSError as error:
-        raise BadInput(f"--out {folder}: {error.strerror}") from None

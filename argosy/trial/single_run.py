@@ -6,11 +6,11 @@ import asyncio
 import hashlib
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -21,6 +21,7 @@ from argosy.cli.journal import Journal
 from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
 from argosy.processes.resource_usage import Meter
+from argosy.recording.mind_inputs import PART
 from argosy.run.command import telling
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
@@ -28,13 +29,16 @@ from argosy.trial.checkers import Checkers, Violation
 from argosy.trial.edges import swap_bus
 from argosy.trial.event_loop import Deadlock, VirtualLoop
 from argosy.trial.faults import Battery, Fault, Vehicle
-from argosy.trial.network import Sample, Session
+from argosy.trial.network import Network, Sample, Session
 from argosy.trial.process import ProcessLog, VirtualSupervisor
 from argosy.trial.world import Seen, World
 from bridged.simulation.copter import process as copter_process
 from commd.common.clock import Clock
 from schemas.files.units import Duration
 from schemas.mission.model import Mission
+
+if TYPE_CHECKING:
+    from argosy.trial.recording import TrialRecording
 
 FIRST_ROUTER, FIRST_LINK = 7447, 8447
 """Ports of the boards' routers, for their daemons and for other boards."""
@@ -52,6 +56,8 @@ class Request(msgspec.Struct, frozen=True):
     """Whether the journal of the run is returned."""
     until: float | None = None
     """Virtual seconds after which it is stopped."""
+    record: str = ""
+    """File to which its recording is written; empty: none."""
 
 
 class Outcome(msgspec.Struct):
@@ -76,6 +82,10 @@ class Outcome(msgspec.Struct):
     nearest: float | None = None
     """Least distance of two vehicles in the air, in metres."""
     journal: list[str] = []
+    cpu: float = 0.0
+    """CPU seconds of its process."""
+    memory: int = 0
+    """Bytes that its process had at most, with what it shares with its worker."""
 
 
 def fly(loop: VirtualLoop, request: Request) -> Outcome:
@@ -106,11 +116,14 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     digest = hashlib.sha256()
 
     def put(session: Session, sample: Sample) -> None:
+        if sample.key_expr.endswith(PART):  # only a recording has them
+            return
         outcome.messages += 1
         if not sample.key_expr.endswith("/run"):  # it names a folder of this machine
             digest.update(f"{loop.time():.9f} {sample.key_expr} ".encode() + sample.payload.to_bytes())
 
     network.on_put.append(put)
+    recording = _recording(request, mission, network, routers.values())
     simulate = copter_process.simulate
 
     async def simulated(vehicle: Any, *args: Any, **options: Any) -> None:
@@ -131,13 +144,24 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
         outcome.why = f"stopped after {request.until:g} s, as wanted"
     except Deadlock as deadlock:
         outcome.why = str(deadlock)
+    if recording is not None:
+        recording.close(outcome.why or "the mission is over")
     outcome.violations = checkers.finish()
     outcome.success = outcome.success and not outcome.violations
     outcome.seconds = round(flight.finished or loop.time(), 2)
     outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)
+    outcome.battery = min((seen.charge for seen in world.vehicles.values()), default=None)
     outcome.nearest = round(world.nearest, 2) if isfinite(world.nearest) else None
     outcome.digest = digest.hexdigest()[:16]
     return outcome
+
+
+def _recording(request: Request, mission: Mission, network: Network, routers: Iterable[str]) -> TrialRecording | None:
+    if not request.record:
+        return None
+    from argosy.trial.recording import TrialRecording  # needs an optional package
+
+    return TrialRecording(Path(request.record), mission, network, routers)
 
 
 def _mission(request: Request) -> Mission:

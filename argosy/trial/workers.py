@@ -8,16 +8,21 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Final
 
 import msgspec
 from msgspec.structs import replace
 
 from argosy.cli.errors import CommandError
 from argosy.trial.single_run import Outcome, Request
+from argosy.trial.worker import ENOUGH
+
+GRACE: Final = 2.0
+"""Wall seconds in which a worker ends the run that is under way, and itself."""
 
 
 @dataclass
@@ -34,7 +39,7 @@ class Worker:
             self.process.stdin.write(msgspec.json.encode(request) + b"\n")
             self.process.stdin.flush()
             said = self.process.stdout.readline()
-        except OSError:
+        except (OSError, ValueError):  # closed meanwhile
             said = b""
         if not said:
             raise CommandError(f"the worker of the trial has died (exit code {self.process.wait()})")
@@ -42,20 +47,23 @@ class Worker:
 
 
 @contextmanager
-def workers(jobs: int) -> Iterator[Callable[[Iterable[Request]], Iterator[Outcome]]]:
-    """Start workers; yield what runs requests on them and returns each outcome when it is there."""
+def workers(jobs: int, patience: float = ENOUGH) -> Iterator[Callable[[Iterable[Request]], Iterator[Outcome]]]:
+    """Start workers; yield what runs requests on them and returns each outcome when it is there.
+
+    A run that takes longer than `patience` wall seconds fails. At the end, also by ctrl-C, no process is left.
+    """
     with ExitStack() as stack:
         pool = stack.enter_context(ThreadPoolExecutor(jobs))
         free: SimpleQueue[Worker] = SimpleQueue()
         for _ in range(jobs):
-            free.put(Worker(stack.enter_context(_started())))
+            free.put(Worker(stack.enter_context(_started(patience))))
 
         def run_one(request: Request) -> Outcome:
             worker = free.get()
             try:
                 if request.folder:
                     return worker.run(request)
-                with tempfile.TemporaryDirectory(prefix="argosy-trial-") as folder:
+                with tempfile.TemporaryDirectory(prefix="argosy-trial-", ignore_cleanup_errors=True) as folder:
                     return worker.run(replace(request, folder=folder))
             finally:
                 free.put(worker)
@@ -73,8 +81,8 @@ def workers(jobs: int) -> Iterator[Callable[[Iterable[Request]], Iterator[Outcom
 
 
 @contextmanager
-def _started() -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-P", "-m", "argosy.trial.worker"]
+def _started(patience: float) -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-P", "-m", "argosy.trial.worker", f"{patience:g}"]
     process = subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
@@ -86,5 +94,18 @@ def _started() -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
+        _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a worker and the run that is under way: it does so itself when its input ends."""
+    assert process.stdin is not None
+    with suppress(OSError):
+        process.stdin.close()
+    try:
+        process.wait(GRACE)
+    except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+    assert process.stdout is not None
+    process.stdout.close()

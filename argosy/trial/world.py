@@ -29,6 +29,8 @@ class Seen:
     """Metres above home."""
     farthest: float = 0.0
     """Metres from home, horizontally."""
+    charge: float = 1.0
+    """Least share of its battery that was left by the autopilot's count, 0 to 1."""
     last: tuple[float, float] | None = None
 
     @property
@@ -60,6 +62,7 @@ class Seen:
         self.last = here
         copter = self.vehicle.copter
         self.highest = max(self.highest, self.height)
+        self.charge = min(self.charge, copter.battery.remaining / 100)
         if copter.home is not None:
             self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
 
