@@ -33,9 +33,6 @@ EPOCH: Final = 1_700_000_000.0
 """Unix time at which each trial begins."""
 
 
-_NO_USE: Final = resource.getrusage(resource.RUSAGE_SELF).__class__([0] * 16)
-
-
 class InlineExecutor(concurrent.futures.Executor):
     """Works immediately, in the thread that asks."""
 
@@ -89,7 +86,8 @@ class Authority:
         time.clock_gettime = lambda clock: self.now()
         time.process_time = lambda: 0.0
         time.sleep = _never  # type: ignore[assignment]
-        resource.getrusage = lambda who: _NO_USE
+        no_use = resource.struct_rusage([0] * 16)  # not in the module: its type may end before it, which Python reports
+        resource.getrusage = lambda who: no_use
         os.urandom = lambda size: self.chance.randbytes(size)
         concurrent.futures.ThreadPoolExecutor = InlineExecutor  # type: ignore[assignment, misc]
 
