@@ -44,4 +44,3 @@ def _refusals(mission: Mission) -> Iterator[Finding]:
             )
         elif not robot.link.startswith("udp"):
             yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")
-

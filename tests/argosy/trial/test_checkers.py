@@ -46,6 +46,7 @@ class Copter:
     up: float = 0.0
     mode_name: str = "GUIDED"
     place: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(lat=-27.6, lon=-48.5))
+    battery: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(remaining=100))
 
     @property
     def motion(self) -> SimpleNamespace:

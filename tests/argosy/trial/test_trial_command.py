@@ -156,12 +156,11 @@ def test_what_cannot_be_tried_is_refused_before_anything_starts(
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        ("- {kind: kill, at: 3}", "error: Object missing required field `daemon` - at `$[0]`"),
-        ("- {kind: explode}", "error: Invalid value 'explode' - at `$[0].kind`"),
-        ("- [", "error: is no YAML"),
-        ("- {kind: battery, robot: uav2, minutes: 3}", "there is no robot `uav2`, did you mean `uav1`?"),
-        ("- {kind: board_down, board: pi1, seconds: 3}", "there is no board `pi1`; known are local"),
-        ("- {kind: kill, daemon: zenohd}", "expected a daemon: commd, bridged, agentd"),
+        ("- {kind: kill, at: 3}", "Object missing required field `daemon`"),
+        ("- {kind: explode}", "Invalid value 'explode'"),
+        ("- [}]", "error: "),
+        ("kind: kill", "expected a list of faults such as"),
+        ("- {kind: battery, robot: uav2, minutes: 3}", "expected uav1, got `uav2`"),
         ("- {kind: vehicle, robot: uav1, fault: loss=2}", "expected loss=SHARE"),
     ],
 )
@@ -172,7 +171,7 @@ def test_a_bad_file_of_faults_is_refused_with_what_was_expected(
     path.write_text(file)
     assert main(["trial", SINGLE, "--faults", str(path)]) == 2
     printed = capsys.readouterr().err
-    assert printed.startswith(f"{path}: error: ")
+    assert printed.startswith(f"{path}:1:")
     assert said in printed
 
 
