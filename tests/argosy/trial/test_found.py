@@ -34,3 +34,8 @@ def test_daemons_that_are_killed_go_on_with_their_files(fault: Fault) -> None:
 def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_that_has_just_heard_it() -> None:
     outcome = fly("single_uav", 14, BoardDown(at=75.5, board="local", seconds=11.5))
     assert outcome.success, outcome.why
+
+
+def test_a_target_waits_for_the_home_of_a_vehicle_that_a_bridge_has_just_heard() -> None:
+    outcome = fly("single_uav", 25, BoardDown(at=21.8, board="local", seconds=12.3))
+    assert outcome.success, outcome.why

@@ -104,6 +104,8 @@ FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
 """Parts of texts that may appear briefly after a start: faults if two checks in a row report them."""
 FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
 """m/s that no vehicle at rest has; mission and wall seconds around the stop of the motors in which it is judged."""
+HOME_REPORTED = (5.0, 3.0)
+"""Mission and wall seconds for a vehicle that has just been heard to report its home and its position."""
 TARGET_ATTEMPTS = 5
 TARGET_WAIT = (1.5, 0.7)
 """Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
@@ -221,6 +223,7 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     asked = flight.now
     if action.target is None:
         raise ValueError(f"{run.name}: a call without a target")
+    yield from home_reported_for_limits(flight, run, action)
     check_guided_aloft(flight, "position targets")
     check_limits(flight, action)
     for _ in range(TARGET_ATTEMPTS):
@@ -232,6 +235,20 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
             raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
     said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
     raise Ended("refused", flight.with_texts(f"{said}, {own_target(flight, action)}", asked))
+
+
+def home_reported(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Wait, within bounds, until the vehicle has reported its home and its position: it may just have been heard."""
+    until = flight.now + flight.wait(*HOME_REPORTED)
+    while from_home(flight) is None and flight.now <= until:
+        run.waits_for = "the vehicle to report its home and its position"
+        yield
+
+
+def home_reported_for_limits(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Part:
+    """As `home_reported`, if the mission's limits for the target of an action count from home."""
+    if action.limited and flight.limited:
+        yield from home_reported(flight, run)
 
 
 def check_limits(flight: ProcedureContext, action: BoundAction) -> None:

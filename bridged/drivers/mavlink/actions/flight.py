@@ -23,6 +23,8 @@ from bridged.drivers.mavlink.actions.confirmation import (
     down,
     enter,
     from_home,
+    home_reported,
+    home_reported_for_limits,
     metres,
     own_target,
     parked,
@@ -46,8 +48,6 @@ from bridged.drivers.mavlink.vehicle.state import OFF_GROUND
 
 HOLD_EVERY = (2.0, 1.0)
 """Mission and wall seconds between two attempts to make a vehicle stay where it is."""
-HOME_KNOWN = (5.0, 3.0)
-"""Mission and wall seconds for a vehicle that has just been heard to report its home and its position."""
 LIFT_OFF_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which an acknowledged takeoff must leave the ground."""
 
@@ -162,6 +162,7 @@ def go_to(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
 def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_REPOSITION as COMMAND_INT: acknowledged, and the vehicle's own target agrees; param2 = 1 enters GUIDED."""
     vehicle, asked = flight.vehicle, flight.now
+    yield from home_reported_for_limits(flight, run, action)
     into_guided = int(action.parameters[1]) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
     if not vehicle.aloft or not into_guided:
         check_guided_aloft(flight, "position targets")
@@ -201,10 +202,8 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
 def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """NAV_RETURN_TO_LAUNCH: landed and disarmed at home. Succeeds immediately if it is there."""
     vehicle, near = flight.vehicle, action.tolerance or 3.0
-    until = flight.now + flight.wait(*HOME_KNOWN)
-    while parked(flight) and from_home(flight) is None and flight.now <= until:
-        run.waits_for = "the vehicle to report its home and its position"
-        yield
+    if parked(flight):
+        yield from home_reported(flight, run)
     if parked(flight):
         away = from_home(flight)
         if away is not None and away <= near:
