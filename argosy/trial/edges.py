@@ -86,10 +86,14 @@ class Authority:
         time.clock_gettime = lambda clock: self.now()
         time.process_time = lambda: 0.0
         time.sleep = _never  # type: ignore[assignment]
-        no_use = resource.struct_rusage([0] * 16)  # not in the module: its type may end before it, which Python reports
-        resource.getrusage = lambda who: no_use
+        resource.getrusage = _no_use
         os.urandom = lambda size: self.chance.randbytes(size)
         concurrent.futures.ThreadPoolExecutor = InlineExecutor  # type: ignore[assignment, misc]
+
+
+def _no_use(who: int) -> resource.struct_rusage:
+    """Return that nothing was used. (CPython 3.11 reports an error if such an object outlives its type at the end.)"""
+    return resource.struct_rusage([0.0] * 16)
 
 
 def _never(seconds: float) -> None:
