@@ -7,7 +7,7 @@
 | clocks of `time` | the virtual time of the loop |
 | `os.urandom` | a generator seeded by the trial |
 | executors | work in the thread of the loop |
-| `commd.bus.session.open_session` | a session of the virtual network |
+| sessions of `commd.bus` | those of the virtual network (`bus_edges`) |
 | signals, UDP | `argosy.trial.event_loop` |
 | locks and SQLite files | belong to the process of the trial that opened them, and end with it |
 | processes | `argosy.trial.process` |
@@ -18,16 +18,21 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import fcntl
+import json
 import os
 import random
 import resource
 import sqlite3
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from argosy.trial.event_loop import Datagrams, VirtualLoop
+
+if TYPE_CHECKING:  # the product is imported when its edges are swapped
+    from argosy.trial.network import Network, Session
 
 EPOCH: Final = 1_700_000_000.0
 """Unix time at which each trial begins."""
@@ -100,14 +105,34 @@ def _never(seconds: float) -> None:
     raise RuntimeError("nothing may sleep in a trial but by the event loop")
 
 
+def bus_edges(network: Network) -> dict[str, Callable[..., Awaitable[Any]]]:
+    """Return what takes the place of functions of `commd.bus`, by their names: its sessions are those of a network."""
+    from argosy.trial.process import PRESENT
+
+    async def open_session(config: Any, endpoint: str, stop: asyncio.Event | None = None) -> Session:
+        name = json.loads(config.get_json("metadata"))["name"]
+        return network.open(endpoint, name, json.loads(config.get_json("mode")) == "router", PRESENT.get())
+
+    async def close_session(closing: Session) -> bool:
+        closing.close()
+        return True
+
+    async def why_not(endpoint: str, tls: Any) -> str:
+        return "Connection refused"
+
+    return {
+        "commd.bus.session.open_session": open_session,
+        "commd.bus.bus.open_session": open_session,
+        "commd.bus.bus.close_session": close_session,
+        "commd.bus.session.why_not": why_not,  # it would try a real connection, in a thread
+    }
+
+
 def swap_bus(loop: VirtualLoop) -> Any:
     """Give the product's bus a virtual network, its processes their output, and return the network."""
-    import json
-
     from agentd.persistence import poison_inputs
-    from argosy.trial.network import Network, Session
+    from argosy.trial.network import Network
     from argosy.trial.process import PRESENT
-    from commd.bus import bus, session
     from commd.mail import store
     from commd.process import output
     from schemas.wire.log_lines import LogLine
@@ -115,16 +140,9 @@ def swap_bus(loop: VirtualLoop) -> Any:
     network = Network(loop)
     os.getpid = lambda: 0 if (present := PRESENT.get()) is None else present.pid
 
-    async def open_session(config: Any, endpoint: str, stop: asyncio.Event | None = None) -> Session:
-        name = json.loads(config.get_json("metadata"))["name"]
-        return network.open(endpoint, name, json.loads(config.get_json("mode")) == "router", PRESENT.get())
-
-    async def close_session(closing: Any) -> bool:
-        closing.close()
-        return True
-
-    session.open_session = bus.open_session = open_session  # type: ignore[assignment, attr-defined]
-    bus.close_session = close_session  # type: ignore[assignment, attr-defined]
+    for name, replacement in bus_edges(network).items():
+        module, _, function = name.rpartition(".")
+        setattr(sys.modules[module], function, replacement)
     lock = fcntl.flock
 
     def flock(file: Any, operation: int) -> None:

@@ -36,6 +36,12 @@ def intersects(one: str, other: str) -> bool:
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
 
 
+@lru_cache(maxsize=65536)
+def checked(key: str) -> str:
+    """Return a key expression. Raises ZError if it is none."""
+    return str(zenoh.KeyExpr(key))
+
+
 class Payload:
     """Bytes as Zenoh hands them out."""
 
@@ -78,19 +84,28 @@ class _Asked:
     """A query on its way: it ends when each that serves it has dropped it, or by its timeout."""
 
     def __init__(self, asker: Session, callback: Callable[[Any], Any], drop: Callable[[], Any], timeout: float) -> None:
-        self._asker, self._callback, self._drop = asker, callback, drop
-        self.open: set[int] = set()
+        self.asker, self._callback, self._drop = asker, callback, drop
+        self.open: dict[int, Session] = {}
+        """Those that have not answered to the end, by their numbers."""
         self.over = False
         self._timer = asker.network.loop.call_later(timeout, self._timed_out)
 
     def replied(self, reply: Reply) -> None:
-        if not self.over and not self._asker.closed:
+        if not self.over and not self.asker.closed:
             self._callback(reply)
 
     def dropped(self, number: int) -> None:
-        self.open.discard(number)
+        self.open.pop(number, None)
         if not self.open:
             self.end()
+
+    def topology_changed(self) -> None:
+        """End it for those that are out of reach: behind what they have sent."""
+        network = self.asker.network
+        for number, server in self.open.items():
+            if network.latency(server, self.asker) is None:
+                due = network.last_arrival(server, self.asker, HOP)
+                network.loop.call_at(due, self.dropped, number, context=BUS)
 
     def _timed_out(self) -> None:
         if self.open:
@@ -100,8 +115,9 @@ class _Asked:
     def end(self) -> None:
         if not self.over:
             self.over = True
+            self.asker.network.asked.pop(self, None)
             self._timer.cancel()
-            if not self._asker.closed:
+            if not self.asker.closed:
                 self._drop()
 
 
@@ -117,10 +133,12 @@ class Query:
         self.server, self._asked, self._number, self._dropped = server, asked, number, False
 
     def _send(self, send: Callable[[], None]) -> None:
-        self.server.network.send(self.server, self._asked._asker, send)
+        self.server.network.send(self.server, self._asked.asker, send)
 
     def reply(self, key: Any, payload: Any, *, encoding: Any = None) -> None:
-        """Send a reply."""
+        """Send a reply. Raises ZError for a key that was not asked."""
+        if not intersects(str(key), self.key_expr):
+            raise zenoh.ZError(f"{key} was not asked")
         sample = Sample(str(key), Payload(payload), str(encoding or "zenoh/bytes"))
         for listener in self.server.network.on_query:
             listener(self, sample)
@@ -162,6 +180,8 @@ class _Declared:
         """Hand over a sample or a query."""
         if self in self.session.declared and self.callback is not None:
             self.callback(item)
+        elif isinstance(item, Query):
+            item.drop()
 
     def tell_matching(self) -> None:
         if self.matched is not None and not self.session.closed:
@@ -224,7 +244,7 @@ class Session:
     def put(self, key: Any, payload: Any, *, encoding: Any = None, remote_only: bool = False, **_: Any) -> None:
         """Publish."""
         self._check()
-        name = str(key)
+        name = checked(str(key))
         sample = Sample(name, Payload(payload), str(encoding or "zenoh/bytes"))
         self.network.publish(self, sample, remote_only)
 
@@ -258,6 +278,7 @@ class Session:
         """Query."""
         self._check()
         key, _mark, parameters = str(selector).partition("?")
+        checked(key)
         asked = _Asked(self, callback.callback, callback.drop or (lambda: None), timeout)
         remote = allowed_destination == zenoh.Locality.REMOTE
         self.network.ask(self, key, parameters, payload, encoding, asked, remote)
@@ -284,7 +305,7 @@ class Session:
     def _declare(self, kind: str, key: Any, callback: Any, where: Any = None) -> _Declared:
         self._check()
         call = callback.callback if callback is not None else None
-        declared = _Declared(self, kind, str(key), call, where == zenoh.Locality.REMOTE)
+        declared = _Declared(self, kind, checked(str(key)), call, where == zenoh.Locality.REMOTE)
         self.declared.append(declared)
         self.network.topology_changed()
         return declared
@@ -320,8 +341,7 @@ class Liveliness:
             if callback.drop is not None:
                 callback.drop()
 
-        if session.attached:
-            network.loop.call_later(2 * HOP, answer)
+        network.loop.call_later(2 * HOP, answer)
 
 
 class Info:
@@ -362,6 +382,8 @@ class Network:
         self.loop = loop
         self.sessions: list[Session] = []
         self.numbers = count(1)
+        self.asked: dict[_Asked, None] = {}
+        """Queries that have not ended."""
         self.sent = 0
         """Messages between sessions."""
         self.delay: Callable[[str, str], float | None] = lambda sender, receiver: LINK
@@ -440,11 +462,14 @@ class Network:
         delay = self.latency(sender, receiver)
         if delay is None:
             return
-        line = sender.number, receiver.number
-        due = max(self.loop.time() + delay, self._last.get(line, 0.0))
-        self._last[line] = due
+        due = self.last_arrival(sender, receiver, delay)
+        self._last[sender.number, receiver.number] = due
         self.sent += 1
         self.loop.call_at(due, self._arrive, receiver, deliver, context=BUS)
+
+    def last_arrival(self, sender: Session, receiver: Session, delay: float) -> float:
+        """Return when what is sent now arrives: not before what was sent earlier."""
+        return max(self.loop.time() + delay, self._last.get((sender.number, receiver.number), 0.0))
 
     def _arrive(self, receiver: Session, deliver: Callable[[], object]) -> None:
         if not receiver.closed and receiver.attached:
@@ -481,15 +506,16 @@ class Network:
                 self.loop.call_later(2 * HOP, asked.end)
             return
         served = self._matching(asker, "queryable", key, remote_only)
-        asked.open = set(range(len(served)))
-        if not served and asker.attached:
+        asked.open = {number: one.session for number, one in enumerate(served)}
+        self.asked[asked] = None
+        if not served:
             self.loop.call_later(2 * HOP, asked.end)
         for number, one in enumerate(served):
             query = Query(key, parameters, payload, encoding, one.session, asked, number)
             self.send(asker, one.session, partial(one.take, query))
 
     def tokens(self, session: Session, key: str) -> list[_Declared]:
-        """Return the tokens that a session sees."""
+        """Return the tokens that a session finds."""
         return self._matching(session, "token", key, False)
 
     def somebody(self, declared: _Declared, kind: str) -> bool:
@@ -497,8 +523,10 @@ class Network:
         return bool(self._matching(declared.session, kind, declared.key_expr, declared.remote_only))
 
     def topology_changed(self) -> None:
-        """Tell watchers which tokens, and publishers whether subscribers, have appeared or ended."""
+        """Tell watchers which tokens, and publishers whether subscribers, have appeared or ended; end queries."""
         self._found.clear()
+        for asked in self.asked:
+            asked.topology_changed()
         for session in self.sessions:
             for declared in session.declared:
                 if declared.kind == "watcher":
@@ -507,7 +535,10 @@ class Network:
                     self.loop.call_later(HOP, declared.tell_matching, context=BUS)
 
     def _show_tokens(self, watcher: _Declared) -> None:
-        present = {token.key_expr: token for token in self.tokens(watcher.session, watcher.key_expr)}
+        found = self.tokens(watcher.session, watcher.key_expr)
+        if not watcher.session.attached:
+            found = []  # Zenoh reports even those of the session itself as ended
+        present = {token.key_expr: token for token in found}
         seen = self._seen.setdefault(watcher, set())
         for key in sorted(seen - present.keys()):
             self._show(watcher, key, DELETE, HOP)
