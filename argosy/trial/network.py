@@ -465,14 +465,14 @@ class Network:
         due = self.last_arrival(sender, receiver, delay)
         self._last[sender.number, receiver.number] = due
         self.sent += 1
-        self.loop.call_at(due, self._arrive, receiver, deliver, context=BUS)
+        self.loop.call_at(due, self._arrive, sender, receiver, deliver, context=BUS)
 
     def last_arrival(self, sender: Session, receiver: Session, delay: float) -> float:
         """Return when what is sent now arrives: not before what was sent earlier."""
         return max(self.loop.time() + delay, self._last.get((sender.number, receiver.number), 0.0))
 
-    def _arrive(self, receiver: Session, deliver: Callable[[], object]) -> None:
-        if not receiver.closed and receiver.attached:
+    def _arrive(self, sender: Session, receiver: Session, deliver: Callable[[], object]) -> None:
+        if not receiver.closed and (receiver.attached or receiver is sender):
             deliver()
 
     def _matching(self, sender: Session, kind: str, key: str, remote_only: bool) -> list[_Declared]:
