@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Coroutine
-from contextlib import AsyncExitStack
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any, Literal, TypeVar
 
 import pytest
@@ -40,7 +40,7 @@ class Stage:
 
     def session(
         self, name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client", **options: Any
-    ) -> Any:
+    ) -> AbstractAsyncContextManager[Bus]:
         """Return a session that the scenario itself opens and closes."""
         return open_bus(self.endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode, **options)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import aclosing
+from functools import partial
 from typing import Any
 
 import pytest
@@ -20,6 +21,10 @@ PERCEPT = "argosy/test/uav/percept"
 ACTION = "argosy/test/uav/action"
 SETTLED = 1.0
 """Seconds after which what must not arrive has not arrived."""
+
+
+def append_parameter(found: list[Any], key: str, record: Perception) -> None:
+    found.append(record.parameters[0])
 
 
 async def subscribed(bus: Bus, key: str) -> None:
@@ -52,7 +57,7 @@ def serve(bus: Bus, key: str, name: str) -> None:
 
 async def replies(bus: Bus, key: str, timeout: float = 30.0) -> list[tuple[str, str, str]]:
     """Return key, state and error of each reply to a query."""
-    found = []
+    found = list[tuple[str, str, str]]()
     async with aclosing(bus.query(key, Action(), ActionStatus, timeout)) as stream:
         async for reply in stream:
             found.append((reply.key, "" if reply.record is None else reply.record.state, reply.error))
@@ -69,7 +74,7 @@ async def failure(bus: Bus, key: str, timeout: float = 30.0) -> tuple[str, str]:
     return "", ""
 
 
-@same_on_both({"*": list(range(20)), "**": [*range(20), "deep"], "one": [3], "self": list(range(20))})
+@same_on_both({"none": [], "*": list(range(20)), "**": [*range(20), "deep"], "one": [3], "self": list(range(20))})
 async def test_puts_reach_each_subscriber_that_matches_in_their_order(stage: Stage) -> Any:
     sender, receiver, got = await stage.open(), await stage.open(), dict[str, list[Any]]()
     for bus, name, key in (
@@ -79,7 +84,8 @@ async def test_puts_reach_each_subscriber_that_matches_in_their_order(stage: Sta
         (receiver, "none", "argosy/other/**"),
         (sender, "self", f"{PERCEPT}/*"),
     ):
-        bus.subscribe(key, Perception, lambda key, record, n=name: got.setdefault(n, []).append(record.parameters[0]))
+        found = got.setdefault(name, [])
+        bus.subscribe(key, Perception, partial(append_parameter, found))
     for key in (f"{PERCEPT}/n3", f"{PERCEPT}/x", "argosy/test/a/b/c"):
         await subscribed(sender, key)
     for number in range(20):
@@ -199,7 +205,7 @@ async def test_tokens_appear_with_their_history_and_end_with_the_last_session(st
     async def settled(name: str, wanted: int) -> None:
         await until(lambda: len(seen) >= wanted, name)
         await asyncio.sleep(SETTLED / 2)
-        found[name] = sorted(seen)
+        found[name] = sorted(set(seen))  # Zenoh may report a token of the session itself twice
         seen.clear()
 
     async with stage.session() as ending:
