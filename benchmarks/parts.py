@@ -84,6 +84,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("looking", "benchmarks.looking", 2.5),
     Part("page", "benchmarks.webpage", 1.5),
     Part("viewers", "benchmarks.viewers", 1.2),
+    Part("trial", "benchmarks.trial", 1.5),
     Part("earlier", "benchmarks.earlier", 16),
 )
 """In the order in which they run."""
