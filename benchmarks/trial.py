@@ -205,4 +205,4 @@ def goals(figures: Figures) -> list[Goal]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(profile(sys.argv[1])))
+    print(json.dumps(profile(os.path.abspath(sys.argv[1]))))
