@@ -14,6 +14,7 @@ from typing import Annotated, Final, TypeAlias
 
 import msgspec
 
+from argosy.processes.process_table import Process
 from argosy.processes.simulators import vehicle_of
 from bridged.simulation.copter.fault_injection import Faults
 from schemas.files.findings import Finding, Findings
@@ -43,7 +44,19 @@ class Kill(_Fault, frozen=True, kw_only=True, tag="kill"):
     """A daemon is killed; it is started again as its board's service manager does."""
 
     daemon: str
-    """Its name as `argosy run` shows it, such as `bridged uav1`."""
+    """`commd`, `bridged` or `agentd`, and its board, robot or agent: `bridged uav1`, `agentd:pi1`; all of a kind
+    without."""
+
+    @property
+    def parts(self) -> tuple[str, str]:
+        """Kind of the daemon, and whose it is; empty = everybody's."""
+        kind, _, subject = self.daemon.replace(":", " ", 1).partition(" ")
+        return kind, subject
+
+    def hits(self, process: Process) -> bool:
+        """Whether a process is killed by this."""
+        kind, subject = self.parts
+        return process.kind.name == kind and subject in ("", process.board, *process.subject.split())
 
     def __str__(self) -> str:
         return f"{self.at:.1f} s: {self.daemon} is killed"
@@ -179,9 +192,9 @@ def _check(fault: Fault, mission: Mission) -> None:
         case Battery():
             _expect(fault.robot, vehicles)
         case Kill():
-            kind, _, subject = fault.daemon.replace(":", " ", 1).partition(" ")
+            kind, subject = fault.parts
             _expect(kind, ("commd", "bridged", "agentd"))
-            if subject or kind != "commd":
+            if subject:
                 _expect(subject, {*mission.board_names, *mission.robots, *mission.agents})
 
 

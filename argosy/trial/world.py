@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -107,17 +108,15 @@ class World:
 
     def _happen(self, fault: Fault) -> None:
         match fault:
-            case Kill(daemon=daemon):
-                kind, _, subject = daemon.partition(":")
+            case Kill():
                 for child in self.children():
-                    named = child.name == daemon or (child.process.kind.name == kind and _serves(child, subject))
-                    if named and child.alive:
-                        child.signal(9)  # type: ignore[arg-type]
+                    if child.alive and fault.hits(child.process):
+                        child.signal(signal.SIGKILL)
             case BoardDown(board=board, seconds=seconds):
                 self.down[board] = max(self.down.get(board, 0.0), fault.at + seconds)
                 for child in self.children():
                     if child.process.board == board and child.process.kind.daemon and child.alive:
-                        child.signal(9)  # type: ignore[arg-type]
+                        child.signal(signal.SIGKILL)
             case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
                 there = self.routers[sender], self.routers[receiver]
                 cut = {there, there[::-1]} if both else {there}
@@ -138,7 +137,3 @@ class World:
         if (left := self.down.get(board, 0.0) - self.network.loop.time()) > 0:
             await asyncio.sleep(left)
             await self.board_is_up(board)  # it may have died again meanwhile
-
-
-def _serves(child: Child, subject: str) -> bool:
-    return subject in (child.process.board, *child.process.subject.split())

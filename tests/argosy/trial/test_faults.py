@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from argosy.processes.process_table import KINDS, Process
 from argosy.trial.faults import (
     STORM,
     Battery,
@@ -162,6 +163,7 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         ("- {kind: kill, daemon: commd, at: -1}", "1:3: Expected `float` >= 0.0 - at `$.at`"),
         ("- {kind: kill, daemon: commd, when: 3}", "1:3: Object contains unknown field `when`"),
         ("- {kind: kill, daemon: routerd}", "1:3: expected agentd, bridged, commd, got `routerd`"),
+        ("- {kind: kill, daemon: bridged uav9}", "1:3: expected pi1, pi2, pi3, rescuer1, rescuer2, scout, uav1"),
         ("- {kind: board_down, board: pi9, seconds: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
         ("- {kind: battery, robot: uav9, minutes: 1}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
         ("- {kind: vehicle, robot: uav1, fault: loss=2}", "1:3: expected loss=SHARE (so many"),
@@ -189,6 +191,29 @@ def test_a_file_that_is_no_yaml_and_one_that_is_not_there_are_named(tmp_path: Pa
         read(path, TEAM)
     with pytest.raises(Findings, match=r"gone\.yaml"):
         read(tmp_path / "gone.yaml", TEAM)
+
+
+@pytest.mark.parametrize(
+    ("daemon", "killed"),
+    [
+        ("commd", ["commd pi1", "commd pi2"]),
+        ("commd pi2", ["commd pi2"]),
+        ("bridged uav2", ["bridged pi2 uav2 uav4"]),
+        ("bridged:uav4", ["bridged pi2 uav2 uav4"]),
+        ("agentd pi1", ["agentd pi1 scout"]),
+        ("agentd", ["agentd pi1 scout", "agentd pi2 rescuer1"]),
+        ("simulator uav2", []),
+    ],
+)
+def test_a_kill_hits_a_daemon_by_its_kind_and_its_board_robot_or_agent(daemon: str, killed: list[str]) -> None:
+    names = ["commd pi1", "commd pi2", "bridged pi1 uav1", "bridged pi2 uav2 uav4", "agentd pi1 scout"]
+    names.append("agentd pi2 rescuer1")
+    assert [name for name in names if Kill(daemon=daemon).hits(process(name))] == killed
+
+
+def process(name: str) -> Process:
+    kind, board, *subject = name.split()
+    return Process(next(one for one in KINDS if one.name == kind), " ".join(subject), (), board=board)
 
 
 def test_a_battery_is_drawn_for_the_vehicles_that_have_one(team: Mission) -> None:

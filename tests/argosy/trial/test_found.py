@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -13,11 +15,19 @@ from argosy.trial.workers import workers
 MISSIONS = Path(__file__).parents[3] / "missions"
 
 
-def fly(mission: str, seed: int, *faults: Fault, until: float | None = None) -> Outcome:
-    """Fly a shipped mission once."""
+Fly: TypeAlias = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def fly() -> Iterator[Fly]:
+    """Yield what flies a shipped mission once: `fly(mission, seed, *faults, until=None)`."""
     with workers(1) as run_all:
-        request = Request(str(MISSIONS / f"{mission}.yaml"), seed, faults, journal=True, until=until)
-        return next(run_all([request]))
+
+        def once(mission: str, seed: int, *faults: Fault, until: float | None = None) -> Outcome:
+            path = str(MISSIONS / f"{mission}.yaml")
+            return next(iter(run_all([Request(path, seed, faults, journal=True, until=until)])))
+
+        yield once
 
 
 @pytest.mark.parametrize(
@@ -25,17 +35,17 @@ def fly(mission: str, seed: int, *faults: Fault, until: float | None = None) -> 
     [Kill(at=34.2, daemon="agentd:local"), BoardDown(at=34.2, board="local", seconds=2.0)],
     ids=["agentd", "board"],
 )
-def test_daemons_that_are_killed_go_on_with_their_files(fault: Fault) -> None:
+def test_daemons_that_are_killed_go_on_with_their_files(fly: Fly, fault: Fault) -> None:
     outcome = fly("single_uav", 10, fault, until=60)
     assert any("killed by SIGKILL" in line for line in outcome.journal)
     assert not [line for line in outcome.journal if "corrupt" in line]
 
 
-def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_that_has_just_heard_it() -> None:
+def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_that_has_just_heard_it(fly: Fly) -> None:
     outcome = fly("single_uav", 14, BoardDown(at=75.5, board="local", seconds=11.5))
     assert outcome.success, outcome.why
 
 
-def test_a_target_waits_for_the_home_of_a_vehicle_that_a_bridge_has_just_heard() -> None:
+def test_a_target_waits_for_the_home_of_a_vehicle_that_a_bridge_has_just_heard(fly: Fly) -> None:
     outcome = fly("single_uav", 25, BoardDown(at=21.8, board="local", seconds=12.3))
     assert outcome.success, outcome.why
