@@ -57,6 +57,24 @@ class InlineExecutor(concurrent.futures.Executor):
         """Do nothing: nothing waits."""
 
 
+class Disk(sqlite3.Connection):
+    """A database on the disk of a board: while that is full, no change is committed."""
+
+    full: Callable[[], bool] = staticmethod(lambda: False)
+    _before = 0
+    """Changes before the present transaction."""
+
+    def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
+        """Execute a statement. Raises OperationalError (full) for a COMMIT of changes on a full disk."""
+        if sql.startswith("BEGIN"):
+            self._before = self.total_changes
+        elif sql == "COMMIT" and self.total_changes != self._before and self.full():
+            error = sqlite3.OperationalError("database or disk is full")
+            error.sqlite_errorcode, error.sqlite_errorname = sqlite3.SQLITE_FULL, "SQLITE_FULL"
+            raise error
+        return super().execute(sql, parameters)
+
+
 class _NoThread:
     def start(self) -> None:
         """Do nothing: the store works in the thread of the loop."""
@@ -154,8 +172,9 @@ def swap_bus(loop: VirtualLoop) -> Any:
     connect = sqlite3.connect
 
     def connected(*args: Any, **options: Any) -> sqlite3.Connection:
-        made: sqlite3.Connection = connect(*args, **options)
+        made: Disk = connect(*args, factory=Disk, **options)
         if (present := PRESENT.get()) is not None:
+            made.full = present.disk_full
             present.files.append((Path(args[0]), made))
         return made
 

@@ -72,6 +72,16 @@ class BoardDown(_Fault, frozen=True, kw_only=True, tag="board_down"):
         return f"{self.at:.1f} s: board {self.board} dies, and is back after {self.seconds:.1f} s"
 
 
+class DiskFull(_Fault, frozen=True, kw_only=True, tag="disk_full"):
+    """The disk of a board is full: its daemons can change nothing in their databases."""
+
+    board: str
+    seconds: Seconds
+
+    def __str__(self) -> str:
+        return f"{self.at:.1f} s: the disk of {self.board} is full for {self.seconds:.1f} s"
+
+
 class LinkCut(_Fault, frozen=True, kw_only=True, tag="link_cut"):
     """Nothing passes from one board to another; with `both`, in neither direction."""
 
@@ -105,7 +115,7 @@ class Battery(_Fault, frozen=True, kw_only=True, tag="battery"):
         return f"{self.robot}: a full battery lasts {self.minutes:.1f} min"
 
 
-Fault: TypeAlias = Kill | BoardDown | LinkCut | Vehicle | Battery
+Fault: TypeAlias = Kill | BoardDown | DiskFull | LinkCut | Vehicle | Battery
 
 
 def draw(mission: Mission, seed: int) -> list[Fault]:
@@ -147,6 +157,8 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
         if simulate is not None and simulate.battery is not None and dice.random() < SHARE:
             minutes = simulate.battery / 60 * dice.uniform(WORST_BATTERY, 1)
             found.append(Battery(robot=robot, minutes=round(minutes, 2)))
+    for at in times():
+        found.append(DiskFull(at=at, board=dice.choice(boards), seconds=round(dice.uniform(1, 20), 1)))
     return sorted(found, key=lambda one: one.at)
 
 
@@ -184,7 +196,7 @@ def _check(fault: Fault, mission: Mission) -> None:
         case LinkCut():
             _expect(fault.sender, mission.board_names)
             _expect(fault.receiver, mission.board_names)
-        case BoardDown():
+        case BoardDown() | DiskFull():
             _expect(fault.board, mission.board_names)
         case Vehicle():
             _expect(fault.robot, vehicles)

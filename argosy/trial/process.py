@@ -15,6 +15,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
 from contextvars import ContextVar, copy_context
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -39,8 +40,11 @@ _DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd
 class VirtualProcess:
     """A process of the trial, with what `Child` uses of `asyncio.subprocess.Process`."""
 
-    def __init__(self, network: Network, pid: int, argv: Sequence[str]) -> None:
-        """`argv`: `MODULE COMMAND ARGUMENT...`."""
+    def __init__(
+        self, network: Network, pid: int, argv: Sequence[str], disk_full: Callable[[], bool] = lambda: False
+    ) -> None:
+        """`argv`: `MODULE COMMAND ARGUMENT...`. `disk_full()`: whether the disk of its board is full."""
+        self.disk_full = disk_full
         self.network, self.pid, self.argv = network, pid, tuple(argv)
         self.returncode: int | None = None
         self.dead = False
@@ -172,10 +176,13 @@ class VirtualSupervisor(Supervisor):
     network: Network
     ready: Callable[[str], Awaitable[None]]
     """Waits until a board can start processes."""
+    disk_full: Callable[[str], bool]
+    """Whether the disk of a board is full."""
 
     async def launch(self, process: Process) -> Child:
         """Start a process, when its board is there."""
         await self.ready(process.board)
         arguments = process.argv[process.argv.index("-m") + 1 :]
         pid = FIRST_PID + next(self.network.numbers)
-        return VirtualChild(process, VirtualProcess(self.network, pid, arguments))  # type: ignore[arg-type]
+        full = partial(self.disk_full, process.board)
+        return VirtualChild(process, VirtualProcess(self.network, pid, arguments, full))  # type: ignore[arg-type]

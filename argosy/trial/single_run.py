@@ -113,6 +113,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     checkers = Checkers(mission, world, lambda robot: _served(status, robot))
     checkers.watch_minds()
     VirtualSupervisor.network, VirtualSupervisor.ready = network, staticmethod(world.board_is_up)
+    VirtualSupervisor.disk_full = staticmethod(world.disk_is_full)
     digest = hashlib.sha256()
 
     def put(session: Session, sample: Sample) -> None:

@@ -10,7 +10,7 @@ from itertools import combinations
 from typing import Any
 
 from argosy.processes.supervisor import Child
-from argosy.trial.faults import BoardDown, Fault, Kill, LinkCut
+from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, LinkCut
 from argosy.trial.network import LINK, Network
 from schemas.geo import distance
 
@@ -82,6 +82,8 @@ class World:
     """Least distance of two vehicles in the air, in metres."""
     down: dict[str, float] = field(default_factory=dict)
     """Until when each board is down."""
+    full: dict[str, float] = field(default_factory=dict)
+    """Until when the disk of each board is full."""
     looks: list[Callable[[], None]] = field(default_factory=list)
     """Called after each look at the vehicles."""
     _cuts: set[tuple[str, str]] = field(default_factory=set)
@@ -117,6 +119,8 @@ class World:
                 for child in self.children():
                     if child.process.board == board and child.process.kind.daemon and child.alive:
                         child.signal(signal.SIGKILL)
+            case DiskFull(board=board, seconds=seconds):
+                self.full[board] = max(self.full.get(board, 0.0), fault.at + seconds)
             case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
                 there = self.routers[sender], self.routers[receiver]
                 cut = {there, there[::-1]} if both else {there}
@@ -131,6 +135,10 @@ class World:
         else:
             self._cuts -= lines
         self.network.topology_changed()
+
+    def disk_is_full(self, board: str) -> bool:
+        """Return whether the disk of a board is full now."""
+        return self.network.loop.time() < self.full.get(board, 0.0)
 
     async def board_is_up(self, board: str) -> None:
         """Wait until a board is there to start a process."""

@@ -14,6 +14,7 @@ from argosy.trial.faults import (
     STORM,
     Battery,
     BoardDown,
+    DiskFull,
     Fault,
     Kill,
     LinkCut,
@@ -56,7 +57,7 @@ def test_seeds_draw_different_faults(team: Mission) -> None:
 
 
 def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it(team: Mission) -> None:
-    for kind in (Kill, BoardDown, LinkCut, Battery):
+    for kind in (Kill, BoardDown, DiskFull, LinkCut, Battery):
         has = [bool(of(kind, draw(team, seed))) for seed in range(1, 61)]
         assert any(has), kind
         assert not all(has), kind
@@ -76,6 +77,10 @@ def test_faults_begin_within_the_storm_and_end_soon_after_it(drawn: list[Fault])
 def test_boards_are_down_for_1_to_30_seconds_and_links_cut_for_at_most_60(drawn: list[Fault]) -> None:
     assert all(1 <= one.seconds <= 30 for one in of(BoardDown, drawn))
     assert all(0 <= one.seconds <= 60 for one in of(LinkCut, drawn))
+
+
+def test_disks_are_full_for_1_to_20_seconds(drawn: list[Fault]) -> None:
+    assert all(1 <= one.seconds <= 20 for one in of(DiskFull, drawn))
 
 
 def test_a_link_is_cut_between_two_boards(drawn: list[Fault]) -> None:
@@ -144,10 +149,12 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         "- {kind: kill, at: 10, daemon: bridged uav1}\n"
         "- {kind: vehicle, robot: uav1, fault: mute-acks}\n"
         "- {kind: battery, robot: uav1, minutes: 2.5}\n"
+        "- {kind: disk_full, at: 5, board: pi3, seconds: 8}\n"
     )
     assert list(map(str, read(path, TEAM))) == [
         "uav1: mute-acks",
         "uav1: a full battery lasts 2.5 min",
+        "5.0 s: the disk of pi3 is full for 8.0 s",
         "10.0 s: bridged uav1 is killed",
         "20.0 s: board pi1 dies, and is back after 5.0 s",
         "30.0 s: no link one way from pi1 and pi2 for 4.0 s",

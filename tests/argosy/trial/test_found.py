@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import pytest
 
-from argosy.trial.faults import BoardDown, Fault, Kill
+from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
 
@@ -48,4 +48,10 @@ def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_tha
 
 def test_a_target_waits_for_the_home_of_a_vehicle_that_a_bridge_has_just_heard(fly: Fly) -> None:
     outcome = fly("single_uav", 25, BoardDown(at=21.8, board="local", seconds=12.3))
+    assert outcome.success, outcome.why
+
+
+def test_an_agent_flies_on_while_the_disk_is_full(fly: Fly) -> None:
+    outcome = fly("single_uav", 1, DiskFull(at=8, board="local", seconds=10))
+    assert any("full" in line for line in outcome.journal)
     assert outcome.success, outcome.why
