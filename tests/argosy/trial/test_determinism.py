@@ -1,0 +1,72 @@
+"""A run of a trial depends on its seed alone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from argosy.trial.faults import draw
+from argosy.trial.single_run import Outcome, Request
+from argosy.trial.workers import Worker
+from schemas.mission.model import load_mission
+from tests.support.forked import ROOT
+
+MISSION = ROOT / "missions" / "single_uav.yaml"
+SEED = 3
+"""One with kills of each daemon and of the board."""
+WORKER = ("-P", "-m", "argosy.trial.worker")
+BY_CHANCE = """
+import random
+chance = random.SystemRandom()  # of the machine: behind the authority
+from argosy.trial import network, worker
+exact = network.Network.latency
+def latency(self, sender, receiver):
+    delay = exact(self, sender, receiver)
+    return delay if not delay else delay * chance.uniform(1, 2)
+network.Network.latency = latency
+worker.main()
+"""
+
+
+def outcomes(folder: Path, command: Sequence[str], hash_seed: str, seeds: Sequence[int]) -> list[Outcome]:
+    """Return what becomes of runs in one worker of its own."""
+    mission = load_mission(str(MISSION))
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+    )
+    try:
+        found = []
+        for number, seed in enumerate(seeds):
+            (own := folder / f"{hash_seed} {number}").mkdir(parents=True)
+            request = Request(str(MISSION), seed, tuple(draw(mission, seed)), folder=str(own), journal=True)
+            found.append(replace(Worker(process).run(request), cpu=0.0, memory=0))  # those are of this machine
+        return found
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_the_same_seed_gives_the_same_run_in_another_process_and_with_another_hash_seed(tmp_path: Path) -> None:
+    first, again, other_seed = outcomes(tmp_path, WORKER, "0", [SEED, SEED, SEED + 1])
+    (elsewhere,) = outcomes(tmp_path, WORKER, "4242", [SEED])
+    assert first.digest
+    assert first.messages > 500
+    assert again == first
+    assert elsewhere == first
+    assert other_seed.digest != first.digest
+
+
+def test_chance_behind_the_authority_is_found_by_the_digests(tmp_path: Path) -> None:
+    first, again = outcomes(tmp_path, ("-P", "-c", BY_CHANCE), "0", [SEED, SEED])
+    assert first.messages > 500
+    assert again.digest != first.digest
