@@ -4,8 +4,8 @@
 
 | edge | in a trial |
 |---|---|
-| clocks of `time` | the virtual time of the loop |
-| `os.urandom` | a generator seeded by the trial |
+| clocks of `time`, local time | the virtual time of the loop, in UTC |
+| `os.urandom`, `random.SystemRandom` and `secrets`, which use it, `random` | generators seeded by the trial |
 | executors | work in the thread of the loop |
 | sessions of `commd.bus` | those of the virtual network (`bus_edges`) |
 | signals, UDP | `argosy.trial.event_loop` |
@@ -27,6 +27,7 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
 from argosy.trial.event_loop import Datagrams, VirtualLoop
@@ -76,8 +77,11 @@ class Disk(sqlite3.Connection):
 
 
 class _NoThread:
+    def __init__(self, **_: Any) -> None:
+        pass
+
     def start(self) -> None:
-        """Do nothing: the store works in the thread of the loop."""
+        """Do nothing: what it would do is done in the thread of the loop."""
 
     def join(self, timeout: float | None = None) -> None:
         """Do nothing."""
@@ -93,6 +97,7 @@ class Authority:
     def begin(self, seed: int) -> VirtualLoop:
         """Begin a run: its time is 0, and its chance that of its seed."""
         self.chance = random.Random(f"argosy trial {seed}")
+        random.seed(seed)
         asyncio.set_event_loop(self.loop)
         return self.loop
 
@@ -107,10 +112,13 @@ class Authority:
         time.time = lambda: EPOCH + self.now()
         time.time_ns = lambda: int(EPOCH * 1e9) + int(self.now() * 1e9)
         time.clock_gettime = lambda clock: self.now()
-        time.process_time = lambda: 0.0
+        time.perf_counter, time.perf_counter_ns = time.monotonic, time.monotonic_ns
+        time.process_time = time.thread_time = lambda: 0.0
+        in_utc = time.gmtime
+        time.localtime = time.gmtime = lambda seconds=None: in_utc(time.time() if seconds is None else seconds)
         time.sleep = _never  # type: ignore[assignment]
         resource.getrusage = _no_use
-        os.urandom = lambda size: self.chance.randbytes(size)
+        os.urandom = random._urandom = lambda size: self.chance.randbytes(size)  # type: ignore[attr-defined]
         concurrent.futures.ThreadPoolExecutor = InlineExecutor  # type: ignore[assignment, misc]
 
 
@@ -200,8 +208,8 @@ def swap_bus(loop: VirtualLoop) -> Any:
                 present.write(LogLine(text=line, level=output._LEVELS.get(priority, "info"), agent=agent, event=event))
 
     output.Output.write = write  # type: ignore[method-assign]
-    output.Output._run = lambda self: None  # type: ignore[method-assign]
-    poison_inputs._look_around = lambda: None
+    output.threading = SimpleNamespace(Thread=_NoThread)  # type: ignore[assignment, attr-defined]
+    poison_inputs._watch = lambda one: None
 
     def runs(context: Any) -> bool:
         process = context.get(PRESENT)
