@@ -154,6 +154,22 @@ def bus_edges(network: Network) -> dict[str, Callable[..., Awaitable[Any]]]:
     }
 
 
+def divide(loop: VirtualLoop) -> None:
+    """Divide what runs on a loop among the processes of a trial: each has its tasks, sockets and signal handlers."""
+    from argosy.trial.process import PRESENT
+
+    def runs(context: Any) -> bool:
+        process = context.get(PRESENT)
+        return process is None or not process.dead
+
+    def opened(socket: Datagrams) -> None:
+        if (present := PRESENT.get()) is not None:
+            present.sockets.append(socket)
+
+    loop.runs, loop.opened = runs, opened
+    loop.handlers = lambda: {} if (present := PRESENT.get()) is None else present.handlers
+
+
 def swap_bus(loop: VirtualLoop) -> Any:
     """Give the product's bus a virtual network, its processes their output, and return the network."""
     from agentd.persistence import poison_inputs
@@ -211,14 +227,5 @@ def swap_bus(loop: VirtualLoop) -> Any:
     output.threading = SimpleNamespace(Thread=_NoThread)  # type: ignore[assignment, attr-defined]
     poison_inputs._watch = lambda one: None
 
-    def runs(context: Any) -> bool:
-        process = context.get(PRESENT)
-        return process is None or not process.dead
-
-    def opened(socket: Datagrams) -> None:
-        if (present := PRESENT.get()) is not None:
-            present.sockets.append(socket)
-
-    loop.runs, loop.opened = runs, opened
-    loop.handlers = lambda: {} if (present := PRESENT.get()) is None else present.handlers
+    divide(loop)
     return network

@@ -211,6 +211,9 @@ class Datagrams(asyncio.DatagramTransport):
     def is_closing(self) -> bool:
         return self._closed
 
+    def get_protocol(self) -> Any:
+        return self._protocol
+
     def get_write_buffer_size(self) -> int:
         return 0
 
