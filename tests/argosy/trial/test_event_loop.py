@@ -76,7 +76,7 @@ def test_a_timer_never_runs_before_its_time(loop: VirtualLoop) -> None:
 
     async def wait() -> None:
         for number in range(1, 200):
-            loop.call_at(number / 7, lambda due=number / 7: late.append(loop.time() - due))  # type: ignore[misc]
+            loop.call_at(number / 7, lambda due=number / 7: late.append(loop.time() - due))
         await asyncio.sleep(60)
 
     loop.run_until_complete(wait())
@@ -204,7 +204,7 @@ def test_an_address_is_taken_until_its_socket_is_closed(loop: VirtualLoop) -> No
 
 def test_nothing_of_a_dead_process_runs_and_what_it_has_sent_arrives(loop: VirtualLoop) -> None:
     dead: set[str] = set()
-    loop.runs = lambda context: context.get(PROCESS) not in dead
+    loop.runs = lambda context: context.get(PROCESS, "none") not in dead
     ran: list[str] = []
 
     async def doomed(asking: Any) -> None:
