@@ -114,11 +114,11 @@ def text(trial: Trial, comparison: Comparison | None = None) -> str:
     if done < trial.wanted:
         lines.insert(0, f"interrupted: {done} of {trial.wanted} runs are done")
     lines += [f"  {len(cause.seeds):4} x {shortened(cause.text)} ({_seeds(cause)})" for cause in causes(trial.outcomes)]
-    rows = [["", "median", "95 %", "most"]]
+    rows = [["", "least", "median", "95 %", "most"]]
     for one in distributions(trial.outcomes):
         rows.append([_title(one), *(f"{value:.1f}" for value in quantiles(one.values))])
     if len(rows) > 1:
-        lines += columns(rows, right=(1, 2, 3))
+        lines += columns(rows, right=(1, 2, 3, 4))
     if shares := fault_shares(trial.outcomes):
         table = [["faults drawn", "faults", "runs", "failed"]]
         table += [[one.kind, str(one.faults), str(one.runs), str(one.failed)] for one in shares]
@@ -150,7 +150,8 @@ def data(trial: Trial, comparison: Comparison | None = None) -> dict[str, Any]:
         "interval": trial.interval._asdict() if trial.outcomes else None,
         "causes": [one._asdict() for one in causes(trial.outcomes)],
         "distributions": {
-            one.name: dict(zip(("median", "p95", "most"), quantiles(one.values), strict=True)) | {"unit": one.unit}
+            one.name: dict(zip(("least", "median", "p95", "most"), quantiles(one.values), strict=True))
+            | {"unit": one.unit}
             for one in distributions(trial.outcomes)
         },
         "faults_drawn": [one._asdict() for one in fault_shares(trial.outcomes)],
@@ -281,7 +282,7 @@ def _interval_picture(interval: Interval) -> str:
 
 
 def _figure(one: Distribution) -> str:
-    """Return a small histogram with its median, 95th percentile and maximum below."""
+    """Return a small histogram with its quantiles below."""
     bins = histogram(one.values)
     low, high = bins[0][0], bins[-1][1]
     most = max(number for _, _, number in bins)
@@ -300,7 +301,7 @@ def _figure(one: Distribution) -> str:
     ends += (
         f'<text x="{left + inner / 2:g}" y="{HEIGHT - 4}" text-anchor="middle">{low:.4g}</text>' if low == high else ""
     )
-    median, p95, largest = quantiles(one.values)
+    least, median, p95, largest = quantiles(one.values)
     return (
         f"<figure><b>{escape(_title(one))}</b><br>"
         f'<svg width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
@@ -308,5 +309,5 @@ def _figure(one: Distribution) -> str:
         f'<text x="{left - 4}" y="{top + 8}" text-anchor="end">{most}</text>'
         f'<text x="{left - 4}" y="{base}" text-anchor="end">0</text>{bars}'
         f'<line x1="{left}" y1="{base}" x2="{WIDTH - right}" y2="{base}" stroke="{FAINT}"/>{ends}</svg>'
-        f"<figcaption>median {median:.4g}, 95 % {p95:.4g}, most {largest:.4g}</figcaption></figure>"
+        f"<figcaption>least {least:.4g}, median {median:.4g}, 95 % {p95:.4g}, most {largest:.4g}</figcaption></figure>"
     )

@@ -74,12 +74,12 @@ def causes(outcomes: Iterable[Outcome]) -> list[Cause]:
     return sorted(found.values(), key=lambda cause: -len(cause.seeds))
 
 
-def quantiles(values: Sequence[float]) -> tuple[float, float, float]:
-    """Return median, 95th percentile and maximum. Raises ValueError for no values."""
+def quantiles(values: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return minimum, median, 95th percentile and maximum. Raises ValueError for no values."""
     if not values:
         raise ValueError("no values")
     ranked = sorted(values)
-    return ranked[(len(ranked) - 1) // 2], ranked[math.ceil(0.95 * len(ranked)) - 1], ranked[-1]
+    return ranked[0], ranked[(len(ranked) - 1) // 2], ranked[math.ceil(0.95 * len(ranked)) - 1], ranked[-1]
 
 
 class Distribution(NamedTuple):

@@ -72,8 +72,8 @@ def test_words_separate_causes_and_a_violation_comes_before_the_end_of_the_missi
 
 
 def test_quantiles_are_values_of_runs() -> None:
-    assert quantiles([float(n) for n in range(1, 101)]) == (50.0, 95.0, 100.0)
-    assert quantiles([7.0]) == (7.0, 7.0, 7.0)
+    assert quantiles([float(n) for n in range(1, 101)]) == (1.0, 50.0, 95.0, 100.0)
+    assert quantiles([7.0]) == (7.0, 7.0, 7.0, 7.0)
     with pytest.raises(ValueError, match="no values"):
         quantiles([])
 
