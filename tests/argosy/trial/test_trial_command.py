@@ -217,6 +217,16 @@ def test_too_few_successes_are_exit_code_1_with_the_seed_to_replay(
     assert main(["why", "uav", "--recording", recording]) == 0
 
 
+def test_recording_a_run_does_not_change_it(tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    file = tmp_path / "seed-3.mcap"
+    with workers(1) as run_all:
+        (plain,) = run_all([Request(SINGLE, 3)])
+        (recorded,) = run_all([Request(SINGLE, 3, record=str(file))])
+    assert file.stat().st_size > 10_000
+    assert (recorded.digest, recorded.messages) == (plain.digest, plain.messages)
+
+
 def test_a_run_that_hangs_is_ended_and_counted() -> None:
     with workers(1, patience=0.05) as run_all:
         (outcome,) = run_all([Request(SINGLE, 7)])
