@@ -92,7 +92,7 @@ class _Asked:
 
     def replied(self, reply: Reply) -> None:
         if not self.over and not self.asker.closed:
-            self._callback(reply)
+            self.asker.hand(self._callback, reply)
 
     def dropped(self, number: int) -> None:
         self.open.pop(number, None)
@@ -118,7 +118,7 @@ class _Asked:
             self.asker.network.asked.pop(self, None)
             self._timer.cancel()
             if not self.asker.closed:
-                self._drop()
+                self.asker.hand(self._drop)
 
 
 class Query:
@@ -179,13 +179,13 @@ class _Declared:
     def take(self, item: Any) -> None:
         """Hand over a sample or a query."""
         if self in self.session.declared and self.callback is not None:
-            self.callback(item)
+            self.session.hand(self.callback, item)
         elif isinstance(item, Query):
             item.drop()
 
     def tell_matching(self) -> None:
         if self.matched is not None and not self.session.closed:
-            self.matched(self.matching_status)
+            self.session.hand(self.matched, self.matching_status)
 
     def put(self, payload: Any, *, encoding: Any = None, **_: Any) -> None:
         self.session.put(self.key_expr, payload, encoding=encoding, remote_only=self.remote_only)
@@ -233,7 +233,12 @@ class Session:
         self.closed = False
         self.attached = True
         """Whether its router is there, and it has noticed."""
+        self._context = copy_context()
         self.events: Callable[[Any], Any] | None = None
+
+    def hand(self, callback: Callable[..., Any], *items: Any) -> None:
+        """Call back the process of this session: what it begins then is its own, and ends with it."""
+        self._context.copy().run(callback, *items)
 
     # --- what commd.bus calls ---
 
@@ -337,9 +342,9 @@ class Liveliness:
 
         def answer() -> None:
             for one in found:
-                callback.callback(Reply(Sample(one, Payload(b""))))
+                session.hand(callback.callback, Reply(Sample(one, Payload(b""))))
             if callback.drop is not None:
-                callback.drop()
+                session.hand(callback.drop)
 
         network.loop.call_later(2 * HOP, answer)
 
@@ -444,7 +449,7 @@ class Network:
 
     def _tell(self, client: Session, kind: Any, router: Session) -> None:
         if client.events is not None:
-            client.events(_Event(kind, _Transport(router.info.zid())))
+            client.hand(client.events, _Event(kind, _Transport(router.info.zid())))
 
     def latency(self, sender: Session, receiver: Session) -> float | None:
         """Return the virtual seconds of a message; None: the one does not reach the other."""

@@ -55,3 +55,9 @@ def test_an_agent_flies_on_while_the_disk_is_full(fly: Fly) -> None:
     outcome = fly("single_uav", 1, DiskFull(at=8, board="local", seconds=10))
     assert any("full" in line for line in outcome.journal)
     assert outcome.success, outcome.why
+
+
+def test_a_router_that_is_killed_as_its_clients_find_it_back_deafens_none_of_them(fly: Fly) -> None:
+    outcome = fly("single_uav", 1, Kill(at=30.0, daemon="commd"), Kill(at=30.5, daemon="commd"))
+    assert len([line for line in outcome.journal if "killed by SIGKILL" in line]) == 2
+    assert outcome.success, outcome.why
