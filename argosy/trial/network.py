@@ -6,7 +6,7 @@ between two sessions keep their order; each takes the network's delay.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextvars import Context, copy_context
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -16,12 +16,16 @@ from typing import Any, Final
 import zenoh
 
 from argosy.trial.event_loop import VirtualLoop
+from commd.bus.session import LEASE_MS
 
 PUT, DELETE = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
 HOP: Final = 0.0002
 """Virtual seconds of a message from session to session by a router of one board."""
 LINK: Final = 0.002
 """Virtual seconds between two routers of a network without faults."""
+LEASE: Final = LEASE_MS / 1000
+"""Virtual seconds of silence after which two routers give up their link: tokens and queries over it end then. What is
+sent in a shorter silence arrives late, in a longer one not at all (measured with a relay between two routers)."""
 AGAIN: Final = 0.3
 """Virtual seconds after which a client notices that its router is back."""
 BUS: Final[Context] = copy_context()
@@ -103,7 +107,7 @@ class _Asked:
         """End it for those that are out of reach: behind what they have sent."""
         network = self.asker.network
         for number, server in self.open.items():
-            if network.latency(server, self.asker) is None:
+            if not network.reaches(server, self.asker):
                 due = network.last_arrival(server, self.asker, HOP)
                 network.loop.call_at(due, self.dropped, number, context=BUS)
 
@@ -391,8 +395,8 @@ class Network:
         """Queries that have not ended."""
         self.sent = 0
         """Messages between sessions."""
-        self.delay: Callable[[str, str], float | None] = lambda sender, receiver: LINK
-        """Virtual seconds between two routers, by their endpoints; None: there is no link."""
+        self._cuts: dict[tuple[str, str], tuple[float, float]] = {}
+        """Since when and until when nothing passes from one router's endpoint to another's."""
         self.on_put: list[Callable[[Session, Sample], None]] = []
         """Called with each sample that is published."""
         self.on_query: list[Callable[[Query, Sample], None]] = []
@@ -451,15 +455,46 @@ class Network:
         if client.events is not None:
             client.hand(client.events, _Event(kind, _Transport(router.info.zid())))
 
+    def cut(self, lines: Collection[tuple[str, str]], seconds: float) -> None:
+        """Let nothing pass on these lines, each from one router's endpoint to another's, for virtual seconds."""
+        now = self.loop.time()
+        for line in lines:
+            since, until = self._cuts.get(line, (now, now))
+            self._cuts[line] = (since, max(until, now + seconds)) if until >= now else (now, now + seconds)
+            for change in (self._cuts[line][0] + LEASE, self._cuts[line][1]):
+                self.loop.call_at(max(now, change), self.topology_changed, context=BUS)
+
+    def _linked(self, one: str, other: str) -> bool:
+        """Return whether two routers have a link: whether it is cut or not, until one has heard nothing for a lease."""
+        now = self.loop.time()
+        cuts = (self._cuts.get((one, other)), self._cuts.get((other, one)))
+        return not any(cut is not None and cut[0] + LEASE <= now < cut[1] for cut in cuts)
+
+    def _passes(self, sender: str, receiver: str) -> float | None:
+        """Return the virtual seconds from one router to another now; None: it is lost."""
+        now = self.loop.time()
+        since, until = self._cuts.get((sender, receiver), (0.0, 0.0))
+        if now >= until:
+            return LINK
+        return until - now + LINK if until - since < LEASE else None
+
+    def reaches(self, sender: Session, receiver: Session) -> bool:
+        """Return whether what one session has declared is known to the other."""
+        if sender is receiver:
+            return True
+        if sender.closed or receiver.closed or not (sender.attached and receiver.attached):
+            return False
+        return sender.router == receiver.router or self._linked(sender.router, receiver.router)
+
     def latency(self, sender: Session, receiver: Session) -> float | None:
         """Return the virtual seconds of a message; None: the one does not reach the other."""
         if sender is receiver:
             return 0.0
-        if sender.closed or receiver.closed or not (sender.attached and receiver.attached):
+        if not self.reaches(sender, receiver):
             return None
         if sender.router == receiver.router:
             return HOP
-        between = self.delay(sender.router, receiver.router)
+        between = self._passes(sender.router, receiver.router)
         return None if between is None else HOP + between
 
     def send(self, sender: Session, receiver: Session, deliver: Callable[[], object]) -> None:
@@ -490,8 +525,7 @@ class Network:
         return [
             one
             for one in found
-            if self.latency(sender, one.session) is not None
-            and not (one.session is sender and (remote_only or one.remote_only))
+            if self.reaches(sender, one.session) and not (one.session is sender and (remote_only or one.remote_only))
         ]
 
     def publish(self, sender: Session, sample: Sample, remote_only: bool) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from argosy.processes.supervisor import Child
 from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, LinkCut
-from argosy.trial.network import LINK, Network
+from argosy.trial.network import Network
 from schemas.geo import distance
 
 SAMPLED = 0.2
@@ -86,11 +86,6 @@ class World:
     """Until when the disk of each board is full."""
     looks: list[Callable[[], None]] = field(default_factory=list)
     """Called after each look at the vehicles."""
-    _cuts: set[tuple[str, str]] = field(default_factory=set)
-
-    def __post_init__(self) -> None:
-        """Put the cuts of links into the network."""
-        self.network.delay = lambda sender, receiver: None if (sender, receiver) in self._cuts else LINK
 
     async def run(self) -> None:
         """Watch and let faults happen, for ever."""
@@ -123,18 +118,9 @@ class World:
                 self.full[board] = max(self.full.get(board, 0.0), fault.at + seconds)
             case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
                 there = self.routers[sender], self.routers[receiver]
-                cut = {there, there[::-1]} if both else {there}
-                self._cut(cut, True)
-                self.network.loop.call_later(seconds, self._cut, cut, False)
+                self.network.cut((there, there[::-1]) if both else (there,), seconds)
             case _:
                 pass  # a vehicle's own, which it has from the start
-
-    def _cut(self, lines: set[tuple[str, str]], off: bool) -> None:
-        if off:
-            self._cuts |= lines
-        else:
-            self._cuts -= lines
-        self.network.topology_changed()
 
     def disk_is_full(self, board: str) -> bool:
         """Return whether the disk of a board is full now."""

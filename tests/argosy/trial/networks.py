@@ -80,13 +80,13 @@ class VirtualStage(Stage):
 
     def __init__(self, endpoint: str, stack: AsyncExitStack, network: Network) -> None:
         super().__init__(endpoint, stack)
-        self._network = network
+        self.network = network
 
     async def doomed(self) -> Callable[[], None]:
         bus = await self.open("doomed")
         doomed.serve_forever(bus)
         session: Any = bus._session
-        return lambda: self._network.close(session)
+        return lambda: self.network.close(session)
 
 
 Scenario = Callable[[Stage], Coroutine[Any, Any, T]]
