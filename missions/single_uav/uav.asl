@@ -26,7 +26,11 @@
 
 // Started again by a supervisor after a death: it goes on by what it believes, and does not fly the way there twice.
 +restarted(_) : failing(Why) <- !heard; !given_up(Why).
-+restarted(_) : not mission_done <- .print("started again"); !heard; !fly_mission.
++restarted(_) : not mission_done <- .print("started again"); !heard; !superseded; !fly_mission.
+
+// An action of the life before may still run, and the next one would be refused as busy: the mode ends it.
++!superseded : aloft & state("GUIDED", _, _) & not homeward <- set_mode("GUIDED").
++!superseded.
 
 +!heard <- .wait(state(_, true, _) & altitude(_), 120000).
 
