@@ -224,7 +224,7 @@ def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) ->
 
 
 def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
-    from agentd.jason_project.loader import initial_items, project_paths, read_project
+    from agentd.jason_project.loader import items_of, project_paths, read_project
     from agentd.jason_project.project_parser import parse_project  # most checks are of programs
 
     try:
@@ -256,8 +256,8 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
                 shown[unread] = str(unread)
             continue
         more: list[Item] = []
-        with suppress(Findings):  # reported by the project's reader
-            beliefs, goals = initial_items(entry)
-            more = [*beliefs, *goals]
+        for option in entry.options:
+            with suppress(Findings):  # reported by the project's reader
+                more += items_of(option)
         if path not in subjects.programs:
             _read(path, paths, more, subjects)

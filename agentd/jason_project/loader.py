@@ -102,14 +102,20 @@ def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
 
 def initial_items(entry: AgentEntry) -> tuple[list[nodes.Belief], list[nodes.Goal]]:
     """Return the beliefs and goals of an agent's options. Raises Findings."""
-    beliefs: list[nodes.Belief] = []
-    goals: list[nodes.Goal] = []
-    for option in entry.options:
-        if option.name == "beliefs":
-            beliefs += [nodes.Belief(literal, option.position) for literal in _literals(option)]
-        elif option.name == "goals":
-            goals += [nodes.Goal(literal, "!", option.position) for literal in _literals(option)]
-    return beliefs, goals
+    items = [items_of(option) for option in entry.options]
+    beliefs = [one for several in items for one in several if isinstance(one, nodes.Belief)]
+    return beliefs, [one for several in items for one in several if isinstance(one, nodes.Goal)]
+
+
+def items_of(option: Option) -> Sequence[nodes.Belief | nodes.Goal]:
+    """Return the beliefs or goals that an option lists; none for another option. Raises Findings."""
+    match option.name:
+        case "beliefs":
+            return [nodes.Belief(literal, option.position) for literal in _literals(option)]
+        case "goals":
+            return [nodes.Goal(literal, "!", option.position) for literal in _literals(option)]
+        case _:
+            return []
 
 
 def _program(paths: SourcePaths, project: Project, entry: AgentEntry) -> CompiledProgram:

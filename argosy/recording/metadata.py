@@ -16,7 +16,7 @@ SECOND: Final = 1_000_000_000
 """Nanoseconds."""
 BEGIN, END = "argosy", "argosy.end"
 """Names of the two metadata records."""
-FORMAT = "1"
+FORMAT = "2"
 """Version of the recording format; others are refused."""
 _NOTE = "note."
 _SUM = "crc32"

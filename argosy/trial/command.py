@@ -28,8 +28,6 @@ from schemas.humanize import printable, span
 from schemas.mission.model import Mission
 
 EXIT_INTERRUPTED: Final = 130
-BAD_INPUT: Final = "bad input: "
-"""Begins the `why` of a run that could not begin."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -154,8 +152,8 @@ def _run_all(mission: Mission, args: Namespace, trial: Trial) -> None:
 
 
 def _refuse(outcome: Outcome) -> None:
-    if outcome.why.startswith(BAD_INPUT):
-        raise BadInput(outcome.why.removeprefix(BAD_INPUT))
+    if outcome.bad_input:
+        raise BadInput(outcome.why)
 
 
 @dataclass

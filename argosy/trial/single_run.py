@@ -67,6 +67,8 @@ class Outcome(msgspec.Struct):
     success: bool
     why: str = ""
     """Why it is no success."""
+    bad_input: bool = False
+    """Whether the mission cannot be run; `why` says what is wrong with it."""
     violations: list[Violation] = []
     faults: list[Fault] = []
     seconds: float = 0.0

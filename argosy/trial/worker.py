@@ -43,7 +43,7 @@ def main() -> None:
         try:
             return fly(authority.begin(request.seed), request)
         except BadInput as bad:
-            return Outcome(request.seed, False, f"bad input: {bad}")
+            return Outcome(request.seed, False, str(bad), bad_input=True)
         except BaseException as error:  # a defect of the product or of the trial: the run shows it
             where = "".join(traceback.format_exception(error)[-3:])
             return Outcome(request.seed, False, f"defect: {type(error).__name__}: {error}\n{where}")

@@ -28,6 +28,8 @@ DEEPEST: Final = 3
 """Brackets inside the brackets of a fact that is recognised; the parser reads those with more."""
 MANY: Final = 150
 """Facts from which on compiling the expressions that recognise them (9 ms) costs less than parsing all of them."""
+LARGE: Final = 200_000
+"""Characters of a program whose parsing takes so long that compiling them does not count, if it has any facts."""
 _FACT_FOLLOWS: Final = re.compile(r"\.(?:[ \t]*+//[^\n]{0,200})?+\s++[~a-z'/]")
 """The end of an item before one that may be a fact, or before a comment; in strings too: it only serves to estimate."""
 
@@ -120,8 +122,9 @@ Parse = Callable[[Source, int, int], Sequence[Item]]
 
 
 def has_many_facts(text: str) -> bool:
-    """Estimate whether a program has so many facts that recognising them saves time."""
-    return next(islice(_FACT_FOLLOWS.finditer(text), MANY - 1, None), None) is not None
+    """Estimate whether a program has so many facts, or such large ones, that recognising them saves time."""
+    many = 1 if len(text) >= LARGE else MANY
+    return next(islice(_FACT_FOLLOWS.finditer(text), many - 1, None), None) is not None
 
 
 def run_finder(source: Source, parse: Parse) -> Callable[[int], FactRun | None]:

@@ -122,10 +122,10 @@ def test_a_file_that_is_not_there_or_of_somebody_else_or_of_another_format_is_re
     made.finish()
     with pytest.raises(BadRecording, match="not a recording of Argosy: another program wrote it"):
         open_recording(others)
-    monkeypatch.setattr(metadata, "FORMAT", "2")
+    monkeypatch.setattr(metadata, "FORMAT", "3")
     write(tmp_path / "c.mcap", []).close(END)
     monkeypatch.undo()
-    with pytest.raises(BadRecording, match="it has format 2, this version of Argosy reads format 1"):
+    with pytest.raises(BadRecording, match="it has format 3, this version of Argosy reads format 2"):
         open_recording(tmp_path / "c.mcap")
 
 

@@ -222,7 +222,7 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     """Send the target until the vehicle reports it as its own."""
     asked = flight.now
     if action.target is None:
-        raise ValueError(f"{run.name}: a call without a target")
+        raise ValueError(f"{run.name}: an action without a target")
     yield from home_reported_for_limits(flight, run, action)
     check_guided_aloft(flight, "position targets")
     check_limits(flight, action)

@@ -188,5 +188,5 @@ def _send_channels(flight: ProcedureContext, action: BoundAction) -> None:
 
 def _local(run: ProcedureRun, action: BoundAction) -> LocalTarget:
     if action.local is None:
-        raise ValueError(f"{run.name}: a call without a target")
+        raise ValueError(f"{run.name}: an action without a target")
     return action.local

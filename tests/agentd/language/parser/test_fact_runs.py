@@ -217,3 +217,8 @@ def test_facts_are_recognised_from_some_number_on_whatever_stands_between_them(b
 
     assert recognised(MANY) == 0
     assert recognised(MANY + 1) == MANY + 1
+
+
+def test_a_few_large_facts_are_recognised_too() -> None:
+    program = parse.parse_program("\n".join(f"p({n}, {list(range(5000))})." for n in range(10)), "a.asl")
+    assert sum(isinstance(item, GroundFact) for item in program.items) == 10
