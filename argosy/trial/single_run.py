@@ -67,8 +67,6 @@ class Outcome(msgspec.Struct):
     success: bool
     why: str = ""
     """Why it is no success."""
-    bad_input: bool = False
-    """Whether the mission cannot be run; `why` says what is wrong with it."""
     violations: list[Violation] = []
     faults: list[Fault] = []
     seconds: float = 0.0
@@ -88,6 +86,8 @@ class Outcome(msgspec.Struct):
     """CPU seconds of its process."""
     memory: int = 0
     """Bytes that its process had at most, with what it shares with its worker."""
+    bad_input: bool = False
+    """Whether the mission cannot be run; `why` says what is wrong with it."""
 
 
 def fly(loop: VirtualLoop, request: Request) -> Outcome:

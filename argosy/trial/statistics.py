@@ -61,7 +61,7 @@ def cause_of(outcome: Outcome) -> str:
     """Return why a run failed: its first violation, else the end of its mission."""
     if outcome.violations:
         return f"{outcome.violations[0].rule}: {outcome.violations[0].text}"
-    return outcome.why.partition("\n")[0] or "no reason is known"
+    return (outcome.why.splitlines() or [""])[0] or "no reason is known"
 
 
 def causes(outcomes: Iterable[Outcome]) -> list[Cause]:
