@@ -246,9 +246,10 @@ class Team:
                         return True
                 if not mind.inputs or not self._lives(mind):
                     break
-        for due, name in [kill for kill in self._kills if kill[0] <= self.clock.now()]:
-            self._kills.remove((due, name))
-            self._kill(name)
+        if self._kills:  # as a rule there are none, and a turn is short
+            for due, name in [kill for kill in self._kills if kill[0] <= self.clock.now()]:
+                self._kills.remove((due, name))
+                self._kill(name)
         return busy
 
     def _lives(self, mind: Mind) -> bool:
