@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from argosy.check.command import check_mission
+from argosy.cli.arguments import count, finite_number
 from argosy.cli.errors import BadInput
 from argosy.cli.extras import install_command
 from argosy.trial.faults import Fault, draw, read
@@ -28,16 +29,18 @@ from schemas.humanize import printable, span
 from schemas.mission.model import Mission
 
 EXIT_INTERRUPTED: Final = 130
+SECONDS: Final = finite_number(lambda number: number > 0, "number of seconds above 0")
+SHARE: Final = finite_number(lambda number: 0 <= number <= 1, "share (0 to 1)")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy trial`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("--runs", type=_count, default=100, metavar="N", help="number of runs (default: 100)")
+    parser.add_argument("--runs", type=count, default=100, metavar="N", help="number of runs (default: 100)")
     parser.add_argument(
         "--seed", type=int, default=1, metavar="S", help="seed of the first run (default: 1); the next has S + 1"
     )
-    parser.add_argument("--jobs", type=_count, metavar="J", help="runs at a time (default: as many as there are cores)")
+    parser.add_argument("--jobs", type=count, metavar="J", help="runs at a time (default: as many as there are cores)")
     parser.add_argument(
         "--faults",
         default="standard",
@@ -45,37 +48,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="standard (drawn by seed; the default), none, or a YAML file with a list of faults",
     )
     parser.add_argument("--replay", type=int, metavar="SEED", help="run one seed, and print its faults and its journal")
-    parser.add_argument("--until", type=_seconds, metavar="T", help="with --replay: stop after T virtual seconds")
+    parser.add_argument("--until", type=SECONDS, metavar="T", help="with --replay: stop after T virtual seconds")
     parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it still fails")
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
-    parser.add_argument("--min-success", type=_share, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
+    parser.add_argument("--min-success", type=SHARE, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
         help="write report.html, report.txt and outcomes.json to this folder; with --replay: seed-SEED.mcap",
     )
-
-
-def _count(text: str) -> int:
-    if (count := int(text)) < 1:
-        raise ValueError
-    return count
-
-
-def _share(text: str) -> float:
-    if not 0 <= (share := float(text)) <= 1:
-        raise ValueError
-    return share
-
-
-def _seconds(text: str) -> float:
-    if not (seconds := float(text)) > 0:
-        raise ValueError
-    return seconds
-
-
-_count.__name__, _share.__name__, _seconds.__name__ = "number above 0", "share (0 to 1)", "number of seconds above 0"
 
 
 def run(args: Namespace) -> int:

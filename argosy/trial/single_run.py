@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from agentd.process import allow_deep_calls
-from argosy.check.command import check_mission
-from argosy.cli.errors import BadInput
 from argosy.cli.journal import Journal
 from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
@@ -35,7 +33,7 @@ from argosy.trial.world import Seen, World
 from bridged.simulation.copter import process as copter_process
 from commd.common.clock import Clock
 from schemas.files.units import Duration
-from schemas.mission.model import Mission
+from schemas.mission.model import Mission, load_mission
 
 if TYPE_CHECKING:
     from argosy.trial.recording import TrialRecording
@@ -91,7 +89,7 @@ class Outcome(msgspec.Struct):
 
 
 def fly(loop: VirtualLoop, request: Request) -> Outcome:
-    """Run it. Raises BadInput for a mission that cannot be run."""
+    """Run it. Raises Findings for a mission that cannot be read."""
     network = swap_bus(loop)
     allow_deep_calls()
     os.chdir(request.folder)
@@ -168,11 +166,8 @@ def _recording(request: Request, mission: Mission, network: Network, routers: It
 
 
 def _mission(request: Request) -> Mission:
-    """Return the mission with the faults of its vehicles."""
-    mission, findings = check_mission(request.mission, restarts=True)
-    errors = [one for one in findings if one.severity == "error"]
-    if mission is None or errors:
-        raise BadInput("\n".join(map(str, errors or findings)))
+    """Return the mission with the faults of its vehicles. Raises Findings."""
+    mission = load_mission(request.mission)  # the trial has checked it, and all that it names, once
     robots = dict(mission.robots)
     for fault in request.faults:
         if isinstance(fault, Vehicle | Battery):

@@ -33,8 +33,8 @@ def main() -> None:
     authority.take_over()
     import msgspec
 
-    from argosy.cli.errors import BadInput
     from argosy.trial.single_run import Outcome, Request, fly
+    from schemas.files.findings import Findings
 
     for module in IMPORTED:
         import_module(module)
@@ -42,7 +42,7 @@ def main() -> None:
     def outcome_of(request: Request) -> Outcome:
         try:
             return fly(authority.begin(request.seed), request)
-        except BadInput as bad:
+        except Findings as bad:
             return Outcome(request.seed, False, str(bad), bad_input=True)
         except BaseException as error:  # a defect of the product or of the trial: the run shows it
             where = "".join(traceback.format_exception(error)[-3:])
