@@ -29,7 +29,10 @@ from schemas.wire.records import ActionStatus, Health, Note
 from schemas.wire.terms import Atom
 
 TICK, TICKS = 0.05, 20.0
-"""Most wall seconds between two steps, and least steps in a mission second."""
+"""Most wall seconds between two steps while an action runs or a percept is held back, and least steps in a mission
+second."""
+TICKS_ACTIVE = 5
+"""Such ticks between two steps of a robot that is only active: its percepts age, others may take it."""
 TICK_IDLE = 1.0
 """Wall seconds between two steps while nothing is due soon: each step wakes the process."""
 STALL, CATCH_UP = 1.0, 0.2
@@ -145,28 +148,30 @@ class Bridge:
 
     async def _pass_time(self) -> None:
         """Step by the clock, independently of what the robot sends."""
-        pause = min(TICK, 1 / (TICKS * self._clock.speed))
+        tick = min(TICK, 1 / (TICKS * self._clock.speed))
         while True:
             self._wake.clear()
-            soon = True
+            pause = tick
             try:
-                soon = self.step()
+                if not self.step():
+                    pause = TICKS_ACTIVE * tick if self.driver.active else TICK_IDLE
             except Exception as error:  # a defect must not end the bridge, and with it the way home
                 what = {"message": f"looking at {self.name}", "exception": error}
                 asyncio.get_running_loop().call_exception_handler(what)
-            due = self._clock.wall() + (pause if soon else TICK_IDLE)
-            if not soon:
-                await wait_at_most(self._wake, TICK_IDLE - pause)
-            await asyncio.sleep(pause)  # also after a wake: short actions one after the other share a step
+            due = self._clock.wall() + pause
+            if pause > tick:
+                await wait_at_most(self._wake, pause)
+            if pause == tick or self._wake.is_set():
+                await asyncio.sleep(tick)  # also after a wake: short actions one after the other share a step
             if self._clock.wall() - due > STALL:  # what the robot sent meanwhile is read before time is judged
                 await asyncio.sleep(CATCH_UP)
 
     def step(self) -> bool:
-        """Let time pass for orders, percepts and actions. Returns whether the next step is due soon."""
+        """Let time pass for orders, percepts and actions. Returns whether the next step is due in a tick."""
         self.driver.step()
         held_back = self.percepts.tick()
         self.action_server.step()
-        return held_back or bool(self.action_server.running) or self.driver.active
+        return held_back or bool(self.action_server.running)
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""
