@@ -90,12 +90,11 @@ class Store:
         which the disk had begun when `PATIENCE` ended may still succeed.
         """
         future: asyncio.Future[T] = self._loop.create_future()
-        with self._ready:
-            if self._closing:
-                raise StoreFailed("the mail file is closed")
-            if len(self._waiting) >= QUEUE:
-                raise StoreFailed(f"busy: {QUEUE} transactions wait for the disk")
-            self._waiting.append((transaction, future))
+        if self._closing:
+            raise StoreFailed("the mail file is closed")
+        if len(self._waiting) >= QUEUE:
+            raise StoreFailed(f"busy: {QUEUE} transactions wait for the disk")
+        self._waiting.append((transaction, future))
         self._wake()
         try:
             async with asyncio.timeout(PATIENCE):
