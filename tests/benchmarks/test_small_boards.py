@@ -1,15 +1,61 @@
-"""Small boards: their limits as the kernel takes them, and what the page says of a flight that failed."""
+"""Small boards: their limits as the kernel keeps them, and what the page says of a flight that failed."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
+
+import pytest
 
 from benchmarks import results
 from benchmarks.peers import PI_MB
 from benchmarks.small_boards import part as small_boards
-from benchmarks.small_boards.control_groups import ControlGroup, Limits, Usage
+from benchmarks.small_boards.control_groups import ControlGroup, Limits, Usage, limited
 from benchmarks.small_boards.page import BEAGLEBONE, BOARDS, FORMS, PI_3, Figures, Flown
+
+BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
+EAT = "found = [bytearray(1_000_000) for _ in range(60)]; print('eaten')"
+
+
+def _possible() -> bool:
+    group = ControlGroup.made()
+    if group is not None:
+        group.remove()
+    return group is not None
+
+
+needs_groups = pytest.mark.skipif(not _possible(), reason="no control group can be made here")
+
+
+def _run(group: ControlGroup, program: str) -> tuple[int, str]:
+    command = group.command([sys.executable, "-I", "-S", "-c", program])
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=60, check=False)
+    return done.returncode, done.stdout.strip()
+
+
+@needs_groups
+def test_a_process_gets_no_more_than_its_share_of_a_core() -> None:
+    with limited(Limits(share=0.05)) as group:
+        begun = time.monotonic()
+        _, spent = _run(group, BURN)
+        passed = time.monotonic() - begun
+        assert 0 < float(spent) < 0.05 * passed + 0.3, "the bound has room for the first period"
+        assert group.usage().throttled > 0
+
+
+@needs_groups
+def test_a_process_with_too_much_memory_is_killed_and_counted_and_another_is_not() -> None:
+    with limited(Limits(memory=30)) as group:
+        assert _run(group, EAT) == (-9, "")
+        assert group.usage().killed == 1
+    with limited(Limits(memory=300)) as group:
+        assert _run(group, EAT) == (0, "eaten")
+        usage = group.usage()
+        assert usage.killed == 0
+        assert 60 < usage.peak < 300
 
 
 def test_a_group_of_version_2_is_told_its_limits_and_each_process_goes_to_a_core_of_its_own(tmp_path: Path) -> None:
