@@ -120,7 +120,7 @@ def router_setup(mission: Mission, board: str, args: Namespace) -> RouterSetup:
         admission = Admission(public, mission)
         listen = [*(one for one in listen if one not in public), *admission.inner]
         if config is not None:
-            router_config.listen_at(config, endpoint, listen)
+            router_config.set_endpoints(config, endpoint, listen)
     secured = given is not None and given.secured
     most_links = given.most_links if given is not None else None
     return RouterSetup(mode, endpoint, listen, connect, tls, config, secured, most_links, admission)

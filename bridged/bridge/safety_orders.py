@@ -101,8 +101,8 @@ class SafetyOrders:
         self._clock, self._patience = clock, patience
         self._robot = action_server.robot
         self._sequence: asyncio.Task[None] | None = None
-        self._carries_out: Callable[[], Coroutine[Any, Any, None]] | None = None
-        """What the sequence carries out: after a pause it begins again."""
+        self._make_sequence: Callable[[], Coroutine[Any, Any, None]] | None = None
+        """Makes the sequence under way: it begins again after a pause."""
         self._restoring: asyncio.Task[None] | None = None
         self._execution: Execution | None = None
         """The present order of a sequence."""
@@ -117,7 +117,7 @@ class SafetyOrders:
         self._stopping = False
         self._secured = False
         """Whether the robot carries out the order of `shut_down`."""
-        action_server.on_control = self._give_control
+        action_server.on_control = self._on_control
         if action_log.ordered:
             standing = by_operator(action_log.ordered)
             action_server.block(standing)
@@ -197,7 +197,7 @@ class SafetyOrders:
         The sequence for a lost agent begins again on `release`, unless the robot is left by then.
         """
         if not self._stopping:
-            self._stand(order)
+            self._keep_order(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
         self.call_off()
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
@@ -210,7 +210,7 @@ class SafetyOrders:
         if self._stopping:
             return Outcome("refused", "the bridge stops: it accepts no more actions")
         self._server.blocked = None
-        self._stand(None)
+        self._keep_order(None)
         released = RobotReleased(robot=self._robot)
         log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
@@ -221,9 +221,9 @@ class SafetyOrders:
         """Pause the robot for the operator: it holds, its actions are kept and wait for `resume`."""
         if self._stopping:
             return Outcome("refused", "the bridge stops")
-        if self._sequence is not None and self._carries_out is not None:
+        if self._sequence is not None and self._make_sequence is not None:
             self._sequence.cancel()
-            self._begin(self._carries_out)
+            self._begin(self._make_sequence)
         return await self._confirmed(self._server.pause())
 
     async def resume(self) -> Outcome:
@@ -315,12 +315,12 @@ class SafetyOrders:
         self._left = self._unheard = self._deferred = None
         self._back_at = None
 
-    def _give_control(self) -> None:
-        """Let an agent take control."""
+    def _on_control(self) -> None:
+        """End the sequence and forget the lost agent: an agent takes control."""
         self._lost = None
         self.call_off()
 
-    def _stand(self, order: Order | None) -> None:
+    def _keep_order(self, order: Order | None) -> None:
         """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
         try:
             self._action_log.order(order)
@@ -331,8 +331,8 @@ class SafetyOrders:
         self._server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
         self._begin(partial(self._answer_loss, agent, steps))
 
-    def _begin(self, answer: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        self._carries_out, self._sequence = answer, asyncio.create_task(answer())
+    def _begin(self, make: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        self._make_sequence, self._sequence = make, asyncio.create_task(make())
 
     @property
     def _never_heard(self) -> bool:
@@ -448,7 +448,7 @@ class SafetyOrders:
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
         if self._secured or self._piloted or not self._driver.active:
-            self._stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
+            self._keep_order(None)  # not before: a bridge that is killed on its way out has left nobody in charge
         return left
 
     @property

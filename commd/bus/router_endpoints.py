@@ -68,14 +68,14 @@ async def missing_addresses(endpoint: str, listen: Sequence[str]) -> list[str]:
 def _not_here(endpoints: Sequence[str]) -> list[str]:
     missing = []
     for endpoint in filter(_TCP.fullmatch, endpoints):
-        if (probe := listen_at(endpoint, 1)) is None:
+        if (probe := open_listener(endpoint, 1)) is None:
             missing.append(endpoint)
         else:
             probe.close()
     return missing
 
 
-def listen_at(endpoint: str, backlog: int) -> socket.socket | None:
+def open_listener(endpoint: str, backlog: int) -> socket.socket | None:
     """Return a socket that listens at a TCP or TLS endpoint; None if this machine does not have the address, or not
     yet.
 

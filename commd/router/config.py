@@ -194,7 +194,7 @@ def read(file: Path) -> RouterFile:
     )
 
 
-def listen_at(config: zenoh.Config, endpoint: str, others: Sequence[str]) -> None:
+def set_endpoints(config: zenoh.Config, endpoint: str, others: Sequence[str]) -> None:
     """Set where a router listens: at its board's `endpoint`, which must succeed, and at others."""
     for key, value in listening_late(endpoint, others).items():
         config.insert_json5(f"listen/{key}", json.dumps(value))

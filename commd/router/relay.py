@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from ipaddress import IPv6Address, IPv6Network
 from typing import TYPE_CHECKING
 
-from commd.bus.router_endpoints import LOOK_UP_PATIENCE, listen_at
+from commd.bus.router_endpoints import LOOK_UP_PATIENCE, open_listener
 
 if TYPE_CHECKING:
     from commd.router.admission import Admission, Allowance
@@ -198,6 +198,6 @@ async def bound_socket(endpoint: str) -> socket.socket | None:
     """Return a socket that listens at an endpoint; None if this machine does not have the address (yet), or the name
     service does not answer. Raises BusClosed if another program listens there."""
     try:
-        return await asyncio.wait_for(asyncio.to_thread(listen_at, endpoint, BACKLOG), LOOK_UP_PATIENCE)
+        return await asyncio.wait_for(asyncio.to_thread(open_listener, endpoint, BACKLOG), LOOK_UP_PATIENCE)
     except TimeoutError:
         return None

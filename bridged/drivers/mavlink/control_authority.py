@@ -111,7 +111,7 @@ class ControlAuthority:
         if self._pending is not None:
             self._pending = replace(self._pending, until=self._flight.now)
             self.look()
-        if run.procedure.steps is arm and not self._flight.vehicle.armed:
+        if run.procedure.make_steps is arm and not self._flight.vehicle.armed:
             self.overridden = False  # whoever starts the motors answers for the flight
         if run.by_agent and run.moves and not self.overridden:
             self._by_agent = True

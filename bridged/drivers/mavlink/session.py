@@ -316,7 +316,7 @@ class VehicleSession:
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
-        return (yield from run.procedure.steps(self.flight, run, run.action))
+        return (yield from run.procedure.make_steps(self.flight, run, run.action))
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""

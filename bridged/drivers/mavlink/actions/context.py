@@ -93,7 +93,7 @@ class BoundAction:
 class Procedure:
     """How a kind of action or order is carried out, once its arguments are filled in."""
 
-    steps: Callable[[ProcedureContext, ProcedureRun, BoundAction], Steps]
+    make_steps: Callable[[ProcedureContext, ProcedureRun, BoundAction], Steps]
     feedback: tuple[str, ...] = ()
     """The figures of its progress."""
     sets_mode: bool = False
