@@ -35,6 +35,10 @@ ASK_EVERY: Final = 30.0
 ASK_AGAIN: Final = 1.0
 """The same if it did not answer: its token may be here before its queryable."""
 ASK_TIMEOUT: Final = 5.0
+UNREPORTED: Final = 3
+"""Rounds in which all directories answer without the sender of a message until it counts as ended: the first follows
+its message, and a directory has queried those of other boards before the last.
+"""
 PATIENCE: Final = 5.0
 """Wall seconds after which a request has failed, if the directory has answered no agent of this daemon meanwhile. A
 router restarts in less."""
@@ -66,8 +70,9 @@ class AgentDirectory:
         """Agents created by this daemon, and their boards."""
         self._ended: set[str] = set()
         """Agents that this daemon has ended, until their board reports that."""
-        self._met: dict[str, None] = {}
-        """Senders of mail that no board has reported yet."""
+        self._met: dict[str, int] = {}
+        """Senders of mail that no board has reported yet, and the rounds in which all directories have answered since.
+        """
         self._remembered: dict[str, None] = {}
         """Correspondents of former lives of agents, until a board's directory has answered."""
         self._ask = asyncio.Event()
@@ -93,8 +98,11 @@ class AgentDirectory:
         while True:
             await wait_at_most(self._ask, pause)
             self._ask.clear()
+            met = list(self._met)
             answered = [await self._refresh(board) for board in boards]
             pause = ASK_EVERY if all(answered) else ASK_AGAIN
+            if all(answered):
+                self._forget_unreported(met)
 
     def add(self, name: str, board: str) -> None:
         """Add an agent of this daemon."""
@@ -111,8 +119,10 @@ class AgentDirectory:
 
     def met(self, name: str) -> None:
         """Add the sender of a message, in case the report of its board was lost."""
-        if name not in self.names and name not in self._ended and name not in RESERVED:
-            self._met[name] = None
+        if name in self._met:
+            self._met[name] = 0
+        elif name not in self.names and name not in self._ended and name not in RESERVED:
+            self._met[name] = 0
             self._ask.set()
             self._settle()
 
@@ -137,7 +147,7 @@ class AgentDirectory:
             for name in said.agents:
                 homes.setdefault(name, board)
         self._ended &= homes.keys()
-        self._met = {name: None for name in self._met if name not in homes}
+        self._met = {name: rounds for name, rounds in self._met.items() if name not in homes}
         homes = {name: board for name, board in homes.items() if name not in self._ended} | self._here
         homes = dict.fromkeys(self._remembered, "") | homes | dict.fromkeys(self._met, "") | dict(self.mission)
         if homes == self.names:
@@ -147,6 +157,13 @@ class AgentDirectory:
         self.names.update(homes)
         for handler in self.on_change:
             handler()
+
+    def _forget_unreported(self, met: Iterable[str]) -> None:
+        """Count a round of answers for those of `met` that no board has reported; remove those that have ended."""
+        for name in set(met) & self._met.keys():
+            self._met[name] += 1
+        self._met = {name: rounds for name, rounds in self._met.items() if rounds < UNREPORTED}
+        self._settle()
 
     def _ask_soon(self, there: bool) -> None:
         if there:

@@ -13,7 +13,7 @@ from typing import Any, cast
 import pytest
 
 from agentd.mind.data.inputs import SignalRaised
-from agentd.runtime.agent_directory import AT_ONCE, AgentDirectory, NotDone, Services
+from agentd.runtime.agent_directory import AT_ONCE, UNREPORTED, AgentDirectory, NotDone, Services
 from agentd.runtime.agent_group import AgentGroup
 from agentd.runtime.program_loader import prepare
 from commd.bus.bus import Bus, Query
@@ -213,6 +213,36 @@ async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answer
     await served(bus, keys.services(FLEET, "pi1"))
     await agents.watch(["pi1"])
     assert agents.names == {"a": "pi1", "planner": "pi1"}
+
+
+@bus_test
+async def test_a_sender_that_no_board_reports_is_forgotten_and_one_that_is_reported_late_is_not(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.runtime.agent_directory.ASK_EVERY", 0.05)
+    bus, directory = await connect("a"), await connect("pi1", "commd")
+    agents, asked = AgentDirectory(bus, {"a": "pi1"}), 0
+
+    async def serve(query: Query[BoardServices]) -> None:
+        nonlocal asked
+        asked += 1
+        header, late = directory.header("services", "pi1"), {"late": ()} if asked == UNREPORTED else {}
+        query.reply(BoardServices(header=header, board="pi1", version=asked, agents=late), keys.services(FLEET, "pi1"))
+
+    directory.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
+    await served(bus, keys.services(FLEET, "pi1"))
+    asked = 0
+    for name in ("killed", "late"):
+        agents.met(name)
+    assert agents.names == {"a": "pi1", "killed": "", "late": ""}
+    seen = []
+    agents.on_change.append(lambda: seen.append((asked, dict(agents.names))))
+    follow = asyncio.create_task(agents.follow(["pi1"]))
+    await until(lambda: "killed" not in agents.names, "the killed sender is forgotten")
+    follow.cancel()
+    assert seen[0] == (UNREPORTED, {"a": "pi1", "killed": "", "late": "pi1"})
+    agents.met("killed")
+    assert "killed" in agents.names, "until it is known to have ended again"
 
 
 # --- services ---
