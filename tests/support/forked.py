@@ -5,11 +5,12 @@ folder, environment and files of its own; `run` is `subprocess.run`. What tests 
 terminal, or a variable that Python reads at its start (but `PYTHONPATH`) takes `subprocess`.
 
 Their parent is this module as a program, one for each process of pytest: it has no threads, and imports what a command
-needs before it forks the first process for it.
+needs before it forks the first process for it. It ends with that process of pytest, and they with it.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import json
 import os
@@ -32,6 +33,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAMS = ("agentd", "argosy", "bridged", "commd")
 LARGEST = 200_000
 """Bytes of arguments and environment of a process."""
+PR_SET_PDEATHSIG = 1
 _NUMBER = struct.Struct("i")
 _OPTIONS = tuple(signature(subprocess.Popen._execute_child).parameters)[1:]  # type: ignore[attr-defined]
 _LATER = ("agentd.extensions.plugins",)
@@ -168,6 +170,7 @@ def _begin(request: Mapping[str, Any], files: Sequence[int]) -> list[str]:
     """Make this process, which is forked, one of its own."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     os.setsid()
     for number, file in enumerate(files):
         os.dup2(file, number)
