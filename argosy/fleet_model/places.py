@@ -52,7 +52,6 @@ class Places:
 
     def __init__(self, most: int = MOST) -> None:
         self.all: dict[str, Place] = {}
-        self.forgotten = 0
         self._most = most
 
     def percept(self, agent: str, percept: Perception, robots: Callable[[], Collection[Position]], now: float) -> None:
@@ -104,7 +103,6 @@ class Places:
         if len(self.all) > self._most:
             gone = next((id for id, one in self.all.items() if not one.present), next(iter(self.all)))
             del self.all[gone]
-            self.forgotten += 1
 
 
 def place_in(parameters: tuple[Term, ...], robots: Callable[[], Collection[Position]]) -> Position | None:

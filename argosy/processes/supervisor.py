@@ -104,7 +104,6 @@ class Supervisor:
         """`on_line` gets each line that a process writes, `on_end` each process that has ended."""
         self.children: list[Child] = []
         self._on_line, self._on_end = on_line, on_end
-        self.cut_lines = 0
 
     async def start(self, process: Process, instead_of: Child | None = None) -> Child:
         """Start a process, or restart a dead one in its place. Raises OSError."""
@@ -195,8 +194,6 @@ class Supervisor:
             self._take(child, waiting, stream)
 
     def _take(self, child: Child, data: bytes, stream: asyncio.StreamReader) -> None:
-        if len(data) > MAX_LINE:
-            self.cut_lines += 1
         line = log_lines.decode(data)
         if line is None:
             line = LogLine(text=log_lines.cut(data[:MAX_LINE].decode(errors="replace").rstrip()))

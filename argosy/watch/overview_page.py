@@ -9,7 +9,7 @@ from rich.text import Text
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.actions import ActionSeen
 from argosy.fleet_model.activity import activity
-from argosy.fleet_model.members import FleetAgent, FleetRobot, Member
+from argosy.fleet_model.members import MOST, FleetAgent, FleetRobot, Member
 from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.robots import RobotSeen
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, rounded, said, table
@@ -40,6 +40,9 @@ def overview(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
         rows += [head("agents"), *_agents(model, width, glyphs)]
     if model.boards:
         rows += [head("boards"), *_boards(model, width, glyphs)]
+    if model.forgotten:
+        text = f"{count(model.forgotten, 'member')} forgotten: at most {MOST} of a kind are kept besides the mission's"
+        rows.append(Row(Text(text, DIM)))
     return rows
 
 

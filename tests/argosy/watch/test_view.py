@@ -29,7 +29,7 @@ from schemas.wire.mind_records import (
     WaitView,
 )
 from schemas.wire.records import Note, Queue
-from tests.argosy.fleet_model.fleet import Fleet, rescue
+from tests.argosy.fleet_model.fleet import FLEET, Fleet, rescue
 from tests.argosy.watch.shown import lines_of, link_to, shown, text_of, until
 
 
@@ -365,6 +365,16 @@ def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
     rows = [row.text for row in overview(fleet.model, 100, UNICODE) if row.text.plain.startswith("!")]
     assert [row.plain for row in rows] == [f"!  uav1: {alarm.text}", "!  uav1: failsafe: none"]
     assert [[str(one.style) for one in row.spans] for row in rows] == [[BAD], [WARN]]
+
+
+def test_members_that_the_model_has_forgotten_are_counted_in_the_overview() -> None:
+    fleet = flying()
+    for number in range(2, 600):
+        fleet.model.token(keys.alive(FLEET, f"a{number}", "agentd", "b"), alive=True)
+    fleet.model.tick()
+    assert fleet.model.forgotten > 0
+    last = overview(fleet.model, 100, UNICODE)[-1].text.plain
+    assert last.startswith(f"{fleet.model.forgotten} members forgotten: ")
 
 
 @shown(flying)
