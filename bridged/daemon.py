@@ -71,7 +71,7 @@ def _settle() -> None:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Put `{agent}/percept/*` and `{agent}/status/*`; serve percept repair, actions, cancels and `{robot}/stop`.
 
-    Watches the tokens of each robot's agents. When told to stop, it first leaves each robot as `on_shutdown` says, and
+    Watches the tokens of each robot's agents. Once `stop` is set, it first leaves each robot as `on_shutdown` says, and
     with `until_home` stays with it until it is disarmed.
     """
     clock = Clock(args.speed or mission.speed)

@@ -67,7 +67,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Run the daemon until it is told to stop. Returns the exit code."""
+    """Run the daemon until SIGTERM or SIGINT. Returns the exit code."""
     if args.keys is not None or args.config is not None:
         hear_refusals()
     return run_daemon("commd", lambda stop: serve(load_mission(args.mission), args, stop))

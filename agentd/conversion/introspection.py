@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 LAST_DECISIONS: Final = 20
-"""So many of the last decisions and failures stand in a view of a mind unless more are asked for."""
+"""Number of last decisions and failures in a view of a mind, unless the query asks for more."""
 MOST_DECISIONS: Final = 200
 MOST_BELIEFS: Final = 500
 
@@ -26,9 +26,9 @@ class Look(Struct, frozen=True):
 
     plans: bool = False
     last: int = LAST_DECISIONS
-    """So many decisions and failures."""
+    """Number of decisions and failures."""
     beliefs: int = MOST_BELIEFS
-    """So many beliefs at most."""
+    """Number of beliefs at most."""
     about: str = ""
     """A functor: only beliefs, events, plans and decisions of this name."""
 

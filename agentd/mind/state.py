@@ -236,7 +236,7 @@ class MindState:
 
     # --- hooks; None if unused ---
     clock: Callable[[], float] | None = None
-    """Gives the mission time within a cycle; None: time stands still within `Mind.step`."""
+    """Gives the mission time within a cycle; None: time is constant within `Mind.step`."""
     agents: Callable[[], Iterable[str]] | None = None
     """Names of the agents that can be sent to; None: no receiver is checked."""
     on_input: Callable[[int, Input], None] | None = None

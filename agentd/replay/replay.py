@@ -190,7 +190,7 @@ def compare(
     """Replay the recorded program and an edited one with equal inputs; find the first decision or effect that differs.
 
     `program`: the file (Path) or the text (str) that takes the place of the main file; `files`: texts that take the
-    place of further files, by their recorded paths. Plans are told apart by trigger and body, not by their place.
+    place of further files, by their recorded paths. Plans are distinguished by trigger and body, not by their place.
     Raises CannotReplay.
     """
     life, rest = _first(batches)

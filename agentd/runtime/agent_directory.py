@@ -47,7 +47,7 @@ RETRY: Final = 0.2
 AT_ONCE: Final = 16
 """Requests of this daemon on their way to one board at a time; commd refuses more than 256."""
 DAEMONS: Final = ("agentd", "client")
-"""Daemons whose tokens stand for agents."""
+"""Daemons that hold a token for each agent."""
 ONLINE, BOARD = signature("online", 1), signature("board", 1)
 Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "subscribe"]
 Feed: TypeAlias = Callable[[PerceptAdded | PerceptRemoved], None]

@@ -29,7 +29,7 @@ LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 What = Literal[
     "action", "outcome", "print", "log", "sent", "received", "undelivered", "operator", "came", "went", "told"
 ]
-"""Kind of an entry: `came` and `went` are of daemons, `told` is a change that a robot or daemon reports of itself."""
+"""Kind of an entry: `came` and `went` are of daemons, `told` is a change that a robot or daemon reports."""
 
 
 @dataclass(frozen=True)

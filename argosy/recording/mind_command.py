@@ -73,7 +73,7 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
 
 
 def run_mind(args: Namespace) -> int:
-    """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there. Raises BadInput."""
+    """Replay the mind of an agent. Returns 0 if all agrees, 1 if it differs or is incomplete. Raises BadInput."""
     if ignored := _given(args, NOT_FOR_A_MIND):
         raise BadInput(f"{ignored}: has no meaning with --mind, which publishes nothing")
     try:
@@ -148,7 +148,7 @@ def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path,
 def _lives_on(recording: Recording, life: mind_inputs.Life) -> bool:
     """Whether the recording came to its end in order, and the daemon that this life was in was still there then."""
     since: dict[str, int] = {}
-    """When daemons were seen first."""
+    """When each daemon first held its token."""
     there: set[str] = set()
     heard = 0
     only = (f"{keys.ROOT}/{life.fleet}/{life.agent}/alive/agentd", keys.trace(life.fleet, life.agent, "inputs"))

@@ -45,7 +45,7 @@ class ReplayCheck:
     recorded: Named = str
     """Name the places of the recorded program."""
     other: Named = str
-    """And of the program that lives now."""
+    """And of the program that is replayed."""
 
     @property
     def name(self) -> str:
@@ -247,9 +247,9 @@ def nearer(files: Iterable[str], edited: Mapping[str, str]) -> Named:
 
 
 def figures(result: Result, inputs: int, wall: float) -> str:
-    """Return how far two lives agree, in figures.
+    """Return the figures of a comparison of two lives as text.
 
-    `inputs`: how many had gone in by then; `wall`: seconds that it took to live it again.
+    `inputs`: number of inputs by then; `wall`: duration of the replay, in seconds.
     """
     counts = (
         (result.cycles, "cycle"),

@@ -1,4 +1,4 @@
-"""The live view: one calm screen with everything that happens, for a terminal of 80 x 24 and larger."""
+"""The live view of a run on one screen, for a terminal of 80 x 24 and larger."""
 
 from __future__ import annotations
 

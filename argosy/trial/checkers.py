@@ -108,7 +108,7 @@ class _Actions:
     """The actions of one robot that have begun and not ended."""
 
     boot: str = ""
-    """Of its bridge: another one has ended them, or tells of them again."""
+    """Of its bridge: another one has ended them, or reports them again."""
     agents: dict[str, str] = field(default_factory=dict)
     """The agent of each action, by the action's id."""
 
@@ -224,7 +224,7 @@ class Checkers:
         self._idle: dict[str, bool] = {}
         """Whether each agent intends nothing, by its last health record."""
         self._holders: dict[str, dict[str, str]] = {}
-        """Who holds each robot, as each of its agents was told."""
+        """Holder of each robot by agent, as it was last published to that agent."""
         self._differ: dict[str, float] = {}
         """Since when several agents seem to hold a robot."""
         self._past: dict[str, deque[_Look]] = {}

@@ -1,6 +1,6 @@
 """Zenoh within one process: sessions at routers, with its key expressions, queries, liveliness and their ends.
 
-`Network.open` stands in for `zenoh.open`: what it returns has of `zenoh.Session` what `commd.bus` uses. Messages
+`Network.open` replaces `zenoh.open`: the session has the part of `zenoh.Session` that `commd.bus` uses. Messages
 between two sessions keep their order; each takes the network's delay.
 """
 
@@ -354,7 +354,7 @@ class Liveliness:
 
 
 class Info:
-    """What `Session.info` tells."""
+    """The result of `Session.info`."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

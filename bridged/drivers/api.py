@@ -157,7 +157,7 @@ class Driver(Protocol):
     def refuses(self, entry: ActionEntry) -> Outcome | None:
         """Why an action cannot begin now; None if it can.
 
-        Others have the robot until an agent takes control again, or it cannot be told from another one.
+        Others have the robot until an agent takes control again, or it cannot be distinguished from another one.
         """
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:

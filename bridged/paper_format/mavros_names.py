@@ -18,12 +18,12 @@ from schemas.manifest.ini import Method
 from schemas.manifest.model import ActionEntry, Field, FieldValue, ParameterType, PerceptEntry, Retry
 
 NAMESPACE = "mavros"
-"""The ROS namespace of its names; others may stand before it: `uav1/mavros/state`."""
+"""The ROS namespace of its names; others may precede it: `uav1/mavros/state`."""
 
 
 @dataclass(frozen=True)
 class Heard:
-    """A topic on which mavros tells something of the vehicle."""
+    """A topic on which mavros publishes the vehicle's state."""
 
     entry: PerceptEntry
     """The MAVLink message, its rate at most, and when it is stale; the arguments come from the manifest."""
@@ -302,6 +302,6 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
 
 
 def below_mavros(name: str) -> str | None:
-    """Return the part of a ROS name below `mavros/`, whatever namespaces stand before it; None if it has none."""
+    """Return the part of a ROS name below `mavros/`, whatever namespaces precede it; None if it has none."""
     parts = name.split("/")
     return "/".join(parts[parts.index(NAMESPACE) + 1 :]) if NAMESPACE in parts[:-1] else None

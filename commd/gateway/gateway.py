@@ -49,7 +49,7 @@ TOLD_SOURCES = 1000
 LONGEST_LOGGED = 200
 """Characters of a logged reason."""
 RATE, BURST = 200.0, 400.0
-"""Datagrams of one node: per second, and at once; further ones are dropped unread and counted."""
+"""Datagrams of one node: per second, and in a burst; further ones are dropped unread and counted."""
 REPEATED_WITHIN = 60.0
 """Seconds within which an equal datagram is a repetition; not longer, as Jason's ids restart with each process."""
 REMEMBERED = 10_000

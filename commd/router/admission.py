@@ -45,7 +45,7 @@ HANDSHAKE = 10.0
 UNHEARD = 512
 """Connections that may wait for their ClientHello."""
 ALLOWANCE, REFILL = 10.0, 2.0
-"""Failed handshakes of an address: at once, and more per second."""
+"""Failed handshakes of an address: in a burst, and more per second."""
 KNOWN_ALLOWANCE, KNOWN_REFILL = 100.0, 100.0
 """The same for all known addresses together, beyond their own allowances."""
 KNOWN_LISTENERS = 16

@@ -1,4 +1,4 @@
-"""Finds the lines on which the tables, keys and values of a TOML document stand, which `tomllib` does not tell."""
+"""Find the lines of the tables, keys and values of a TOML document, which `tomllib` does not return."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Path = tuple[str, ...]
 def toml_lines(text: str) -> dict[Path, int]:
     """Return the line (from 1) of each table, key and element of an array, by its path; the first where it repeats.
 
-    `text` is one that `tomllib` reads; what stands in any other is found as far as it can be. Raises RecursionError
-    for values that are nested too deeply.
+    `text` is one that `tomllib` reads; of another text the result may be incomplete. Raises RecursionError for values
+    that are nested too deeply.
     """
     scan = _Scan(text)
     scan.document()
@@ -33,7 +33,7 @@ def toml_lines(text: str) -> dict[Path, int]:
 def line_of(lines: dict[Path, int], path: Path) -> int:
     """Return the line of the innermost table, key or element on `path` that is known, 0 if none is.
 
-    `[a.b]` declares `a` too: a table without a line of its own stands where its first part does.
+    `[a.b]` declares `a` too: a table without a line of its own has that of its first part.
     """
     for length in range(len(path), 0, -1):
         known = path[:length]
@@ -61,7 +61,7 @@ class _Scan:
         self.arrays: Counter[Path] = Counter()
 
     def here(self, path: Path) -> None:
-        """The value at `path` stands where the scan is."""
+        """Record the present line of the scan as that of `path`."""
         self.line += self.text.count("\n", self.counted, self.at)
         self.counted = self.at
         self.found.setdefault(path, self.line)

@@ -1,8 +1,8 @@
 """Convert plain data (from TOML, JSON or YAML) to msgspec models, and find every mismatch.
 
 msgspec itself stops at the first problem, and does not say in which entry of a mapping it is. Two threads that use a
-type for the first time at once end the process by SIGSEGV (msgspec 0.22), so types are converted, and codecs are made,
-under a lock.
+type for the first time together end the process by SIGSEGV (msgspec 0.22), so types are converted, and codecs are
+made, under a lock.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ class _Reader:
         return list(items)
 
     def source(self) -> Term:
-        """Take a balanced `(...)` or `{...}` as it stands, strings and quoted atoms in it included."""
+        """Take a balanced `(...)` or `{...}` unchanged, strings and quoted atoms in it included."""
         start, depth, at = self.start, 0, self.start
         for found in re.finditer(r"""\"(?:[^"\\]|\\.)*\"|'[^'\n]*'|[({\[\])}]""", self.text[start:], re.DOTALL):
             if found[0] in "({[":

@@ -1,8 +1,8 @@
 """Generates Python for formulas: contexts, rule bodies, tests and conditions.
 
 A conjunction becomes nested loops, each literal one loop over the belief base; where Python would nest too deep, for
-alternatives and under ``not``, the formula becomes a function of its own. What comes after a success is written by a
-continuation, in the innermost block.
+alternatives and under ``not``, the formula becomes a function of its own. A continuation writes the code that follows a
+success, in the innermost block.
 """
 
 from __future__ import annotations

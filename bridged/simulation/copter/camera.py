@@ -1,8 +1,8 @@
 """A simulated camera under a copter: publishes the victims in view of the copter's true position.
 
 A victim is seen within the camera's range over ground, and from then on for `MEMORY` more: the tracker behind a real
-camera keeps what it has found for a while too, and a router that restarts just then does not hide anybody. Nothing is
-told of a victim that was never in range.
+camera keeps what it has found for a while too, and a router that restarts just then does not hide anybody. A victim
+that was never in range is not published.
 """
 
 from __future__ import annotations

@@ -292,7 +292,7 @@ def own_target(flight: ProcedureContext, action: BoundAction) -> str:
 
 
 def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: float | None) -> Steps:
-    """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stand, slow."""
+    """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stop, slow."""
     near, asked = tolerance or 1.0, flight.now
     while True:
         vehicle = flight.vehicle
@@ -338,9 +338,9 @@ def down(flight: ProcedureContext, run: ProcedureRun) -> Part:
 def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Part:
     """Judge whether motors that have just stopped did so on the ground; else the procedure has failed.
 
-    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
-    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time, in mission seconds;
-    `where` is for people.
+    A vehicle that does not move before and after has landed, on a hill too; one that falls is fast. A disarmed
+    vehicle reports itself as landed wherever it is. `fast_at` is when it was last faster than `FALLS`, in mission
+    seconds; `where` is for people.
     """
     vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
     until = asked + flight.wait(*STANDS_FOR)

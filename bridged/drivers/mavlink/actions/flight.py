@@ -179,7 +179,7 @@ def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
 
 
 def reposition_and_arrive(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """As `reposition`, then within the tolerance of the target and, if the vehicle can stand, slow."""
+    """As `reposition`, then within the tolerance of the target and, if the vehicle can stop, slow."""
     outcome = yield from reposition(flight, run, action)
     if outcome is not SUCCEEDED:
         return outcome
@@ -218,7 +218,7 @@ def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 
 def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """NAV_RETURN_TO_LAUNCH: within the tolerance of home over ground and, if the vehicle can stand, slow; still armed.
+    """NAV_RETURN_TO_LAUNCH: within the tolerance of home over ground and, if the vehicle can stop, slow; still armed.
 
     For vehicles that do not land by themselves: a rover stops there, a plane circles.
     """

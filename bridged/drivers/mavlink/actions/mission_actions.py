@@ -192,7 +192,7 @@ MOVES_HOME = "it moves home, from where the mission's limits are measured"
 def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_upload`: every item within the limits, acknowledged, and as many counted back.
 
-    With `home_first` the first item stands for home, as in ArduPilot's own numbering: the vehicle keeps its own.
+    With `home_first` the first item is home, as in ArduPilot's own numbering: the vehicle keeps its own.
     """
     said = action.arguments["items"]
     if action.arguments.get("home_first") is True and isinstance(said, list):

@@ -119,8 +119,8 @@ def _fly(
     A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
     HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
     of a mission does so immediately: two HEARTBEATs later a change is somebody else's. Of a mission that jumps,
-    reaching an item proves nothing: it is over when the vehicle says so. `stored` is how many items MISSION_CURRENT
-    told before.
+    reaching an item proves nothing: it is over when the vehicle says so. `stored` is the number of items in the
+    last MISSION_CURRENT before.
     """
     vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
     poll, patience = Poll(flight, run, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)

@@ -37,7 +37,7 @@ class LinkAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Reads `kind:HOST:PORT` or `serial:DEVICE:BAUD`; IPv6 hosts stand in brackets. Raises LinkAddressError."""
+        """Reads `kind:HOST:PORT` or `serial:DEVICE:BAUD`; IPv6 hosts are in brackets. Raises LinkAddressError."""
         kind, colon, rest = text.partition(":")
         if not colon or kind not in get_args(LinkKind):
             raise LinkAddressError(text, f"expected {FORMS}")

@@ -151,9 +151,9 @@ LOOKUP_TIMEOUT_S = 10.0
 """Seconds that the name service may take to resolve the host of a link."""
 
 ROOM_EACH, ROOM_STEP = 10 * 1024, 16
-"""Bytes that the system is asked to keep of what waits to be read, for each address that speaks: about what a vehicle
-sends in a second, for more would only be old when it is read. It is asked at every so many addresses; what it keeps
-unasked is room for the first of them. It may give less (Linux: net.core.rmem_max)."""
+"""Bytes of the receive buffer that are requested for each sending address, and the number of addresses between two
+requests. The bytes are about those that a vehicle sends in a second: more would be old when read. The default buffer
+serves the first addresses. The system may give less (Linux: net.core.rmem_max)."""
 
 MAX_REMEMBERED = 1024
 """Addresses that a socket remembers before it forgets those that the link has forgotten."""

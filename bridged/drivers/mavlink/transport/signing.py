@@ -2,7 +2,7 @@
 
 A stream is one link id, system and component under one key (MAVLink devguide, message_signing.md). The file holds for
 each a bound at or above all that was taken: it is written ahead, so that a crash leaves nothing to be taken again. A
-sender whose clock goes on is past the bound `AHEAD` later; one that is behind is told the time, which is above it.
+sender whose clock goes on is past the bound `AHEAD` later; one that is behind is sent the time, which is above it.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class Timestamps:
     def __init__(self, file: Path | None = None, clock: Callable[[], int] = now_10us) -> None:
         """`file` holds the bound below which any may have been used; without it they rise in this life only.
 
-        Raises OSError if the file cannot be read or written, SigningError if something else stands in it.
+        Raises OSError if the file cannot be read or written, SigningError if it holds something else.
         """
         self._file = file
         self._clock = clock

@@ -5,7 +5,7 @@ Pure: packets' senders and the time in wall seconds go in.
 
 The address that is known keeps counting while HEARTBEATs come from there. Another one takes its place once the known
 one has been silent for the time of a link loss: the vehicle was restarted, or has a new address. An address that was
-left because its connection was closed is replaced by the next one at once.
+left because its connection was closed is replaced by the next one immediately.
 """
 
 from __future__ import annotations

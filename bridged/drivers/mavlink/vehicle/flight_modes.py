@@ -173,7 +173,7 @@ def nameless(declared: ModeTable) -> ModeTable:
 
 
 def contradiction(declared: ModeTable, kind: int) -> str:
-    """In words, that a MAV_TYPE is not of the manifest's vehicle; empty if it may be."""
+    """Return a text that a MAV_TYPE is not of the manifest's vehicle; empty if it may be."""
     known = _BY_TYPE.get(kind)
     if kind == dialect.MAV_TYPE_GENERIC or (known is not None and known.vehicle == declared.vehicle):
         return ""

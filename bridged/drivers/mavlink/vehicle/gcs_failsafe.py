@@ -24,9 +24,9 @@ BY_FAILSAFE = Ids()
 
 
 def our_ids(failsafe: Failsafe, vehicle: int, ids: Ids = BY_FAILSAFE) -> Identity:
-    """The ids under which we speak: the ground station's for `gcs: bridge`, the vehicle's companion otherwise.
+    """Return the ids of the bridge: the ground station's for `gcs: bridge`, the vehicle's companion otherwise.
 
-    `ids` of the mission stand above both.
+    `ids` of the mission override both.
     """
     system, component = GROUND_STATION if failsafe.gcs == "bridge" else (vehicle, COMPANION)
     return Identity(ids.system or system, ids.component or component, vehicle)

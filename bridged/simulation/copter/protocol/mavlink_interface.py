@@ -1,7 +1,7 @@
 """The simulated copter on MAVLink: messages in, messages out, and time in steps.
 
 It does no input or output and knows no clock, so a test flies it in milliseconds: `receive` a message, `advance` the
-time, look at what comes back.
+time, read the replies.
 """
 
 import math
