@@ -6,17 +6,17 @@ Equal times run in the order in which their timers were set: the order of asynci
 from __future__ import annotations
 
 import asyncio
-import heapq
-import selectors
 import socket
 from asyncio import events
+from collections import deque
 from collections.abc import Callable
 from contextvars import Context, copy_context
+from heapq import heappop, heappush
 from itertools import count
 from typing import Any, Final
 
 CLOCK_RESOLUTION: Final = 1e-9
-"""Seconds by which timers may be early: with asyncio's own, a timer of virtual time could run before its time."""
+"""Seconds by which timers may be early: times that differ by less are one."""
 FIRST_PORT: Final = 40_000
 """Port of the first socket that asks for none in particular."""
 
@@ -29,65 +29,34 @@ class Deadlock(RuntimeError):
     """No task can go on and no timer is set: nothing would ever happen again."""
 
 
-class _Timer(events.TimerHandle):
-    __slots__ = ("number", "runs")
+class _Call(events.TimerHandle):
+    """A call that is to be made: at a virtual time, or in the next pass."""
 
-    number: int
-    runs: Callable[[Context], bool]
+    __slots__ = ()
 
-    def _run(self) -> None:
-        if self.runs(self._context):  # type: ignore[attr-defined]
-            super()._run()
+    def __init__(
+        self, when: float, callback: Callable[..., object], args: Any, loop: VirtualLoop, context: Context | None
+    ) -> None:
+        """Set what asyncio's own sets, which also asks whether the loop is debugged."""
+        self._when, self._callback, self._args, self._loop = when, callback, args, loop
+        self._context = copy_context() if context is None else context
+        self._cancelled = False
+        self._repr = self._source_traceback = None
 
-    def __lt__(self, other: object) -> bool:
-        if not isinstance(other, _Timer):
-            return NotImplemented
-        return (self._when, self.number) < (other._when, other.number)  # type: ignore[attr-defined]
-
-
-class _Handle(events.Handle):
-    __slots__ = ("runs",)
-
-    runs: Callable[[Context], bool]
-
-    def _run(self) -> None:
-        if self.runs(self._context):  # type: ignore[attr-defined]
-            super()._run()
+    def cancel(self) -> None:
+        """Do not make it."""
+        self._cancelled = True
+        self._callback = self._args = None  # type: ignore[assignment]
 
 
-class _Selector(selectors.BaseSelector):
-    """Advances the clock where a selector would wait; files are not watched."""
-
-    def __init__(self, advance: Callable[[float | None], None]) -> None:
-        self._advance = advance
-
-    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return selectors.SelectorKey(fileobj, -1, events, data)
-
-    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        return selectors.SelectorKey(fileobj, -1, 0, None)
-
-    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self.register(fileobj, events, data)
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        self._advance(timeout)
-        return []
-
-    def get_map(self) -> Any:
-        return {}
-
-    def get_key(self, fileobj: Any) -> selectors.SelectorKey:
-        raise KeyError(fileobj)
-
-
-class VirtualLoop(asyncio.SelectorEventLoop):
+class VirtualLoop(asyncio.BaseEventLoop):
     """Runs everything of a trial in one thread; `time()` is in virtual seconds since the start."""
 
     def __init__(self) -> None:
         self._now = 0.0
-        super().__init__(_Selector(self._advance))
-        self._clock_resolution = CLOCK_RESOLUTION
+        super().__init__()
+        self._timers: list[tuple[float, int, _Call]] = []
+        """With their times and numbers, as a heap."""
         self._numbers = count()
         self._udp: dict[tuple[str, int], Datagrams] = {}
         self._ports = count(FIRST_PORT)
@@ -105,29 +74,44 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         """Return virtual seconds since the start."""
         return self._now
 
-    def _advance(self, seconds: float | None) -> None:
-        if seconds is None:
-            raise Deadlock(f"at {self._now:.3f} s of virtual time everything waits, and no timer is set")
-        self._now += max(0.0, seconds)
+    def _run_once(self) -> None:
+        """Advance the clock to the next timer if nothing else is to be done, and make the calls that are due."""
+        ready: deque[_Call] = self._ready  # type: ignore[attr-defined]
+        timers, runs = self._timers, self.runs
+        while timers and timers[0][2]._cancelled:
+            heappop(timers)
+        if not ready and not self._stopping:  # type: ignore[attr-defined]
+            if not timers:
+                raise Deadlock(f"at {self._now:.3f} s of virtual time everything waits, and no timer is set")
+            self._now = max(self._now, timers[0][0])
+        while timers and timers[0][0] < self._now + CLOCK_RESOLUTION:
+            ready.append(heappop(timers)[2])
+        for _ in range(len(ready)):
+            call = ready.popleft()
+            if not call._cancelled and runs(call._context):
+                call._run()
 
     def call_at(  # type: ignore[override]
         self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.TimerHandle:
         """Call at a virtual time; calls for one time in the order in which they were asked for."""
-        timer = _Timer(when, callback, args, self, context)
-        timer.number, timer.runs = next(self._numbers), self.runs
-        heapq.heappush(self._scheduled, timer)  # type: ignore[attr-defined]
-        timer._scheduled = True  # type: ignore[attr-defined]
-        return timer
+        call = _Call(when, callback, args, self, context)
+        heappush(self._timers, (when, next(self._numbers), call))
+        return call
+
+    def call_later(  # type: ignore[override]
+        self, delay: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """Call after virtual seconds."""
+        return self.call_at(self._now + delay, callback, *args, context=context)
 
     def call_soon(  # type: ignore[override]
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.Handle:
         """Call in the next pass."""
-        handle = _Handle(callback, args, self, context)
-        handle.runs = self.runs
-        self._ready.append(handle)  # type: ignore[attr-defined]
-        return handle
+        call = _Call(self._now, callback, args, self, context)
+        self._ready.append(call)  # type: ignore[attr-defined]
+        return call
 
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
