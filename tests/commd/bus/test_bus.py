@@ -204,10 +204,10 @@ async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its
             open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
         )
         await until(lambda: bus.router_up, "the router is seen")
-        session, bus._session = bus._session, Mock()
+        session, bus._session = bus._session, (hung := Mock())
         replies = bus.query("argosy/test/a", None, ActionStatus, 3600)
         asking = asyncio.ensure_future(anext(replies))
-        await asyncio.sleep(0.1)
+        await until(lambda: hung.get.called, "the query is sent")
         bus._session = session
         assert not asking.done(), "neither the first sight of the router nor anything else has ended it"
         await router.aclose()

@@ -16,7 +16,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
-from schemas.wire.records import Action, ActionStatus, Cancel, Perception, State
+from schemas.wire.records import Action, ActionStatus, Cancel, Health, Perception, State
 from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
 from tests.support.promises import in_time
 
@@ -322,9 +322,11 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     looking = asyncio.create_task(watch.run())
     key = keys.health(FLEET, "uav1", "bridged")
     await subscribed(bridge, key)
+    said = list[Health]()
+    (await connect("eye")).subscribe(key, Health, lambda _, health: said.append(health))
     speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
     doing = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (), 10))
-    await asyncio.sleep(2.5)
+    await until(lambda: len(said) > 3, "it speaks for longer than it may be silent")
     assert watch.up, "a bridge that speaks is not given up"
     assert not doing.done()
     speaking.cancel()

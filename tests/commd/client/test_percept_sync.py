@@ -16,7 +16,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Health, Perception
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
 from tests.support.promises import kept
 
 
@@ -262,11 +262,14 @@ async def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_b
 async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     bridge.tell("home", 1, 2)
-    perceiving, heard = perceive(await connect("uav"))
+    agent, reports = await connect("uav"), list[Health]()
+    perceiving, heard = perceive(agent)
     await until(lambda: len(heard) == 1, "the percept arrives")
+    agent.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _, report: reports.append(report))
+    await subscribed(bridge.bus, keys.health(FLEET, "uav1", "bridged"))
     for _ in range(20):
         bridge.report()
-        await asyncio.sleep(0.1)
+    await until(lambda: len(reports) == 20, "the agent has all reports")
     assert heard == [("came", "home", (1, 2))]
     assert len(perceiving.percepts) == 1
 

@@ -170,12 +170,12 @@ async def test_mail_for_an_agent_that_is_away_waits_and_goes_at_once_when_it_com
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     never(monkeypatch)
-    async with board(connect, "pi1", tmp_path, homes=ONE_BOARD):
+    async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         sender = await connect("a")
         await post(sender, message(1))
         await post(sender, message(2))
-        await asyncio.sleep(0.2)
         for round_ in range(2):
+            await until(lambda: "b is away" in mail_service.state_of("a", "b"), "their mail waits")
             bus = await connect("b")
             bus.serve(keys.inbox(FLEET, "b"), Mail, (receiver := _Quiet()).take)
             await served(sender, keys.inbox(FLEET, "b"))
@@ -184,7 +184,6 @@ async def test_mail_for_an_agent_that_is_away_waits_and_goes_at_once_when_it_com
             assert receiver.contents == [1 + 2 * round_, 2 + 2 * round_]
             bus.withdraw(token)
             await bus.close()
-            await asyncio.sleep(0.2)
             await post(sender, message(3), message(4))
 
 

@@ -111,10 +111,10 @@ async def test_a_transaction_that_fails_undoes_nothing_but_itself(store: Store) 
 
 @store_test
 async def test_the_event_loop_goes_on_while_the_disk_is_slow(store: Store) -> None:
-    slow = threading.Event()
-    writing = asyncio.create_task(store.write(lambda db: slow.wait(20)))
+    slow, began = threading.Event(), threading.Event()
+    writing = asyncio.create_task(store.write(lambda db: began.set() or slow.wait(20)))
     reading = asyncio.create_task(store.read(lambda db: slow.wait(20)))
-    await asyncio.sleep(0.05)
+    await until(began.is_set, "the disk hangs")
     slow.set()  # if the loop had to wait for the disk nobody would come here
     assert await writing
     assert await reading
