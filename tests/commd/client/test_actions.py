@@ -167,7 +167,10 @@ async def test_a_status_waits_for_the_percept_that_it_follows(
 
 
 @bus_test
-async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(connect: Connect) -> None:
+async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 30.0)
     action_requests, perceiving, bridge, _ = await act(connect, None)
     present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
 
