@@ -22,7 +22,7 @@ async def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> Non
 
     for turns in range(6):  # the event comes so many turns of the loop before the cancel
         task = asyncio.create_task(forever())
-        await asyncio.sleep(0.01)
+        await asyncio.sleep(0)
         event.set()
         for _ in range(turns):
             await asyncio.sleep(0)
