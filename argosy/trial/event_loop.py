@@ -83,7 +83,9 @@ class VirtualLoop(asyncio.BaseEventLoop):
         if not ready and not self._stopping:  # type: ignore[attr-defined]
             if not timers:
                 raise Deadlock(f"at {self._now:.3f} s of virtual time everything waits, and no timer is set")
-            self._now = max(self._now, timers[0][0])
+            # Who waits by a clock of its own, which differs from that of the loop by rounding, sets a timer for the
+            # present time again until that clock says that it is due: for ever in a time that stood still.
+            self._now = due if (due := timers[0][0]) > self._now else self._now + CLOCK_RESOLUTION
         while timers and timers[0][0] < self._now + CLOCK_RESOLUTION:
             ready.append(heappop(timers)[2])
         for _ in range(len(ready)):

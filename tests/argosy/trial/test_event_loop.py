@@ -43,6 +43,21 @@ class Received(asyncio.DatagramProtocol):
         self.got.append(type(exc).__name__)
 
 
+def test_who_waits_by_a_clock_that_differs_by_rounding_does_not_wait_for_ever(loop: VirtualLoop) -> None:
+    start = 0.1
+    due = 32.0 - start + 4e-15
+
+    async def wait() -> int:
+        tries = 0
+        while (left := due - (loop.time() - start)) > 0:
+            tries += 1
+            assert tries < 5, "the time stands still"
+            await asyncio.sleep(left)
+        return tries
+
+    assert loop.run_until_complete(wait()) > 1, "the first wait ends early"
+
+
 def test_hours_of_sleep_and_timeouts_pass_without_waiting(loop: VirtualLoop) -> None:
     async def day() -> list[float]:
         await asyncio.sleep(3600)
