@@ -115,6 +115,22 @@ def test_an_effect_without_acknowledgement_is_a_success(sky: Sky, number: int, n
     assert [one.state for one in finals.values()] == ["succeeded"] * 3
 
 
+@pytest.mark.parametrize("heartbeats", [0, 1])
+def test_a_change_that_is_acknowledged_before_a_silence_is_judged_by_the_heartbeats_after_it(
+    sky: Sky, heartbeats: int
+) -> None:
+    sky.do("set_mode", "GUIDED")
+    arming = sky.begin("arm_motors", True)
+    sky.forward(lambda: sky.vehicle.copter.armed, "the motors turn")
+    sky.forward(lambda: sky.driver.vehicle.armed or not heartbeats, "the first heartbeat")
+    sky.we_hear = is_ack_of(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
+    sky.wait(4.5)
+    assert not arming[-1].final
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: arming[-1].final, "the end", 3)
+    assert arming[-1].state == "succeeded", arming[-1].reason
+
+
 def test_a_takeoff_that_has_begun_is_not_sent_again_when_its_acknowledgement_is_lost(sky: Sky) -> None:
     sky.do("set_mode", "GUIDED")
     sky.do("arm_motors", True)
@@ -150,6 +166,25 @@ def test_a_takeoff_answered_failed_after_its_repetition_is_judged_by_the_altitud
     final = sky.do("takeoff", 5)
     assert final.state == "succeeded", final.reason
     assert seen >= 2
+
+
+def test_a_takeoff_goes_on_in_the_air_after_a_restart_of_the_bridge(sky: Sky, tmp_path: Path) -> None:
+    sky.do("set_mode", "GUIDED")
+    sky.do("arm_motors", True)
+    sky.begin("takeoff", 20)
+    sky.forward(lambda: sky.vehicle.copter.motion.position.up > sky.vehicle.copter.home_on_chart.up + 1, "lift-off")
+    again = Sky(tmp_path / "again", vehicle=sky.vehicle, clock=sky.clock)
+    again.forward(lambda: again.belief("altitude"), "its altitude")
+    assert again.do("takeoff", 20).state == "succeeded"
+    assert again.do("takeoff", 10).state == "refused", "what is above does not take off"
+
+
+def test_a_target_that_no_stream_reports_is_requested(sky: Sky) -> None:
+    """Of a vehicle that acknowledges nothing, the intervals of other messages are asked for first, one by one."""
+    interval, target = dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+    sky.hears_us = lambda message: not (is_command(interval)(message) and message.param1 == target)
+    final = sky.flying().do("goto", *GOAL)
+    assert final.state == "succeeded", final.reason
 
 
 def test_a_vehicle_that_answers_nothing_fails_the_action_within_seconds(sky: Sky) -> None:

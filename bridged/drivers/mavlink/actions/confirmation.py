@@ -168,16 +168,19 @@ def acknowledged(
 
 
 def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
-    """Whether a state shows soon and still does at the next HEARTBEAT."""
+    """Whether a state shows soon and still does at the next HEARTBEAT.
+
+    Only a HEARTBEAT denies it: silence proves nothing, and the loss of the link ends the procedure.
+    """
     vehicle, patience = flight.vehicle, flight.now + flight.wait(*SETTLE)
     while not shown():
-        if flight.now > patience:
+        if vehicle.heard_at > patience:
             return False
         yield
-    beats, patience = vehicle.heartbeats, flight.now + flight.wait(*SETTLE)
-    while shown() and vehicle.heartbeats == beats and flight.now <= patience:
+    beats = vehicle.heartbeats
+    while shown() and vehicle.heartbeats == beats:
         yield
-    return shown() and vehicle.heartbeats > beats
+    return shown()
 
 
 def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
@@ -226,10 +229,9 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     yield from home_reported_for_limits(flight, run, action)
     check_guided_aloft(flight, "position targets")
     check_limits(flight, action)
-    for _ in range(TARGET_ATTEMPTS):
+    for attempt in range(TARGET_ATTEMPTS):
         flight.send_target(action.target, action.frame, action.yaw)
-        run.waits_for = "the vehicle to report the target as its own"
-        if (yield from target_shown(flight, action)):
+        if (yield from target_shown(flight, run, action, ask=attempt > 0)):
             return
         if not flight.vehicle.armed:
             raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
@@ -262,11 +264,17 @@ def check_limits(flight: ProcedureContext, action: BoundAction) -> None:
         raise Ended("refused", broken, "limits")
 
 
-def target_shown(flight: ProcedureContext, action: BoundAction) -> Generator[None, None, bool]:
-    """Whether the vehicle reports the target of an action as its own before long."""
+def target_shown(
+    flight: ProcedureContext, run: ProcedureRun, action: BoundAction, *, ask: bool
+) -> Generator[None, None, bool]:
+    """Whether the vehicle reports the target of an action as its own before long; `ask`: request its report."""
     vehicle, seen = flight.vehicle, flight.vehicle.targets
     patience = flight.now + flight.wait(*TARGET_WAIT)
+    request = Poll(flight, run, "POSITION_TARGET_GLOBAL_INT")
+    run.waits_for = "the vehicle to report the target as its own"
     while vehicle.armed and flight.now <= patience:
+        if ask:
+            request()
         yield
         if vehicle.targets > seen and target_is(flight, action):
             return True

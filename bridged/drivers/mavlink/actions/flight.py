@@ -71,20 +71,20 @@ def arm(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Ste
     run.waits_for = f"a HEARTBEAT that shows {'armed' if wanted else 'not armed'}"
     if (yield from steady(flight, shown)):
         return SUCCEEDED
-    state = "not armed" if wanted else "still armed"
-    if shown():
-        said = f"one HEARTBEAT showed {'armed' if wanted else 'not armed'}, and no second one came: it may be so"
-    else:
-        said = f"{command.name} was acknowledged, but the vehicle is {state}"
+    said = f"{command.name} was acknowledged, but the vehicle is {'not armed' if wanted else 'still armed'}"
     return Outcome("failed", flight.with_texts(said, asked))
 
 
 def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """NAV_TAKEOFF: within the tolerance of the altitude above home."""
+    """NAV_TAKEOFF: within the tolerance of the altitude above home.
+
+    One in the air below that climbs on: a takeoff was paused there, or its agent or bridge was restarted.
+    """
     vehicle, wanted = flight.vehicle, action.parameters[6]
     if broken := flight.too_high(wanted):
         return Outcome("refused", broken, "limits")
-    if flight.goes_on(action) and vehicle.aloft:
+    below = vehicle.position is not None and vehicle.placed and vehicle.position.altitude <= wanted
+    if (flight.goes_on(action) or below) and vehicle.aloft:
         return (yield from _climb_on(flight, run, action))
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
@@ -116,7 +116,7 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
 
 
 def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """Continue a takeoff that was paused in the air, where NAV_TAKEOFF is refused: by a target above."""
+    """Continue a takeoff in the air, where NAV_TAKEOFF is refused: by a target above."""
     vehicle, wanted, asked = flight.vehicle, action.parameters[6], flight.now
     if vehicle.position is None:
         return Outcome("refused", "the vehicle has not reported where it is")
@@ -170,9 +170,8 @@ def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     flight.expect_mode(vehicle.modes.guided)
     command, seen = flight.submit(run, action, in_frame=True), vehicle.targets
     yield from acknowledged(flight, run, command, lambda: vehicle.targets > seen and target_is(flight, action))
-    for _ in range(TARGET_ATTEMPTS):
-        run.waits_for = "the vehicle to report the target as its own"
-        if (yield from target_shown(flight, action)):
+    for attempt in range(TARGET_ATTEMPTS):
+        if (yield from target_shown(flight, run, action, ask=attempt > 0)):
             return SUCCEEDED
     said = f"{command.name} was acknowledged, but {own_target(flight, action)}"
     return Outcome("failed", flight.with_texts(said, asked))
