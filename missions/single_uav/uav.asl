@@ -14,7 +14,17 @@
      .print("mission done");
      +mission_done.
 
-// Whatever went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
+// What a link, a daemon or the vehicle cuts short is tried again, and what is done already is not repeated.
+passing(Cause) :- .member(Cause, [driver, restart, unreachable, storage, agent_lost]).
+tries(3).
+
+-!fly_mission[cause(Cause), error_msg(Why)] : passing(Cause) & tries(N) & N > 0
+  <- .print("again, for ", Why);
+     -+tries(N - 1);
+     .wait(3000);
+     !go_on.
+
+// Whatever else goes wrong, be it an action, a test or a plan: what flies comes home before the mission is given up.
 -!fly_mission[error_msg(Why)]
   <- .print("mission failed: ", Why);
      !given_up(Why).
@@ -26,9 +36,11 @@
 
 // Started again by a supervisor after a death: it goes on by what it believes, and does not fly the way there twice.
 +restarted(_) : failing(Why) <- !heard; !given_up(Why).
-+restarted(_) : not mission_done <- .print("started again"); !heard; !superseded; !fly_mission.
++restarted(_) : not mission_done <- .print("started again"); !go_on.
 
-// An action of the life before may still run, and the next one would be refused as busy: the mode ends it.
++!go_on <- !heard; !superseded; !fly_mission.
+
+// An action may still run of which no end was heard, and the next one would be refused as busy: the mode ends it.
 +!superseded : aloft & state("GUIDED", _, _) & not homeward <- set_mode("GUIDED").
 +!superseded.
 
@@ -40,10 +52,13 @@ aloft :- state(_, _, true) & altitude(A) & A > 1.
 +!airborne(_) : aloft & state("GUIDED", _, _).
 +!airborne(_) : aloft & not override(_) <- set_mode("GUIDED").      // the bridge has held it meanwhile
 +!airborne(Altitude) : not aloft
-  <- set_mode("GUIDED");
+  <- !guided;
      !armed;
      .print("taking off to ", Altitude, " m");
      takeoff(Altitude).
+
++!guided : state("GUIDED", _, _).
++!guided <- set_mode("GUIDED").
 
 +!armed : state(_, _, true).
 +!armed <- arm_motors(true).

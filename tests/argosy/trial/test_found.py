@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import pytest
 
-from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill
+from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, Vehicle
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
 
@@ -30,6 +30,11 @@ def fly() -> Iterator[Fly]:
         yield once
 
 
+def no_action_failed(outcome: Outcome) -> bool:
+    """Whether no action failed or was refused: the mission's agent would try it again, and succeed."""
+    return not any(end in line for line in outcome.journal for end in ("failed after", "refused after"))
+
+
 @pytest.mark.parametrize(
     "fault",
     [Kill(at=34.2, daemon="agentd:local"), BoardDown(at=34.2, board="local", seconds=2.0)],
@@ -44,11 +49,13 @@ def test_daemons_that_are_killed_go_on_with_their_files(fly: Fly, fault: Fault) 
 def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_that_has_just_heard_it(fly: Fly) -> None:
     outcome = fly("single_uav", 14, BoardDown(at=75.5, board="local", seconds=11.5))
     assert outcome.success, outcome.why
+    assert no_action_failed(outcome)
 
 
 def test_a_target_waits_for_the_home_of_a_vehicle_that_a_bridge_has_just_heard(fly: Fly) -> None:
     outcome = fly("single_uav", 25, BoardDown(at=21.8, board="local", seconds=12.3))
     assert outcome.success, outcome.why
+    assert no_action_failed(outcome)
 
 
 def test_an_agent_flies_on_while_the_disk_is_full(fly: Fly) -> None:
@@ -61,3 +68,19 @@ def test_a_router_that_is_killed_as_its_clients_find_it_back_deafens_none_of_the
     outcome = fly("single_uav", 1, Kill(at=30.0, daemon="commd"), Kill(at=30.5, daemon="commd"))
     assert len([line for line in outcome.journal if "killed by SIGKILL" in line]) == 2
     assert outcome.success, outcome.why
+
+
+@pytest.mark.parametrize(
+    ("seed", "faults"),
+    [
+        (18, [Vehicle(robot="uav1", fault="cut=4.1+4.3")]),
+        (46, [Vehicle(robot="uav1", fault="mute-acks"), BoardDown(at=12.9, board="local", seconds=27.8)]),
+    ],
+    ids=["arming, then silence", "a target to a vehicle that acknowledges nothing"],
+)
+def test_what_a_vehicle_does_is_judged_by_its_state_not_by_what_it_says_in_time(
+    fly: Fly, seed: int, faults: list[Fault]
+) -> None:
+    outcome = fly("single_uav", seed, *faults)
+    assert outcome.success, outcome.why
+    assert no_action_failed(outcome)
