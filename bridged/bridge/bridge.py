@@ -29,8 +29,7 @@ from schemas.wire.records import ActionStatus, Health, Note
 from schemas.wire.terms import Atom
 
 TICK, TICKS = 0.05, 20.0
-"""Most wall seconds between two steps while an action runs or a percept is held back, and least steps in a mission
-second."""
+"""Most wall seconds between two steps while an action runs, and least steps in a mission second."""
 TICKS_ACTIVE = 5
 """Such ticks between two steps of a robot that is only active: its percepts age, others may take it."""
 TICK_IDLE = 1.0
@@ -67,6 +66,7 @@ class Bridge:
         """
         self.name = robot
         self._clock, loop = clock, loop or Loop.unwatched()
+        self._tick = min(TICK, 1 / (TICKS * clock.speed))
         self._wake = asyncio.Event()
         """Set when something begins that steps are due for soon."""
         agents = mission.agents_of(robot)
@@ -148,30 +148,30 @@ class Bridge:
 
     async def _pass_time(self) -> None:
         """Step by the clock, independently of what the robot sends."""
-        tick = min(TICK, 1 / (TICKS * self._clock.speed))
         while True:
             self._wake.clear()
-            pause = tick
+            pause = self._tick
             try:
-                if not self.step():
-                    pause = TICKS_ACTIVE * tick if self.driver.active else TICK_IDLE
+                pause = self.step()
             except Exception as error:  # a defect must not end the bridge, and with it the way home
                 what = {"message": f"looking at {self.name}", "exception": error}
                 asyncio.get_running_loop().call_exception_handler(what)
             due = self._clock.wall() + pause
-            if pause > tick:
+            if pause > self._tick:
                 await wait_at_most(self._wake, pause)
-            if pause == tick or self._wake.is_set():
-                await asyncio.sleep(tick)  # also after a wake: short actions one after the other share a step
+            if pause == self._tick or self._wake.is_set():
+                await asyncio.sleep(self._tick)  # also after a wake: short actions one after the other share a step
             if self._clock.wall() - due > STALL:  # what the robot sent meanwhile is read before time is judged
                 await asyncio.sleep(CATCH_UP)
 
-    def step(self) -> bool:
-        """Let time pass for orders, percepts and actions. Returns whether the next step is due in a tick."""
+    def step(self) -> float:
+        """Let time pass for orders, percepts and actions. Returns the wall seconds until the next step is due."""
         self.driver.step()
-        held_back = self.percepts.tick()
+        held_back = self._clock.to_wall(self.percepts.tick())
         self.action_server.step()
-        return held_back or bool(self.action_server.running)
+        if self.action_server.running:
+            return self._tick
+        return max(self._tick, min(held_back, TICKS_ACTIVE * self._tick if self.driver.active else TICK_IDLE))
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""

@@ -76,7 +76,7 @@ class PerceptPublisher:
         clock: Clock,
         wake: asyncio.Event | None = None,
     ) -> None:
-        """`wake` is set when a change is held back: ticks are due soon then."""
+        """`wake` is set when a change is held back: a tick may be due earlier then."""
         self.expired = 0
         """Beliefs removed so far because their source fell silent."""
         self.dropped = 0
@@ -137,18 +137,22 @@ class PerceptPublisher:
             self._last[source] = (reading, now)
         self._read(reading, now)
 
-    def tick(self) -> bool:
-        """Publish what the rate held back and is due, and remove what has aged. Returns whether more is held back."""
-        now, held_back = self._clock.now(), False
+    def tick(self) -> float:
+        """Publish what the rate held back and is due, and remove what has aged.
+
+        Returns the mission seconds until more of it is due; infinite if nothing is held back.
+        """
+        now, due = self._clock.now(), math.inf
         for key, slot in list(self._slots.items()):
             if slot.waiting is not None and now >= slot.due:
                 self._publish_slot(slot, slot.waiting, now)
-            held_back = held_back or slot.waiting is not None
+            if slot.waiting is not None:
+                due = min(due, slot.due)
             ttl = slot.entry.ttl
             if ttl is not None and now - slot.heard_at > ttl * self._ttl_scale:
                 self.expired += 1
                 self._remove(key)
-        return held_back
+        return due - now
 
     def flush(self) -> None:
         """Publish everything that is held back: a status must not refer to percepts that come after it."""
@@ -208,8 +212,9 @@ class PerceptPublisher:
         elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
             self._publish_slot(slot, parameters, now)
         else:
+            if slot.waiting is None:
+                self._wake.set()
             slot.waiting = parameters
-            self._wake.set()
 
     def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
         period = _period(slot.entry)

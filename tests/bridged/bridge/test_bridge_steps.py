@@ -19,9 +19,9 @@ def test_a_robot_without_actions_and_held_back_percepts_is_stepped_seldom(
     async def steps_in_ten_seconds() -> int:
         sky = Sky(tmp_path)
         sky.driver.vehicle.armed = armed
-        step, seen = sky.bridge.step, list[bool]()
+        step, seen = sky.bridge.step, list[float]()
 
-        def counted() -> bool:
+        def counted() -> float:
             seen.append(step())
             return seen[-1]
 

@@ -150,10 +150,10 @@ async def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
             step = workshop.bridge.percepts.tick
             failures = [KeyError("depth")]
 
-            def fails_once() -> None:
+            def fails_once() -> float:
                 if failures:
                     raise failures.pop()
-                step()
+                return step()
 
             monkeypatch.setattr(workshop.bridge.percepts, "tick", fails_once)
         await workshop.perceives("range", 2.5)

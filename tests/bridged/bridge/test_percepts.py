@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -121,6 +122,17 @@ def test_the_rate_bounds_what_is_told_and_the_newest_value_is_never_left_out(boa
     told = board.taken()
     assert 10 <= len(told) <= 13
     assert told[-1] == ("replace", "altitude", (4.9,))
+
+
+def test_a_tick_returns_how_long_a_value_is_held_back(board: Board) -> None:
+    board.hear("POSITION", alt=0)
+    assert board.percepts.tick() == math.inf
+    board.clock.time += 0.02
+    board.hear("POSITION", alt=100)
+    assert board.percepts.tick() == pytest.approx(0.08)
+    board.clock.time += 0.08
+    assert board.percepts.tick() == math.inf
+    assert board.taken()[-1] == ("replace", "altitude", (0.1,))
 
 
 def test_a_percept_ages_only_when_its_source_falls_silent(board: Board) -> None:
