@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from typing import ClassVar
 
-from textual import events
 from textual.app import App
 from textual.binding import Binding, BindingType
+from textual.widgets import Input
 
 from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.model import FleetModel
@@ -63,15 +63,16 @@ class WatchApp(App[None]):
     def on_mount(self) -> None:
         """Show the fleet."""
         self.push_screen(Overview())
-        self.set_interval(self.period, self._follow_size)
 
-    def _follow_size(self) -> None:
-        """Lay the page out again if a new size of the terminal did not reach it.
+    async def _check_bindings(self, key: str, priority: bool = False) -> bool:
+        """Carry out a key before the next one is taken, unless a filter is being written.
 
-        Textual passes it on by a one-shot timer of 8 ms, which never fires if it starts 8 ms late (`Timer._run`).
+        Textual passes most keys from the focused pane upwards, message by message: the letters that follow a `/`
+        quickly would still go to the pane, where `q` ends the view.
         """
-        if self.screen.outer_size != self.size:
-            self.screen.post_message(events.Resize(self.size, self.size))
+        if priority and self.screen.is_mounted and not isinstance(self.focused, Input):
+            return await super()._check_bindings(key, priority) or await super()._check_bindings(key)
+        return await super()._check_bindings(key, priority)
 
     def action_pause(self) -> None:
         """Pause or continue the view."""

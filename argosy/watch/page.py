@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from rich.text import Text
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
@@ -124,6 +125,7 @@ class Page(Screen[None]):
         """Draw what is known now, or was when the view was paused."""
         if self.app.screen is not self or not self.is_mounted:
             return
+        self._follow_size()
         model = self.watch_app.shown
         title, defect = self._title, self.watch_app.link.model.defect
         try:
@@ -148,6 +150,14 @@ class Page(Screen[None]):
         keys = self.LONG_KEYS if self.size.width >= 100 else self.KEYS
         self.query_one("#keys", Static).update(Text(keys))
 
+    def _follow_size(self) -> None:
+        """Lay the page out again if a new size of the terminal did not reach it.
+
+        Textual passes it on by a one-shot timer of 8 ms, which never fires if it starts 8 ms late (`Timer._run`).
+        """
+        if self.outer_size != self.app.size:
+            self.post_message(events.Resize(self.app.size, self.app.size))
+
     def focused_lines(self) -> ScrollPane | None:
         """Return the pane that has the keys."""
         return self.focused if isinstance(self.focused, ScrollPane) else None
@@ -159,7 +169,7 @@ class Page(Screen[None]):
             line = self.query_one("#filter", Input)
             line.value, line.display = self._filtered.filter, True
             self.query_one("#keys").display = False
-            line.focus()
+            self.set_focus(line)  # now: the letters that follow go there
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Filter while it is being written."""
@@ -187,7 +197,7 @@ class Page(Screen[None]):
         self.query_one("#filter", Input).display = False
         self.query_one("#keys").display = True
         if lines is not None:
-            lines.focus()
+            self.set_focus(lines)
         self.redraw()
 
 

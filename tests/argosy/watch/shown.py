@@ -14,6 +14,7 @@ from argosy.fleet_model.link import FleetLink
 from argosy.watch.app import WatchApp
 from argosy.watch.row_text import UNICODE, Glyphs
 from tests.argosy.fleet_model.fleet import FLEET, Fleet
+from tests.support import buses
 
 
 def link_to(fleet: Fleet) -> FleetLink:
@@ -33,13 +34,25 @@ def text_of(app: WatchApp) -> str:
     return "\n".join(lines_of(app))
 
 
-async def until(app: WatchApp, pilot: Pilot[None], words: str) -> None:
-    """Wait until the screen has these words."""
+async def until(app: WatchApp, pilot: Pilot[None], words: str, shown: bool = True) -> None:
+    """Wait until the screen has these words, or has them no more."""
     for _ in range(4500):
         await pilot.pause(0.02)
-        if words in text_of(app):
+        if (words in text_of(app)) is shown:
             return
-    raise AssertionError(f"the screen never shows {words!r}:\n{text_of(app)}")
+    raise AssertionError(f"the screen never {'shows' if shown else 'loses'} {words!r}:\n{text_of(app)}")
+
+
+async def press(app: WatchApp, pilot: Pilot[None], *pressed: str) -> None:
+    """Press keys, each when the one before has had its effect: the pilot goes on when the processor is taken away."""
+
+    def idle() -> bool:
+        pumps = (app, *app.screen.walk_children(with_self=True))
+        return app.screen.is_mounted and all(one._message_queue.empty() for one in pumps)
+
+    for key in pressed:
+        await pilot.press(key)
+        await buses.until(idle, f"{key} has had its effect")
 
 
 def shown(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 
 import pytest
 from rich.text import Text
+from textual.events import Key
 from textual.pilot import Pilot
 
 from argosy.fleet_model.link import FleetLink
@@ -30,7 +32,8 @@ from schemas.wire.mind_records import (
 )
 from schemas.wire.records import Note, Queue
 from tests.argosy.fleet_model.fleet import FLEET, Fleet, rescue
-from tests.argosy.watch.shown import lines_of, link_to, shown, text_of, until
+from tests.argosy.watch.shown import lines_of, link_to, press, shown, text_of, until
+from tests.support import buses
 
 
 def flying() -> Fleet:
@@ -218,7 +221,7 @@ def test_the_view_shows(what: str) -> None:
 
     @shown(make, size)
     async def looks(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press(*pressed)
+        await press(app, pilot, *pressed)
         await until(app, pilot, words[-1])
         assert [one for one in words if one not in text_of(app)] == []
         if what.startswith("what was told late"):
@@ -232,36 +235,35 @@ def test_the_view_shows(what: str) -> None:
 async def test_no_line_is_longer_than_the_screen_and_the_keys_stay_at_its_end(
     app: WatchApp, pilot: Pilot[None], size: tuple[int, int]
 ) -> None:
-    for _ in range(2):
+    for page in ("enter look", "1 mind"):
+        await until(app, pilot, page)
         lines = lines_of(app)
         assert len(lines) == size[1]
         assert max(map(len, lines)) <= size[0]
-        assert "enter" in lines[-1] or "mind" in lines[-1]
-        await pilot.press("enter")
-        await pilot.pause(0.1)
+        assert page in lines[-1]
+        await press(app, pilot, "enter")
 
 
 @shown(flying)
 async def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back(app: WatchApp, pilot: Pilot[None]) -> None:
     assert not app.link._looked_at["scout"]
-    await pilot.press("down", "down", "enter")
+    await press(app, pilot, "down", "down", "enter")
     await until(app, pilot, "INTENTIONS 1")
     assert app.link._looked_at["scout"] == 1
-    await pilot.press("escape")
+    await press(app, pilot, "escape")
     await until(app, pilot, "TIMELINE")
     assert not app.link._looked_at["scout"]
 
 
 @shown(thinking, (100, 24))
 async def test_a_decision_tells_why_when_it_is_opened(app: WatchApp, pilot: Pilot[None]) -> None:
-    await pilot.press("down", "down", "enter", "3")
+    await press(app, pilot, "down", "down", "enter", "3")
     await until(app, pilot, "takeoff(20) fails  action_failed: not armed  scout.asl:9")
-    await pilot.press("enter")
+    await press(app, pilot, "enter")
     await until(app, pilot, "chosen: +!visit(N) (scout.asl:30), with N = 3")
     assert "not @p1 +!visit(N) (scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
-    await pilot.press("enter")
-    await pilot.pause(0.1)
-    assert "chosen:" not in text_of(app)
+    await press(app, pilot, "enter")
+    await until(app, pilot, "chosen:", shown=False)
 
 
 @shown(thinking, (130, 34))
@@ -277,14 +279,14 @@ async def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(
 
     monkeypatch.setattr(ScrollPane, "_folded", noted)
     widths.clear()
-    await pilot.press("enter")
+    await press(app, pilot, "enter")
     await until(app, pilot, "height(20)")
     assert min(widths) > 40
 
 
 @shown(flying)
 async def test_left_and_right_go_to_the_next_agent(app: WatchApp, pilot: Pilot[None]) -> None:
-    await pilot.press("down", "down", "enter", "left")
+    await press(app, pilot, "down", "down", "enter", "left")
     await until(app, pilot, "rescuer1  its mind has not been seen yet")
     assert app.link._looked_at["rescuer1"] == 1
     assert not app.link._looked_at["scout"]
@@ -294,12 +296,12 @@ async def test_left_and_right_go_to_the_next_agent(app: WatchApp, pilot: Pilot[N
 async def test_a_filter_shows_what_has_its_words_and_says_how_much_it_leaves_out(
     app: WatchApp, pilot: Pilot[None]
 ) -> None:
-    await pilot.press("tab", "slash", *"hello", "enter")
+    await press(app, pilot, "tab", "slash", *"hello", "enter")
     await until(app, pilot, "filter: hello")
     assert "scout  hello there" in text_of(app)
     assert "vehicle connected" not in text_of(app)
     assert "left out" in text_of(app)
-    await pilot.press("escape")
+    await press(app, pilot, "escape")
     await until(app, pilot, "vehicle connected")
 
 
@@ -311,23 +313,23 @@ async def test_a_filter_may_be_given_at_the_start_and_may_hide_words(app: WatchA
 
 @shown(flying)
 async def test_letters_that_are_keys_may_be_written_into_a_filter(app: WatchApp, pilot: Pilot[None]) -> None:
-    await pilot.press("slash", *"qh 2", "escape")
+    await press(app, pilot, "slash", *"qh 2", "escape")
     assert "TIMELINE" in text_of(app)
     assert app.is_running
 
 
 @shown(flying)
 async def test_a_pause_holds_the_view_while_the_fleet_goes_on(app: WatchApp, pilot: Pilot[None], fleet: Fleet) -> None:
-    await pilot.press("space")
+    await press(app, pilot, "space")
     await until(app, pilot, "PAUSED")
     fleet.percept("scout", "state", "RTL", True, True).activity("scout", ActivityEvent(kind="print", text="going home"))
     await pilot.pause(0.2)
     assert "GUIDED" in text_of(app)
     assert "going home" not in text_of(app)
-    await pilot.press("space")
+    await press(app, pilot, "space")
+    await until(app, pilot, "PAUSED", shown=False)
     await until(app, pilot, "going home")
-    assert "PAUSED" not in text_of(app)
-    assert "RTL" in text_of(app)
+    await until(app, pilot, "RTL")
 
 
 @shown(flying)
@@ -338,9 +340,8 @@ async def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_i
     fleet.waits(12)
     await until(app, pilot, "ROUTER LOST for 12 s: the last known state is shown; reconnecting")
     fleet.model.router(up=True)
-    await pilot.pause(0.2)
+    await until(app, pilot, "answers again, after 12.0 s")
     assert "ROUTER LOST" not in text_of(app)
-    assert "answers again, after 12.0 s" in text_of(app)
 
 
 @shown(Fleet)
@@ -379,9 +380,9 @@ def test_members_that_the_model_has_forgotten_are_counted_in_the_overview() -> N
 
 @shown(flying)
 async def test_the_help_tells_the_keys(app: WatchApp, pilot: Pilot[None]) -> None:
-    await pilot.press("question_mark")
+    await press(app, pilot, "question_mark")
     await until(app, pilot, "orders nothing")
-    await pilot.press("escape")
+    await press(app, pilot, "escape")
     await until(app, pilot, "TIMELINE")
 
 
@@ -389,16 +390,14 @@ async def test_the_help_tells_the_keys(app: WatchApp, pilot: Pilot[None]) -> Non
 @shown(flying)
 async def test_the_view_is_left_by(app: WatchApp, pilot: Pilot[None], key: str) -> None:
     await pilot.press(key)
-    await pilot.pause(0.2)
-    assert not app.is_running
+    await buses.until(lambda: not app.is_running, "it ends")
 
 
 @shown(thinking, glyphs=ASCII)
 async def test_a_console_without_unicode_gets_plain_marks_everywhere(app: WatchApp, pilot: Pilot[None]) -> None:
     for _ in range(3):
         assert text_of(app).isascii()
-        await pilot.press("down", "down", "enter")
-        await pilot.pause(0.1)
+        await press(app, pilot, "down", "down", "enter")
 
 
 @pytest.mark.parametrize(
@@ -418,15 +417,15 @@ def test_the_marks_are_those_that_the_terminal_has(term: str, encoding: str, exp
 async def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back(
     app: WatchApp, pilot: Pilot[None], fleet: Fleet
 ) -> None:
-    await pilot.press("down", "down", "enter", "4")
+    await press(app, pilot, "down", "down", "enter", "4")
     for number in range(100):
         fleet.activity("scout", ActivityEvent(kind="print", text=f"line {number}"))
     await until(app, pilot, "line 99")
-    await pilot.press("pageup", "pageup")
+    await press(app, pilot, "pageup", "pageup")
     fleet.activity("scout", ActivityEvent(kind="print", text="line 100"))
     await pilot.pause(0.3)
     assert "line 100" not in text_of(app)
-    await pilot.press("end")
+    await press(app, pilot, "end")
     await until(app, pilot, "line 100")
 
 
@@ -436,7 +435,7 @@ async def test_an_action_of_which_nobody_tells_says_so_and_how_it_ended_is_not_k
 ) -> None:
     await until(app, pilot, "▸ goto(-27.603512,-48.5182,20)  9.0 s  not heard for 9.0 s")
     fleet.goes("scout", "agentd").waits(1)
-    await pilot.press("down", "down", "enter")
+    await press(app, pilot, "down", "down", "enter")
     await until(app, pilot, "not known how it ended: its agent is gone")
     assert "ACTIONS 0 RUNNING" in text_of(app)
     assert "GONE, as it was 10 s ago" in text_of(app)
@@ -462,16 +461,37 @@ def test_a_row_has_nothing_that_a_terminal_takes_for_a_command_and_keeps_its_sty
 async def test_a_change_of_size_that_textual_loses_is_followed(app: WatchApp, pilot: Pilot[None]) -> None:
     app._resize_timer = app.set_timer(1000, lambda: None)  # one that was late, and never fires
     await pilot.resize_terminal(50, 12)
-    for _ in range(4500):
-        if len(lines_of(app)) == 12:
-            return
-        await pilot.pause(0.02)
-    raise AssertionError(f"it is still drawn for {app.screen.outer_size}")
+    await buses.until(lambda: len(lines_of(app)) == 12, "it is drawn for the new size")
+
+
+@shown(flying)
+async def test_the_view_ends_without_an_error_however_long_that_takes(
+    app: WatchApp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closing = app._close_messages
+
+    async def close(wait: bool = True) -> None:
+        await asyncio.sleep(5 * app.period)
+        await closing(wait)
+
+    monkeypatch.setattr(app, "_close_messages", close)
+
+
+@shown(flying)
+async def test_letters_that_follow_the_slash_in_the_same_moment_are_the_filters(
+    app: WatchApp, pilot: Pilot[None]
+) -> None:
+    driver = app._driver
+    assert driver is not None
+    for key in ("tab", "slash", *"qhello"):
+        driver.send_message(Key(key, "/" if key == "slash" else key if len(key) == 1 else None))
+    await until(app, pilot, "filter: qhello")
+    assert app.is_running
 
 
 @shown(lambda: thinking().waits(600).mind("scout", "+!new_goal", time=640.0).told("scout", "agentd"), (160, 40))
 async def test_details_of_long_ago_are_not_the_mind_of_now(app: WatchApp, pilot: Pilot[None]) -> None:
-    await pilot.press("down", "down", "space", "enter")
+    await press(app, pilot, "down", "down", "space", "enter")
     await until(app, pilot, "640 s of mission")
     await until(app, pilot, "+!new_goal")
     assert "+!visit(3)" not in text_of(app).partition("BELIEFS")[0]
@@ -492,7 +512,6 @@ async def test_what_cannot_be_drawn_is_one_line_and_the_view_goes_on(
     assert "GUIDED" in text_of(app)
     assert app.is_running
     monkeypatch.setattr(pages, "overview", drawn)
-    await pilot.pause(0.3)
-    assert "defect" not in text_of(app)
+    await until(app, pilot, "defect", shown=False)
     fleet.model.defect = "who is there is not known"
     await until(app, pilot, "defect in argosy watch: who is there is not known")
