@@ -15,6 +15,7 @@ from bridged.daemon import serve
 from bridged.simulation.turtle.command import simulate
 from bridged.simulation.turtle.turtle import Turtle
 from commd.bus.bus import Bus, open_bus
+from commd.client.percept_sync import PerceptSync
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Health, Perception
@@ -29,13 +30,12 @@ class Studio:
     def __init__(self, mission: Mission, bus: Bus, turtle: Turtle) -> None:
         self.mission, self.bus, self.turtle = mission, bus, turtle
         self.agent, self.robot = next(iter(mission.agents)), next(iter(mission.robots))
-        self.percepts: dict[str, Perception] = {}
         self.told = 0
         self.health = Health()
         self.leave = asyncio.Event()
         """Ends the turtle."""
         self._ids = 0
-        bus.subscribe(keys.percept(bus.fleet, self.agent, "*"), Perception, self._perceive)
+        self.percepts = PerceptSync(bus, self.agent, self.robot, self._perceive)
         bus.subscribe(keys.health(bus.fleet, self.robot, "bridged"), Health, self._hear)
 
     async def do(self, name: str, *parameters: Term) -> ActionStatus:
@@ -51,12 +51,11 @@ class Studio:
 
     def values(self, name: str) -> tuple[Term, ...]:
         """The arguments of a percept, none if it is not there."""
-        perception = self.percepts.get(name)
-        return () if perception is None or perception.update == "remove" else perception.parameters
+        present = self.percepts.named(name)
+        return present[-1].parameters if present else ()
 
-    def _perceive(self, key: str, perception: Perception) -> None:
+    def _perceive(self, _: Perception) -> None:
         self.told += 1
-        self.percepts[perception.name] = perception
 
     def _hear(self, key: str, health: Health) -> None:
         self.health = health
@@ -83,7 +82,8 @@ async def in_the_studio(
             simulated=True,
         )
         daemon = asyncio.create_task(serve(declared, arguments, stop))
-        tasks: list[asyncio.Task[Any]] = [daemon]
+        perceiving = asyncio.create_task(studio.percepts.run())
+        tasks: list[asyncio.Task[Any]] = [daemon, perceiving]
         if simulated:
             living = simulate(studio.turtle, endpoint, "turtle1/", declared.speed, studio.leave)
             tasks.append(asyncio.create_task(living))  # type: ignore[arg-type]
@@ -94,4 +94,5 @@ async def in_the_studio(
         finally:
             studio.leave.set()
             stop.set()
+            perceiving.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
