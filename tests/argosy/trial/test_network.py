@@ -203,13 +203,15 @@ async def test_tokens_and_declarations_of_a_killed_session_end(stage: Stage) -> 
 async def test_tokens_appear_with_their_history_and_end_with_the_last_session(stage: Stage) -> Any:
     watcher, other, seen, found = await stage.open(), await stage.open(), list[str](), dict[str, Any]()
 
-    async def settled(name: str, wanted: int) -> None:
-        await until(lambda: len(seen) >= wanted, name)
-        await asyncio.sleep(SETTLED / 2)
+    async def settled(name: str, *senders: Bus) -> None:
+        """Take what was seen once all that these have declared has come by way of the router."""
+        for bus in (*senders, watcher):
+            assert await bus.round_trip(30)
         found[name] = sorted(set(seen))  # Zenoh may report a token of the session itself twice
         seen.clear()
 
     async with stage.session() as ending:
+        await until(lambda: ending.router_up, "it sees the router")
         ending.token("argosy/test/alive/a")
         watcher.token("argosy/test/alive/own")
         other.token("argosy/test/elsewhere")
@@ -219,15 +221,16 @@ async def test_tokens_appear_with_their_history_and_end_with_the_last_session(st
 
         await until(two, "both tokens")
         watcher.watch("argosy/test/alive/*", lambda key, alive: seen.append("-+"[alive] + key))
-        await settled("history", 2)
+        await settled("history")
         shared = ending.token("argosy/test/alive/b"), other.token("argosy/test/alive/b")
-        await settled("shared", 1)
+        await settled("shared", ending, other)
         tokens = await watcher.tokens("argosy/test/alive/**")
         ending.withdraw(shared[0])
-        await settled("one of two", 0)
+        await settled("one of two", ending)
         other.withdraw(shared[1])
-        await settled("withdrawn", 1)
-    await settled("closed", 1)
+        await settled("withdrawn", other)
+    await until(lambda: seen, "its token ends with the session")
+    await settled("closed")
     return {**found, "tokens": tokens}
 
 
