@@ -393,6 +393,8 @@ class Network:
         self.numbers = count(1)
         self.asked: dict[_Asked, None] = {}
         """Queries that have not ended."""
+        self.left: list[object] = []
+        """What killed processes leave: kept to the end, as a task that is freed runs what it has to do finally."""
         self.sent = 0
         """Messages between sessions."""
         self._cuts: dict[tuple[str, str], tuple[float, float]] = {}

@@ -33,6 +33,9 @@ PRESENT: ContextVar[VirtualProcess | None] = ContextVar("PRESENT", default=None)
 """The process that runs now; None: the run itself."""
 FIRST_PID: Final = 1 << 30
 """Above every real process id: nothing can be sent to another process by mistake."""
+START: Final = 0.3
+"""Virtual seconds from the start of a process to its first line: of the interpreter and the imports of a daemon, whose
+byte code is there (docs/measurements/benchmarks.md, Start)."""
 _LEVELS: Final[dict[str, Level]] = {"CRITICAL": "error", "ERROR": "error", "WARNING": "warning"}
 _DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd": "agentd.daemon"}
 
@@ -64,6 +67,7 @@ class VirtualProcess:
         self._kept = asyncio.get_running_loop().create_task(self._run(), context=self._context)
 
     async def _run(self) -> None:
+        await asyncio.sleep(START)
         try:
             code = await main_of(self.argv)
         except Findings as findings:
@@ -92,6 +96,7 @@ class VirtualProcess:
         if self.dead:
             return
         self.dead, self.returncode = True, code
+        self.network.left.append(asyncio.all_tasks(self.network.loop))
         for session in [one for one in self.network.sessions if one.owner is self]:
             self.network.close(session)
         for socket in self.sockets:

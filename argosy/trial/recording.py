@@ -1,7 +1,7 @@
 """The recording of a run in virtual time: the file that `argosy record` would write, made from the network itself.
 
 All that is published is recorded where it is sent: no link and no queue loses anything of it. Agents publish their
-inputs only while somebody subscribes to them, so a subscriber without a callback is declared at each board's router.
+traces only while somebody subscribes to them, so a subscriber without a callback is declared at each board's router.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Final
 
 from argosy.recording.backfill import token_seen
 from argosy.recording.metadata import Facts
-from argosy.recording.mind_inputs import PART
 from argosy.recording.recorder import Limits, Recorder
 from argosy.recording.write_queue import Heard, WriteQueue
 from argosy.trial.network import PUT, Network, Sample, Session
@@ -49,7 +48,7 @@ class TrialRecording:
         for number, router in enumerate(routers):
             session = Session(network, 0, router, "recorder", None)
             network.sessions.append(session)
-            session.declare_subscriber(f"{keys.ROOT}/{mission.fleet}/*/{PART}", SimpleNamespace(callback=None))
+            session.declare_subscriber(keys.trace(mission.fleet, "*", "*"), SimpleNamespace(callback=None))
             if number == 0:
                 watched = keys.alive(mission.fleet, "*", "*", "*")
                 session.liveliness().declare_subscriber(watched, SimpleNamespace(callback=self._token), history=True)

@@ -19,7 +19,6 @@ from argosy.cli.journal import Journal
 from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
 from argosy.processes.resource_usage import Meter
-from argosy.recording.mind_inputs import PART
 from argosy.run.command import telling
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
@@ -117,7 +116,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     digest = hashlib.sha256()
 
     def put(session: Session, sample: Sample) -> None:
-        if sample.key_expr.endswith(PART):  # only a recording has them
+        if "/trace/" in sample.key_expr:  # only a recording has them
             return
         outcome.messages += 1
         if not sample.key_expr.endswith("/run"):  # it names a folder of this machine

@@ -40,6 +40,7 @@ def main() -> None:
     for module in IMPORTED:
         import_module(module)
     gc.freeze()  # what is imported is no garbage: no run looks through it, and all share its memory
+    gc.disable()  # when it frees what is garbage, and finalizes it, is no matter of the seed; a run fits into memory
 
     def outcome_of(request: Request) -> Outcome:
         try:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import pytest
 from msgspec.structs import replace
 
 from argosy.trial.faults import draw
@@ -32,11 +33,13 @@ worker.main()
 """
 
 
-def outcomes(folder: Path, command: Sequence[str], hash_seed: str, seeds: Sequence[int]) -> list[Outcome]:
+def outcomes(
+    folder: Path, command: Sequence[str], hash_seed: str, seeds: Sequence[int], python: str = sys.executable
+) -> list[Outcome]:
     """Return what becomes of runs in one worker of its own."""
     mission = load_mission(str(MISSION))
     process = subprocess.Popen(
-        [sys.executable, *command],
+        [python, *command],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -62,6 +65,23 @@ def test_the_same_seed_gives_the_same_run_in_another_process_and_with_another_ha
     assert first.messages > 500
     assert again == first
     assert elsewhere == first
+
+
+def test_the_same_seed_gives_the_same_run_in_another_version_of_python(tmp_path: Path) -> None:
+    python = another_python()
+    seeds = [SEED, SEED + 2]
+    assert outcomes(tmp_path / "other", WORKER, "0", seeds, python) == outcomes(tmp_path, WORKER, "0", seeds)
+
+
+def another_python() -> str:
+    """Return an interpreter of another version that has Argosy, from `.venv*`; skip the test without one."""
+    asked = ("-c", "import sys, argosy.trial.single_run; print(*sys.version_info[:2])")
+    own = "{} {}".format(*sys.version_info[:2])
+    for found in sorted(map(str, ROOT.glob(".venv*/bin/python"))):
+        version = subprocess.run([found, *asked], capture_output=True, text=True, cwd=ROOT, check=False).stdout.strip()
+        if version not in ("", own):
+            return found
+    pytest.skip(f"no second version of Python with Argosy in {ROOT}/.venv*: make one as `python3.13 -m venv .venv313`")
 
 
 def test_chance_behind_the_authority_is_found_by_the_digests(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import fcntl
+import gc
 import signal
 import time
 from collections.abc import Callable, Coroutine, Iterator
@@ -15,7 +16,7 @@ import pytest
 from argosy.trial.edges import bus_edges, divide
 from argosy.trial.event_loop import VirtualLoop
 from argosy.trial.network import Network
-from argosy.trial.process import FIRST_PID, PRESENT, VirtualProcess, main_of
+from argosy.trial.process import FIRST_PID, PRESENT, START, VirtualProcess, main_of
 from commd.bus.bus import open_bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.files.findings import Finding, Findings
@@ -40,7 +41,7 @@ class Trial:
         """Start a process, and let it come to its first wait."""
         self._patch.setattr("argosy.trial.process.main_of", lambda argv: main())
         process = VirtualProcess(self.network, FIRST_PID + 1, ("test",))
-        await asyncio.sleep(0.1)
+        await asyncio.sleep(START + 0.1)
         return process
 
 
@@ -75,7 +76,7 @@ def test_a_process_ends_with_the_code_of_its_command_and_says_what_it_has_writte
 
     code, said = trial.loop.run_until_complete(play())
     assert code == 3
-    assert trial.loop.time() == pytest.approx(5)
+    assert trial.loop.time() == pytest.approx(START + 5)
     assert b'"hello"' in said
 
 
@@ -143,6 +144,23 @@ def test_nothing_of_a_killed_process_runs_again(trial: Trial) -> None:
         process.write(LogLine(text="from the grave"))
         await asyncio.sleep(10)
         assert await process.stderr.read() == b""
+        assert ran == []
+
+    trial.loop.run_until_complete(play())
+
+
+def test_what_a_killed_process_was_to_do_finally_is_not_done_when_its_memory_is_freed(trial: Trial) -> None:
+    ran: list[str] = []
+
+    async def main() -> int:
+        try:
+            return await forever()
+        finally:
+            ran.append("cleaned up")
+
+    async def play() -> None:
+        (await trial.start(main)).send_signal(signal.SIGKILL)
+        gc.collect()
         assert ran == []
 
     trial.loop.run_until_complete(play())
