@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 # Without bytecode, as under PYTHONDONTWRITEBYTECODE, each worker would rewrite the assertions of all tests: 11 s of CPU.
-PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --reruns 1
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
 
 .PHONY: fly rescue test test-all test-boards test-browser index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code clean
 

@@ -124,13 +124,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Spreading
     return Spreading(config, log) if config.getoption("dist") == "loadfile" else None
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Show why a test failed that passed when it was run again: it is a defect all the same."""
-    for report in terminalreporter.getreports("rerun"):
-        terminalreporter.section(f"failed at first: {report.nodeid}")
-        terminalreporter.line(report.longreprtext)
-
-
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Show where the run hangs at its end, and end it: a Zenoh session that a failed test left open has threads."""
     one_of_several = hasattr(config, "workerinput")
