@@ -46,8 +46,9 @@ class Terminal:
         self._close()
 
     def size(self, columns: int, lines: int) -> None:
-        """Make the window so large; the command is told."""
+        """Resize the window, which is empty until the command draws it for the new size."""
         self.screen.resize(lines, columns)
+        self.screen.erase_in_display(2)
         fcntl.ioctl(self._pty, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
 
     def press(self, keys: str) -> None:
