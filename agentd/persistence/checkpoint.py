@@ -107,7 +107,7 @@ class Saving:
     lives: int | None = None
     extra: dict[str, bytes] = field(default_factory=dict)
     soft: bool = False
-    """Whether it must survive the end of the process only, not a power cut: then nothing waits for the disk."""
+    """Whether it must survive the end of the process only, not a power cut: nobody else has heard of what it keeps."""
 
 
 @dataclass(slots=True)

@@ -176,7 +176,7 @@ class Checkpointer:
             saving.ended, self._ended = saving.ended + self._ended, []
         saving.actions = {one: action for one, action in self._begun.items() if one not in saving.ended}
         self._begun = {}
-        saving.soft = not (sent or absorbed)
+        saving.soft = not (sent or absorbed or saving.actions)
         waiting, self._waiting = self._waiting, []
         if saving == Saving(soft=True):
             return

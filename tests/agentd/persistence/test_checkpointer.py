@@ -164,6 +164,19 @@ async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_o
 
 
 @bus_test
+async def test_an_action_that_is_about_to_start_survives_a_power_failure(connect: Connect, tmp_path: Path) -> None:
+    agent = await host_on(await connect("b"), "b", "+!go <- +gone.\n", tmp_path)
+    checkpointer = agent.host._checkpointer
+    assert checkpointer is not None
+    await until(lambda: bool(agent.disk.savings), "it is kept once")
+    begun = checkpointer.begun(Action(id="b:1:1", agent="b", name="goto"))
+    checkpointer.look(quiet=True)
+    await begun
+    assert [saving.soft for saving in agent.disk.savings if saving.actions] == [False]
+    await agent.end()
+
+
+@bus_test
 async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
     connect: Connect, tmp_path: Path
 ) -> None:
