@@ -24,6 +24,8 @@ from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Head
 
 KEEP = 3600.0
 """Wall seconds for which an id is remembered."""
+LAST = 100
+"""Ids remembered however old: the clock of a board without a battery is set forward after its start."""
 MAX_ENTRIES = 20_000
 """Ids remembered at most; the oldest goes first. An hour of five actions a second."""
 REWRITE_AT = 4 * 1024 * 1024
@@ -144,7 +146,7 @@ class ActionLog:
         self._append(entry)
 
     def find(self, action: str) -> Entry | None:
-        """Return the record of an id, None if it was not begun within the last hour."""
+        """Return the record of an id, None if it was not begun within the last hour and is not one of the `LAST`."""
         return self._entries.get(action) if action else None
 
     def hold(self, agent: str, free: bool) -> None:
@@ -155,10 +157,8 @@ class ActionLog:
         """Return what `hold` recorded; if that is older than an hour, the agent whose action was begun last."""
         if self._standing.at and self._standing.at >= self._wall() - KEEP:
             return self._standing.holder, self._standing.free
-        for entry in reversed(self._entries.values()):
-            if entry.state != "refused":
-                return entry.agent, False
-        return "", False
+        recent = (one for one in reversed(self._entries.values()) if one.at >= self._wall() - KEEP)
+        return next(((one.agent, False) for one in recent if one.state != "refused"), ("", False))
 
     @property
     def ordered(self) -> Order | None:
@@ -221,7 +221,7 @@ class ActionLog:
         self._entries.pop(entry.id, None)
         self._entries[entry.id] = entry
         oldest = self._wall() - KEEP
-        while self._entries:
+        while len(self._entries) > LAST:
             first = next(iter(self._entries.values()))
             if first.at >= oldest and len(self._entries) <= MAX_ENTRIES:
                 break

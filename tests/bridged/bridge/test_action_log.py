@@ -82,7 +82,23 @@ def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> Non
     again.close()
 
 
-def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Path) -> None:
+def test_the_last_ids_are_known_though_the_clock_was_set_forward(tmp_path: Path) -> None:
+    wall, path = Wall(), tmp_path / "uav1.actions"
+    action_log = ActionLog(path, wall)
+    action_log.begin(begun("a:1"))
+    action_log.close()
+    wall.time += 24 * KEEP
+    again = ActionLog(path, wall)
+    again.begin(begun("a:2"))
+    assert known(again, "a:1")
+    assert again.held() == ("a", False)
+    again.close()
+
+
+def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "LAST", 1)
     wall, path = Wall(), tmp_path / "uav1.actions"
     action_log = ActionLog(path, wall)
     for number in range(100):
@@ -224,6 +240,7 @@ def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MAX_ENTRIES", 10)
+    monkeypatch.setattr(module, "LAST", 5)
     action_log = ActionLog(tmp_path / "uav1.actions")
     for number in range(12):
         action_log.begin(begun(f"a:{number}"))
