@@ -33,7 +33,7 @@ class BadAir(Sky):
         """Let these faults hold from now on."""
         declared = Faults.parse(texts) if texts else Faults()
         self.air_up, self.air_down = Air(declared, "up"), Air(declared, "down")
-        self.vehicle._character = Character(declared)
+        self.vehicle.character = Character(declared)
 
     def step(self) -> None:
         """Let 20 ms of mission time pass for all."""

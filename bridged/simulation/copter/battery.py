@@ -63,9 +63,9 @@ class Battery:
     shortage: Shortage = Shortage.NONE
     _low_since: float | None = None
 
-    def step(self, dt: float, *, flying: bool) -> None:
-        """Draw the current of a hover for `dt` seconds, or none."""
-        self.current = HOVER_CURRENT if flying else 0.0
+    def step(self, dt: float, *, flying: bool, effort: float = 1.0) -> None:
+        """Draw `effort` times the current of a hover for `dt` seconds, or none."""
+        self.current = HOVER_CURRENT * effort if flying else 0.0
         self.used += self.current * dt / 3.6
         self.charging = False
 

@@ -48,6 +48,7 @@ _TEXTS: dict[Milestone, tuple[str, ...]] = {
 
 _EKF_UNINITIALISED = 1024
 _EKF_ALIGNED = 167  # attitude, velocities, vertical position, constant position mode
+_EKF_GLITCHING = 32768
 _EKF_POSITION = 831  # everything: attitude, velocities, positions relative and absolute, predictions
 
 
@@ -74,10 +75,10 @@ class Boot:
             reached.append((milestone, texts))
         return reached
 
-    def ekf_flags(self, now: float) -> int:
-        """Return EKF_STATUS_REPORT.flags `now` seconds after power on."""
-        if self.passed(Milestone.POSITION, now):
-            return _EKF_POSITION
+    def ekf_flags(self, now: float, *, lost: bool = False, glitching: bool = False) -> int:
+        """Return EKF_STATUS_REPORT.flags `now` seconds after power on; `lost`: GPS is, and the position with it."""
+        if self.passed(Milestone.POSITION, now) and not lost:
+            return _EKF_POSITION | (_EKF_GLITCHING if glitching else 0)
         if self.passed(Milestone.EKF_YAW, now):
             return _EKF_ALIGNED
         return 0 if self.passed(Milestone.EKF_STARTED, now) else _EKF_UNINITIALISED

@@ -115,7 +115,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="FAULT[,...]",
         help="what is wrong with it and its links: loss=SHARE, duplicate=SHARE, reorder=SHARE, garbage=SHARE, "
-        "mute-acks, lie, cut=AT+SECONDS, reboot=AT, seed=N; may be given more than once",
+        "mute-acks, lie, cut=AT+SECONDS, reboot=AT, wind=SPEED:FROM[:GUST], gps-loss=AT+SECONDS, "
+        "gps-jump=AT+SECONDS:METRES, pilot=AT+SECONDS[:lands], prearm=[UNTIL:]TEXT, autopilot=N, seed=N; "
+        "may be given more than once",
     )
 
 

@@ -21,6 +21,7 @@ from bridged.simulation.copter.flight_control import (
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.geodesy import FlatMap, Place
 from bridged.simulation.copter.mission import DO_COMMANDS, NAV_COMMANDS, Item, Mission, do, task_of
+from bridged.simulation.copter.position_estimate import PositionEstimate
 from bridged.simulation.copter.protocol.notifications import (
     Event,
     HomeChanged,
@@ -62,6 +63,7 @@ class Copter:
         self.boot = Boot(boot, start.alt)
         self.motion = Motion(heading)
         self.flight = Flight(self.motion, self.parameters)
+        self.estimate = PositionEstimate()
         self.battery = Battery(self.parameters, charge_time)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters)
@@ -85,8 +87,32 @@ class Copter:
 
     @property
     def place(self) -> Place:
-        """Position of the copter."""
+        """Position of the copter as the autopilot estimates it: its motion is controlled by that."""
         return self.chart.place(self.motion.position)
+
+    @property
+    def truth(self) -> Vector:
+        """True position on the map."""
+        at, error = self.motion.position, self.estimate.error
+        return Vector(at.north - error.north, at.east - error.east, at.up)
+
+    @property
+    def true_place(self) -> Place:
+        """True position."""
+        return self.chart.place(self.truth)
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the estimator has a position."""
+        return self.passed(Milestone.POSITION) and not self.estimate.lost
+
+    @property
+    def gps_place(self) -> Place | None:
+        """Position that the GPS reports; None without a fix."""
+        truth, gps = self.truth, self.estimate.gps
+        if gps is None or not self.passed(Milestone.GPS_FIX):
+            return None
+        return self.chart.place(Vector(truth.north + gps.north, truth.east + gps.east, truth.up))
 
     @property
     def home_on_chart(self) -> Vector:
@@ -134,7 +160,7 @@ class Copter:
     def _problem_with(self, mode: Mode) -> str | None:
         if not mode.simulated:
             return "not simulated"
-        if self.armed and mode.needs_position and not self.passed(Milestone.POSITION):
+        if self.armed and mode.needs_position and not self.has_position:
             return "requires position"
         if mode is Mode.AUTO and not self.mission.flyable:
             return "init failed"
@@ -155,8 +181,10 @@ class Copter:
             problems.append("Gyros inconsistent")
         if not self.mode.armable:
             problems.append(f"{self.mode.name} mode not armable")
-        elif self.mode.needs_position and not self.passed(Milestone.POSITION):
+        elif self.mode.needs_position and not self.has_position:
             problems.append("Need Position Estimate")
+        if self.estimate.gps is None:
+            problems.append("GPS 1: Bad fix")
         if self.home is not None and self.fence.breach(self.motion.position, self.home_on_chart):
             problems.append("vehicle outside fence")
         if self.battery.shortage or self.battery.empty:
@@ -224,6 +252,19 @@ class Copter:
         """Start in the air with the motors off, after a restart of the autopilot in flight."""
         self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
 
+    def feel(self, air: Vector, gps: Vector | None, dt: float) -> None:
+        """Let wind (m/s) and an error of the GPS (metres; None: no fix) act for `dt` seconds.
+
+        A copter without a position levels, and goes where the air goes.
+        """
+        estimate = self.estimate
+        estimate.gps, self.motion.air = gps, air
+        self.motion.shift(estimate.step(self.now))
+        if estimate.lost:
+            self.motion.air = Vector()
+            if self.flight.airborne:
+                estimate.drift(air, dt)
+
     def step(self, dt: float) -> None:
         """Advance by `dt` seconds (0.05 at most for exact motion)."""
         self.now += dt
@@ -249,7 +290,7 @@ class Copter:
         flight = self.flight
         was_airborne = flight.airborne
         flight.step(dt)
-        self.battery.step(dt, flying=flight.airborne and flight.armed)
+        self.battery.step(dt, flying=flight.airborne and flight.armed, effort=self.motion.effort)
         if flight.armed and self.battery.empty:
             flight.disarm()
             self.say("SIM battery is empty", Severity.CRITICAL)

@@ -20,6 +20,7 @@ _VELOCITY_GAIN = 1.1  # 1/s: m/s off to m/s²
 _INTEGRAL_GAIN = 0.84  # 1/s²
 _DRAG = 0.24  # 1/s: m/s² of drag per m/s
 _TILT_LAG_S = 0.05
+_LEAN = GRAVITY * math.tan(math.radians(30.0))  # m/s²: the most that a tilt gives (ANGLE_MAX)
 
 _CLIMB_RESPONSE_S = 0.15
 """Time in which a wrong vertical speed is corrected, within the limits of acceleration."""
@@ -96,13 +97,15 @@ class Axis:
         self.target_velocity += accel * dt
         self.target += self.target_velocity * dt
 
-    def follow(self, dt: float) -> None:
-        """Move the copter after the target for `dt` seconds: feedback, tilt lag, drag."""
+    def follow(self, dt: float, air: float = 0.0) -> None:
+        """Move the copter after the target for `dt` seconds: feedback, tilt lag, drag in air of `air` m/s."""
         off = self.target_velocity + _POSITION_GAIN * (self.target - self.position) - self.velocity
-        self.integral += _INTEGRAL_GAIN * off * dt
         demand = self.target_accel + _VELOCITY_GAIN * off + self.integral
+        if abs(demand) < _LEAN or demand * off < 0:  # one that leans as far as it can does not wind up
+            self.integral += _INTEGRAL_GAIN * off * dt
+        demand = max(-_LEAN, min(_LEAN, demand))
         self.aimed += (demand - self.aimed) * min(1.0, dt / _TILT_LAG_S)
-        self.accel = self.aimed - _DRAG * self.velocity
+        self.accel = self.aimed - _DRAG * (self.velocity - air)
         self.velocity += self.accel * dt
         self.position += self.velocity * dt
 
@@ -112,12 +115,18 @@ class Axis:
 
 
 class Motion:
-    """The body of the copter, moved in steps of `dt` seconds. Deterministic: no noise, no wind."""
+    """The body of the copter, moved in steps of `dt` seconds. Deterministic: no noise."""
 
     def __init__(self, heading: float = 0.0) -> None:
         self.north, self.east, self.up = Axis(), Axis(), Axis()
         self.heading = heading  # radians clockwise from north
         self.turn_rate = 0.0  # rad/s
+        self.air = Vector()  # m/s: the wind
+
+    @property
+    def effort(self) -> float:
+        """Power for flight as a multiple of that of a hover in still air: thrust that leans, to the power of 1.5."""
+        return float((1 + (_DRAG * self.air.flat() / GRAVITY) ** 2) ** 0.75)
 
     @property
     def position(self) -> Vector:
@@ -194,8 +203,8 @@ class Motion:
         self.north.plan(self.north.target_accel + more_north, dt)
         self.east.plan(self.east.target_accel + more_east, dt)
         self.up.plan(self.up.target_accel + more_up, dt)
-        self.north.follow(dt)
-        self.east.follow(dt)
+        self.north.follow(dt, self.air.north)
+        self.east.follow(dt, self.air.east)
         self.up.track()
 
     def fall(self, dt: float) -> None:
@@ -205,6 +214,12 @@ class Motion:
         for axis in (self.north, self.east, self.up):
             axis.position += axis.velocity * dt
             axis.retarget()
+
+    def shift(self, by: Vector) -> None:
+        """Continue as if from a place that is `by` metres away: the estimate of the position has jumped."""
+        for axis, metres in ((self.north, by.north), (self.east, by.east)):
+            axis.position += metres
+            axis.target += metres
 
     def turn(self, heading: float, dt: float) -> None:
         """Turn for `dt` seconds to `heading` (radians) the short way."""

@@ -1,4 +1,4 @@
-"""Failsafes, checked several times a second: pilot input, ground station, fence, battery."""
+"""Failsafes, checked several times a second: pilot input, ground station, position, fence, battery."""
 
 import math
 from dataclasses import dataclass
@@ -93,6 +93,8 @@ class StationWatch:
 _LAND_ON_FAILSAFE = (1, 4)
 PREARM_SAID_EVERY = 30.0
 """Vehicle seconds (ArduPilot: PREARM_DISPLAY_PERIOD)."""
+_ALT_HOLD, _EVEN_MANUAL = 2, 3
+"""Values of FS_EKF_ACTION; others but 0 land a copter whose mode needs a position."""
 _TERMINATE = 5
 """Values of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT; others but 0 bring the copter home."""
 
@@ -101,6 +103,7 @@ def watch_over(copter: "Copter", dt: float) -> None:
     """Check all failsafes; the last check was `dt` vehicle seconds ago."""
     _pilot(copter)
     _station(copter)
+    _position(copter)
     _fence(copter)
     _battery(copter, dt)
     if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
@@ -131,6 +134,23 @@ def _station(copter: "Copter") -> None:
         copter.say(change.value, Severity.WARNING)
     elif change is StationLink.FOUND:
         copter.say(change.value, Severity.WARNING)
+
+
+def _position(copter: "Copter") -> None:
+    estimate = copter.estimate
+    (glitched, failed), now = estimate.said, (estimate.glitching, estimate.failed and copter.armed)
+    estimate.said = now
+    if glitched != now[0]:
+        copter.say("GPS Glitch or Compass error" if now[0] else "Glitch cleared", Severity.CRITICAL)
+    if failed and not now[1]:
+        copter.say("EKF Failsafe Cleared", Severity.CRITICAL)
+    elif now[1] and not failed:
+        copter.say("EKF variance: over thresholds", Severity.CRITICAL)
+        action = int(copter.parameters["FS_EKF_ACTION"])
+        if action and (copter.mode.needs_position or action == _EVEN_MANUAL) and copter.mode is not Mode.LAND:
+            mode = Mode.ALT_HOLD if action == _ALT_HOLD else Mode.LAND
+            copter.set_mode(mode)
+            copter.say(f"EKF Failsafe: changed to {mode.name} Mode", Severity.CRITICAL)
 
 
 def _fence(copter: "Copter") -> None:

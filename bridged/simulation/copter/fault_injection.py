@@ -17,6 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.endpoint import Ids, Peer
 from bridged.drivers.mavlink.transport.link import Link, MakeGate, OnPacket
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
 
 HELD_S = 0.5
 """Vehicle seconds after which a delayed packet is delivered if no other one has overtaken it."""
@@ -56,6 +58,29 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True)
+class WindFault:
+    """Wind of `speed` m/s from `bearing` degrees; gusts deviate from it by `gust` m/s (standard deviation)."""
+
+    speed: float
+    bearing: float
+    gust: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GpsFault(Cut):
+    """The GPS has no fix, or says that the vehicle is `metres` elsewhere."""
+
+    metres: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PilotFault(Cut):
+    """A pilot has the vehicle in the air; then he lands it, or gives it back in the mode in which it was."""
+
+    lands: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Faults:
     """Faults of a vehicle and its link; none by default. Shares are of the packets."""
 
@@ -66,6 +91,9 @@ class Faults:
     mute_acks: bool = False
     lie: bool = False
     cuts: tuple[Cut, ...] = ()
+    wind: WindFault | None = None
+    gps: tuple[GpsFault, ...] = ()
+    pilots: tuple[PilotFault, ...] = ()
     reboots: tuple[float, ...] = ()
     autopilot: int | None = None
     prearm: tuple[tuple[float, str], ...] = ()
@@ -87,6 +115,16 @@ class Faults:
             except ValueError:
                 raise ValueError(f"expected {row.form} ({row.meaning}), got {part!r}") from None
         return faults
+
+    def gps_error(self, now: float) -> Vector | None:
+        """Return by how many metres the GPS is wrong at `now` vehicle seconds; None: it has no fix."""
+        for fault in self.gps:
+            if fault.covers(now):
+                if fault.metres is None:
+                    return None
+                direction = random.Random(f"{self.seed} gps {fault.at}").uniform(0, 2 * math.pi)
+                return Vector(fault.metres * math.cos(direction), fault.metres * math.sin(direction))
+        return Vector()
 
     def silent(self, now: float) -> bool:
         """Return whether the link is cut at `now` vehicle seconds."""
@@ -122,6 +160,33 @@ def _cut(faults: Faults, text: str) -> Faults:
     return replace(faults, cuts=(*faults.cuts, Cut(_within(float(at)), _within(float(seconds)))))
 
 
+def _wind(faults: Faults, text: str) -> Faults:
+    speed, bearing, gust = map(float, (text if text.count(":") > 1 else f"{text}:0").split(":"))
+    return replace(faults, wind=WindFault(_within(speed, 40), _within(bearing, 360), _within(gust, 20)))
+
+
+def _gps_loss(faults: Faults, text: str) -> Faults:
+    at, _, seconds = text.partition("+")
+    return replace(faults, gps=(*faults.gps, GpsFault(_within(float(at)), _within(float(seconds)))))
+
+
+def _gps_jump(faults: Faults, text: str) -> Faults:
+    at, _, rest = text.partition("+")
+    seconds, _, metres = rest.partition(":")
+    jump = GpsFault(_within(float(at)), _within(float(seconds)), _within(float(metres), 10_000))
+    return replace(faults, gps=(*faults.gps, jump))
+
+
+def _pilot(faults: Faults, text: str) -> Faults:
+    at, _, rest = text.partition("+")
+    seconds, colon, lands = rest.partition(":")
+    if colon and lands != "lands":
+        raise ValueError(text)
+    return replace(
+        faults, pilots=(*faults.pilots, PilotFault(_within(float(at)), _within(float(seconds)), bool(lands)))
+    )
+
+
 def _prearm(faults: Faults, text: str) -> Faults:
     until, colon, said = text.partition(":")
     end, said = (_within(float(until)), said) if colon else (math.inf, text)
@@ -148,6 +213,18 @@ TABLE: dict[str, Row] = {
     "mute-acks": Row("mute-acks", "the vehicle acts and never acknowledges", _flag("mute_acks")),
     "lie": Row("lie", "the vehicle acknowledges commands and obeys none; goals it ignores", _flag("lie")),
     "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
+    "wind": Row("wind=SPEED:FROM[:GUST]", "wind of SPEED m/s from FROM degrees, its gusts deviate by GUST m/s", _wind),
+    "gps-loss": Row("gps-loss=AT+SECONDS", "the GPS has no fix from AT for SECONDS", _gps_loss),
+    "gps-jump": Row(
+        "gps-jump=AT+SECONDS:METRES",
+        "the GPS is wrong by METRES, in a direction by its dice, from AT for SECONDS",
+        _gps_jump,
+    ),
+    "pilot": Row(
+        "pilot=AT+SECONDS[:lands]",
+        "from AT a pilot has it in LOITER when it is in the air; after SECONDS he gives it back, or lands it",
+        _pilot,
+    ),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
     "prearm": Row(
         "prearm=[UNTIL:]TEXT",
@@ -242,6 +319,8 @@ class Character:
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
         self._reboots = list(faults.reboots)
+        self._has_it: tuple[PilotFault, int] | None = None
+        """The pilot who has it, and the mode in which it was."""
 
     def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
         """Return a lying vehicle's answer to a message that it ignores; None if it accepts the message."""
@@ -268,6 +347,27 @@ class Character:
     def hinders(self, now: float) -> str:
         """Return the arming check that fails by a fault, in the vehicle's words; empty = none."""
         return next((said for until, said in self._faults.prearm if now < until), "")
+
+    @property
+    def piloted(self) -> bool:
+        """Whether a pilot has it."""
+        return self._has_it is not None
+
+    def switched_mode(self, now: float, mode: int, *, airborne: bool) -> int | None:
+        """Return the mode that a pilot sets by his switch at `now` vehicle seconds; `mode`: the present one."""
+        if self._has_it is not None:
+            pilot, before = self._has_it
+            if pilot.covers(now):
+                return None
+            if pilot.lands and airborne:
+                return Mode.LAND
+            self._has_it = None
+            return None if pilot.lands else before
+        taking = next((one for one in self._faults.pilots if one.covers(now)), None)
+        if taking is None or not airborne:
+            return None
+        self._has_it = taking, mode
+        return Mode.LOITER
 
     def restarts(self, now: float) -> bool:
         """Return whether the vehicle restarts at `now` vehicle seconds; True once for each configured time."""

@@ -99,7 +99,7 @@ class ServoLog:
 
         `age`: vehicle seconds since it was switched on.
         """
-        place, position, home = copter.place, copter.motion.position, copter.home_on_chart
+        place, position, home = copter.true_place, copter.truth, copter.home_on_chart
         away = math.hypot(position.north - home.north, position.east - home.east)
         move = ServoMove(
             round(age, 2), system, output, pulse, round(place.lat, 7), round(place.lon, 7),

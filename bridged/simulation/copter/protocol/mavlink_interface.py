@@ -33,6 +33,7 @@ from bridged.simulation.copter.protocol.notifications import (
 )
 from bridged.simulation.copter.protocol.parameters import Parameter, Parameters
 from bridged.simulation.copter.protocol.telemetry import Streams
+from bridged.simulation.copter.wind import Wind
 
 UNSIGNED_TAKEN = frozenset((dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO))
 """Messages of telemetry radios, which have no key (ArduPilot accepts them unsigned everywhere)."""
@@ -168,7 +169,8 @@ class Vehicle:
         self.on_step: Callable[[Place], None] | None = None
         """Called with the copter's position after each step."""
         self._boot: BootKind = boot
-        self._character = Character(faults or Faults())
+        self._faults = faults or Faults()
+        self.character, self._wind = Character(self._faults), Wind.of(self._faults)
         self._channel_count = channels
         self._charge_time = charge_time
         stored = Parameters(system)
@@ -199,10 +201,10 @@ class Vehicle:
             return []
         here = self.channels[channel]
         here.heard = True
-        replies = self._character.pretends(message)
+        replies = self.character.pretends(message)
         here.outbox += self._answer(message, here) if replies is None else replies
         self._tell()
-        return self._character.says(here.take())
+        return self.character.says(here.take())
 
     def advance(self, seconds: float) -> Messages:
         """Advance vehicle time by `seconds`; returns the messages sent meanwhile on the first channel."""
@@ -215,7 +217,7 @@ class Vehicle:
 
     def waiting(self, channel: int = 0) -> Messages:
         """Return the messages on a channel since the last call."""
-        return self._character.says(self.channels[channel].take())
+        return self.character.says(self.channels[channel].take())
 
     def seconds_until_due(self) -> float:
         """Return the vehicle time until a message is due; events in flight may come earlier."""
@@ -230,14 +232,21 @@ class Vehicle:
         if self._reboot_in is not None:
             self._wait_for_power()
             return
-        if self._character.restarts(self.age):
+        if self.character.restarts(self.age):
             self._reboot_in = REBOOT_SILENCE_S
             copter.flight.disarm()
             return
-        copter.hindrance = self._character.hinders(self.age)
+        copter.hindrance = self.character.hinders(self.age)
+        if self._wind is not None or self._faults.gps:
+            air = self._wind.step(STEP_S) if self._wind is not None else Vector()
+            copter.feel(air, self._faults.gps_error(self.age), STEP_S)
+        if self._faults.pilots:
+            mode = self.character.switched_mode(self.age, copter.mode, airborne=copter.flight.airborne)
+            if mode is not None:
+                copter.set_mode(mode)
         copter.step(STEP_S)
         if self.on_step is not None:
-            self.on_step(copter.place)
+            self.on_step(copter.true_place)
         self._tell()
         for message in self._mission.advance():
             for channel in self.channels:
@@ -264,7 +273,7 @@ class Vehicle:
             return
         copter.mission.rewind()
         self.reboots += 1
-        at, up = copter.motion.position, copter.motion.up
+        at, up = copter.truth, copter.motion.up
         lag = self._lag
         ground = copter.chart.place(Vector(at.north, at.east, 0.0))
         self._power_on(ground, copter.motion.heading, copter.parameters, copter.mission)

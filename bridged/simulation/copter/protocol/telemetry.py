@@ -53,7 +53,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
     """SYS_STATUS"""
     present, enabled, healthy = _SENSORS_PRESENT, _SENSORS_ENABLED, _SENSORS_HEALTHY
     if copter.passed(Milestone.GPS_FIX):
-        present, enabled, healthy = present | _GPS, enabled | _GPS, healthy | _GPS
+        present, enabled, healthy = present | _GPS, enabled | _GPS, healthy | (_GPS if copter.gps_place else 0)
     if copter.passed(Milestone.HOME):
         enabled, healthy = enabled | _AHRS, healthy | _AHRS
     if copter.mode.autonomous:
@@ -62,7 +62,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
         enabled |= _LOGGING
     if copter.fence.enabled:
         enabled |= _FENCE
-    if copter.passed(Milestone.PREARM_GOOD) and not copter.hindrance:
+    if copter.passed(Milestone.PREARM_GOOD) and copter.gps_place and not copter.hindrance:
         healthy |= _PREARM
     battery = copter.battery
     return dialect.MAVLink_sys_status_message(
@@ -91,7 +91,7 @@ def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
 
 def local_position_ned(copter: Copter) -> dialect.MAVLink_message | None:
     """LOCAL_POSITION_NED"""
-    if not copter.passed(Milestone.POSITION):
+    if not copter.has_position:
         return None
     at, velocity = copter.motion.position, copter.motion.velocity
     return dialect.MAVLink_local_position_ned_message(
@@ -116,9 +116,11 @@ def vfr_hud(copter: Copter) -> dialect.MAVLink_message:
 
 def gps_raw_int(copter: Copter) -> dialect.MAVLink_message:
     """GPS_RAW_INT"""
-    if not copter.passed(Milestone.GPS_FIX):
-        return dialect.MAVLink_gps_raw_int_message(0, 0, 0, 0, 0, _UNKNOWN_16, _UNKNOWN_16, 0, 0, 0)
-    place, velocity = copter.place, copter.motion.velocity
+    place, velocity = copter.gps_place, copter.motion.velocity
+    if place is None:
+        return dialect.MAVLink_gps_raw_int_message(
+            0, int(copter.passed(Milestone.GPS_FIX)), 0, 0, 0, _UNKNOWN_16, _UNKNOWN_16, 0, 0, 0
+        )  # fmt: skip
     course = math.degrees(math.atan2(velocity.east, velocity.north)) % 360.0
     return dialect.MAVLink_gps_raw_int_message(
         _boot_us(copter), FIX_TYPE, place.lat_e7, place.lon_e7, place.alt_mm, 121, 200,
@@ -197,6 +199,13 @@ def autopilot_version(copter: Copter) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
+def ekf_status_report(copter: Copter) -> dialect.MAVLink_message:
+    """EKF_STATUS_REPORT"""
+    estimate = copter.estimate
+    flags = copter.boot.ekf_flags(copter.now, lost=estimate.lost, glitching=estimate.glitching)
+    return dialect.MAVLink_ekf_status_report_message(flags, *(0,) * 6)
+
+
 def rc_channels(copter: Copter) -> dialect.MAVLink_message:
     """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
     pulses = copter.transmitter.pulses(copter.now)
@@ -258,7 +267,7 @@ BUILDERS: dict[int, Builder] = {
     148: autopilot_version,
     152: lambda copter: dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072),
     162: fence_status,
-    193: lambda copter: dialect.MAVLink_ekf_status_report_message(copter.boot.ekf_flags(copter.now), *(0,) * 6),
+    193: ekf_status_report,
     241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
     242: home_position,
     245: lambda copter: dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed)),
