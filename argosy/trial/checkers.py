@@ -7,6 +7,7 @@
 | `true end` | action statuses, and the vehicle in the seconds before |
 | `one holder` | running actions, and the percept `holder` |
 | `nobody alone` | processes of agents, their health records, and the vehicle |
+| `motion after stop` | orders of the operator that were confirmed, action statuses, and the vehicle |
 | `limits`, `separation`, `on the ground` | vehicles |
 """
 
@@ -24,6 +25,7 @@ from argosy.trial.network import Query, Sample, Session
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.bridge.safety_orders import COMING, StepField, read_steps
 from schemas.files.findings import Findings
+from schemas.geo import distance
 from schemas.manifest.loader import load_manifest
 from schemas.manifest.model import ActionEntry
 from schemas.mission.model import NO_STEPS, Mission
@@ -41,6 +43,10 @@ UNATTENDED: Final = 30.0
 bridge may have to be restarted, and to ask again."""
 TRUTH: Final = 5.0
 """Virtual seconds before a final status in which the vehicle must have been as the status says."""
+SETTLED: Final = 10.0
+"""Virtual seconds after a confirmed order of the operator in which a vehicle comes to rest."""
+STILL: Final = 5.0
+"""Metres by its own estimate for which a vehicle at rest may drift."""
 HANDING_OVER: Final = 3.0
 """Virtual seconds for which two agents may differ about who holds a robot."""
 CALM: Final = 60.0
@@ -65,6 +71,17 @@ class _Look(NamedTuple):
     armed: bool
     height: float
     """Metres above home."""
+
+
+class _Rest(NamedTuple):
+    """A vehicle that the operator has stopped, when it was seen first or had time to come to rest."""
+
+    since: float
+    armed: bool
+    begun: frozenset[str]
+    """Actions that had begun."""
+    place: tuple[float, float, float] | None = None
+    """Latitude, longitude and metres above home where it rests."""
 
 
 class _Letter(NamedTuple):
@@ -227,6 +244,7 @@ class Checkers:
         """Holder of each robot by agent, as it was last published to that agent."""
         self._differ: dict[str, float] = {}
         """Since when several agents seem to hold a robot."""
+        self._rests: dict[str, _Rest] = {}
         self._past: dict[str, deque[_Look]] = {}
         """Each vehicle in the last seconds."""
         self._manifests = {name: _actions_of(mission, name) for name in mission.robots}
@@ -318,9 +336,10 @@ class Checkers:
             limits = self._mission.robots[name].limits
             if limits.altitude is not None and seen.height > limits.altitude + SLACK:
                 self._tell("limits", f"{name} altitude", f"{name} is at {seen.height:.1f} m of {limits.altitude:g} m")
-            if limits.radius is not None and seen.farthest > limits.radius + SLACK:
+            if limits.radius is not None and seen.farthest > limits.radius + SLACK + seen.misled:
                 self._tell("limits", f"{name} radius", f"{name} was {seen.farthest:.0f} m from home")
             self._look_who_attends(name, seen, now)
+            self._look_who_is_stopped(name, seen, now)
         for robot in self._mission.robots:
             self._look_who_holds(robot, now)
         if self._separation is not None and self._world.nearest < self._separation:
@@ -330,7 +349,7 @@ class Checkers:
     def _look_who_attends(self, name: str, seen: Seen, now: float) -> None:
         """Judge how long a vehicle is in the air while its agents are gone, or intend nothing."""
         why: StepField | None = None
-        if seen.armed and seen.height > 1 and seen.mode not in HOME:
+        if seen.armed and seen.height > 1 and seen.mode not in HOME and not seen.piloted:
             agents = self._mission.agents_of(name)
             if not self._served(name):
                 why = "on_agent_loss"
@@ -347,6 +366,30 @@ class Checkers:
             what = "without an agent" if why == "on_agent_loss" else "with nothing intended"
             self._tell("nobody alone", name, f"{name} is in the air in {seen.mode}, {what} since {since:.0f} s")
 
+    def _look_who_is_stopped(self, name: str, seen: Seen, now: float) -> None:
+        """Judge a vehicle that the operator has stopped: it rests or comes down, and nothing begins."""
+        order, begun = self._world.stopped.get(name), frozenset(self._actions[name].agents)
+        if order is None or seen.piloted:
+            self._rests.pop(name, None)
+            return
+        rest = self._rests.setdefault(name, _Rest(now, seen.armed, begun))
+        if seen.armed and not rest.armed:
+            self._tell(
+                "motion after stop", name, f"{name} was armed after the operator's {order} at {rest.since:.0f} s"
+            )
+        elif order != "pause" and (more := begun - rest.begun):
+            text = f"{', '.join(sorted(more))} began after the operator's {order} at {rest.since:.0f} s"
+            self._tell("motion after stop", name, text)
+        if seen.mode in HOME or not seen.armed:
+            self._rests[name] = rest._replace(armed=seen.armed, place=None)
+        elif now - rest.since > SETTLED:
+            here = *seen.estimated, seen.height
+            there = rest.place or here
+            self._rests[name] = rest._replace(place=there)
+            if distance(there[:2], here[:2]) > STILL or abs(there[2] - here[2]) > STILL:
+                text = f"{name} moves in {seen.mode} after the operator's {order} at {rest.since:.0f} s"
+                self._tell("motion after stop", name, text)
+
     def _look_who_holds(self, robot: str, now: float) -> None:
         acting = set(self._actions[robot].agents.values())
         told = set(self._holders.get(robot, {}).values())
@@ -359,7 +402,7 @@ class Checkers:
     def finish(self) -> list[Violation]:
         """Judge the end of the run; return everything that was found."""
         for name, seen in self._world.vehicles.items():
-            if seen.armed:
+            if seen.armed and not seen.piloted:
                 self._tell("on the ground", name, f"the run is over and {name} is armed, {seen.height:.1f} m high")
         self.mail.finish()
         return self.found

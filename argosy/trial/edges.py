@@ -4,12 +4,13 @@
 
 | edge | in a trial |
 |---|---|
-| clocks of `time`, local time | the virtual time of the loop, in UTC |
+| clocks of `time`, local time | the virtual time of the loop, in UTC, by the clock of each board |
 | `os.urandom`, `random.SystemRandom` and `secrets`, which use it, `random` | generators seeded by the trial |
 | executors | work in the thread of the loop |
 | sessions of `commd.bus` | those of the virtual network (`bus_edges`) |
 | signals, UDP | `argosy.trial.event_loop` |
 | locks and SQLite files | belong to the process of the trial that opened them, and end with it |
+| boots of the machine | those of its board |
 | processes | `argosy.trial.process` |
 """
 
@@ -58,26 +59,6 @@ class InlineExecutor(concurrent.futures.Executor):
         """Do nothing: nothing waits."""
 
 
-class Disk(sqlite3.Connection):
-    """A database on the disk of a board: while that is full, no change is committed."""
-
-    full: Callable[[], bool] = staticmethod(lambda: False)
-    _before = 0
-    """Changes before the present transaction."""
-
-    def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
-        """Execute a statement. Raises OperationalError (full) for a COMMIT of changes on a full disk."""
-        if sql.startswith("PRAGMA") and "synchronous" in sql:
-            sql = "PRAGMA synchronous=OFF"  # no power fails in a trial
-        elif sql.startswith("BEGIN"):
-            self._before = self.total_changes
-        elif sql == "COMMIT" and self.total_changes != self._before and self.full():
-            error = sqlite3.OperationalError("database or disk is full")
-            error.sqlite_errorcode, error.sqlite_errorname = sqlite3.SQLITE_FULL, "SQLITE_FULL"
-            raise error
-        return super().execute(sql, parameters)
-
-
 class _NoThread:
     def __init__(self, **_: Any) -> None:
         pass
@@ -91,6 +72,9 @@ class _NoThread:
 
 class Authority:
     """Who hands out time and chance in this process; the loop and the seed are those of the present run."""
+
+    machine: Callable[[], Any] = staticmethod(lambda: SimpleNamespace(ahead=0.0, booted=0.0))
+    """Return the machine of the process that runs now (`argosy.trial.process.Machine`)."""
 
     def __init__(self) -> None:
         self.loop = VirtualLoop()
@@ -111,9 +95,9 @@ class Authority:
         """Become the authority of this process. Call it before the product is imported."""
         time.monotonic = self.now
         time.monotonic_ns = lambda: int(self.now() * 1e9)
-        time.time = lambda: EPOCH + self.now()
-        time.time_ns = lambda: int(EPOCH * 1e9) + int(self.now() * 1e9)
-        time.clock_gettime = lambda clock: self.now()
+        time.time = lambda: EPOCH + self.now() + self.machine().ahead
+        time.time_ns = lambda: int(EPOCH * 1e9) + int((self.now() + self.machine().ahead) * 1e9)
+        time.clock_gettime = lambda clock: self.now() - self.machine().booted
         time.perf_counter, time.perf_counter_ns = time.monotonic, time.monotonic_ns
         time.process_time = time.thread_time = lambda: 0.0
         in_utc = time.gmtime
@@ -177,9 +161,10 @@ def swap_bus(loop: VirtualLoop) -> Any:
     """Give the product's bus a virtual network, its processes their output, and return the network."""
     from agentd.persistence import poison_inputs
     from argosy.trial.network import Network
-    from argosy.trial.process import PRESENT
+    from argosy.trial.power_loss import Disk, replaced, synced
+    from argosy.trial.process import PRESENT, Machine
     from commd.mail import store
-    from commd.process import output
+    from commd.process import output, restart_counter
     from schemas.wire.log_lines import LogLine
 
     network = Network(loop)
@@ -196,12 +181,15 @@ def swap_bus(loop: VirtualLoop) -> Any:
             present.locks.append(file if isinstance(file, int) else file.fileno())
 
     fcntl.flock = flock
+    os.fsync, os.replace = synced, replaced  # type: ignore[assignment]
     connect = sqlite3.connect
 
     def connected(*args: Any, **options: Any) -> sqlite3.Connection:
         made: Disk = connect(*args, factory=Disk, **options)
+        made.at(Path(args[0]))
         if (present := PRESENT.get()) is not None:
-            made.full = present.disk_full
+            board = present.machine
+            made.full = lambda: loop.time() < board.full_until
             present.files.append((Path(args[0]), made))
         return made
 
@@ -229,6 +217,14 @@ def swap_bus(loop: VirtualLoop) -> Any:
     output.Output.write = write  # type: ignore[method-assign]
     output.threading = SimpleNamespace(Thread=_NoThread)  # type: ignore[assignment, attr-defined]
     poison_inputs._watch = lambda one: None
+    operator = Machine("operator")
+
+    def machine() -> Machine:
+        return operator if (present := PRESENT.get()) is None else present.machine
+
+    Authority.machine = staticmethod(machine)
+    boot = SimpleNamespace(read_text=lambda: f"{machine().board} {machine().boots}")
+    restart_counter._BOOT = boot  # type: ignore[assignment]
 
     divide(loop)
     return network

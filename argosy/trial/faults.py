@@ -10,7 +10,7 @@ import math
 import random
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias, get_args
 
 import msgspec
 
@@ -26,12 +26,15 @@ STORM: Final = 120.0
 """Virtual seconds after the start in which faults begin."""
 SHARE: Final = 0.4
 """Chance of each kind of fault in a run."""
+RARE: Final = 0.1
+"""Chance of a kind of fault for each vehicle that its mission seldom outlives."""
 MUTE: Final = 0.05
 """Chance of a vehicle that acknowledges nothing: its missions seldom succeed, and show little else."""
 WORST_BATTERY: Final = 0.5
 """Least share of the time in the air that a battery of the mission lasts: it is old, or cold."""
 
 
+StopOrder: TypeAlias = Literal["hold", "land", "rtl", "pause"]
 Seconds: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 
 
@@ -82,6 +85,17 @@ class DiskFull(_Fault, frozen=True, kw_only=True, tag="disk_full"):
         return f"{self.at:.1f} s: the disk of {self.board} is full for {self.seconds:.1f} s"
 
 
+class ClockStep(_Fault, frozen=True, kw_only=True, tag="clock_step"):
+    """The wall clock of a board is set: its daemons see another time from now on."""
+
+    board: str
+    by: float
+    """Seconds forward; backward if negative."""
+
+    def __str__(self) -> str:
+        return f"{self.at:.1f} s: the clock of {self.board} is set by {self.by:+.1f} s"
+
+
 class LinkCut(_Fault, frozen=True, kw_only=True, tag="link_cut"):
     """Nothing passes from one board to another; with `both`, in neither direction."""
 
@@ -115,7 +129,21 @@ class Battery(_Fault, frozen=True, kw_only=True, tag="battery"):
         return f"{self.robot}: a full battery lasts {self.minutes:.1f} min"
 
 
-Fault: TypeAlias = Kill | BoardDown | DiskFull | LinkCut | Vehicle | Battery
+class Operator(_Fault, frozen=True, kw_only=True, tag="operator"):
+    """An operator orders a robot as `argosy stop` does, until it has confirmed; later he gives it back."""
+
+    order: StopOrder
+    robot: str = ""
+    """Empty: all robots."""
+    seconds: Seconds | None = None
+    """After its confirmation the robot is released, or told to continue; None: never."""
+
+    def __str__(self) -> str:
+        end = "" if self.seconds is None else f", and gives it back {self.seconds:.1f} s later"
+        return f"{self.at:.1f} s: the operator orders {self.robot or 'every robot'} to {self.order}{end}"
+
+
+Fault: TypeAlias = Operator | Kill | BoardDown | DiskFull | ClockStep | LinkCut | Vehicle | Battery
 
 
 def draw(mission: Mission, seed: int) -> list[Fault]:
@@ -159,6 +187,26 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
             found.append(Battery(robot=robot, minutes=round(minutes, 2)))
     for at in times():
         found.append(DiskFull(at=at, board=dice.choice(boards), seconds=round(dice.uniform(1, 20), 1)))
+    if dice.random() < SHARE:
+        speed, bearing = dice.uniform(2, 12), dice.uniform(0, 359)
+        for robot in robots:  # all of them are in one place
+            found.append(
+                Vehicle(robot=robot, fault=f"wind={speed:.1f}:{bearing:.0f}:{speed * dice.uniform(0.1, 0.4):.1f}")
+            )
+    for robot in robots:
+        metres, lands = f":{dice.uniform(1, 60):.0f}", dice.choice(("", ":lands"))
+        for fault, more in (("gps-loss", ""), ("gps-jump", metres), ("pilot", lands)):
+            if dice.random() < RARE:
+                at, seconds = dice.uniform(2, STORM), dice.uniform(2, 30)
+                found.append(Vehicle(robot=robot, fault=f"{fault}={at:.1f}+{seconds:.1f}{more}"))
+    if dice.random() < RARE:
+        at, seconds = round(dice.uniform(2, STORM), 1), round(dice.uniform(5, 60), 1)
+        found.append(
+            Operator(at=at, order=dice.choice(get_args(StopOrder)), robot=dice.choice(["", *robots]), seconds=seconds)
+        )
+    for at in times():
+        by = round(dice.choice((-1, 1)) * 10 ** dice.uniform(-1, 5), 1)
+        found.append(ClockStep(at=at, board=dice.choice(boards), by=by))
     return sorted(found, key=lambda one: one.at)
 
 
@@ -196,13 +244,15 @@ def _check(fault: Fault, mission: Mission) -> None:
         case LinkCut():
             _expect(fault.sender, mission.board_names)
             _expect(fault.receiver, mission.board_names)
-        case BoardDown() | DiskFull():
+        case BoardDown() | DiskFull() | ClockStep():
             _expect(fault.board, mission.board_names)
         case Vehicle():
             _expect(fault.robot, vehicles)
             Faults.parse([fault.fault])
         case Battery():
             _expect(fault.robot, vehicles)
+        case Operator():
+            _expect(fault.robot or vehicles[0], vehicles)
         case Kill():
             kind, subject = fault.parts
             _expect(kind, ("commd", "bridged", "agentd"))
@@ -217,5 +267,5 @@ def _expect(name: str, known: Collection[str]) -> None:
 
 def last(faults: Sequence[Fault]) -> float:
     """Return when the storm is over, in virtual seconds after the start."""
-    ends = [one.at + getattr(one, "seconds", 0.0) for one in faults if math.isfinite(one.at)]
+    ends = [one.at + (getattr(one, "seconds", None) or 0.0) for one in faults if math.isfinite(one.at)]
     return max(ends, default=0.0)

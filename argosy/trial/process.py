@@ -15,7 +15,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
 from contextvars import ContextVar, copy_context
-from functools import partial
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -40,14 +40,27 @@ _LEVELS: Final[dict[str, Level]] = {"CRITICAL": "error", "ERROR": "error", "WARN
 _DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd": "agentd.daemon"}
 
 
+@dataclass
+class Machine:
+    """A board, as its processes see it; times are virtual."""
+
+    board: str
+    down_until: float = 0.0
+    full_until: float = 0.0
+    boots: int = 0
+    """How often its power has failed."""
+    booted: float = 0.0
+    """When it was started last."""
+    ahead: float = 0.0
+    """Seconds by which its wall clock is wrong."""
+
+
 class VirtualProcess:
     """A process of the trial, with what `Child` uses of `asyncio.subprocess.Process`."""
 
-    def __init__(
-        self, network: Network, pid: int, argv: Sequence[str], disk_full: Callable[[], bool] = lambda: False
-    ) -> None:
-        """`argv`: `MODULE COMMAND ARGUMENT...`. `disk_full()`: whether the disk of its board is full."""
-        self.disk_full = disk_full
+    def __init__(self, network: Network, pid: int, argv: Sequence[str], machine: Machine | None = None) -> None:
+        """`argv`: `MODULE COMMAND ARGUMENT...`. `machine`: on which it runs."""
+        self.machine = machine or Machine("local")
         self.network, self.pid, self.argv = network, pid, tuple(argv)
         self.returncode: int | None = None
         self.dead = False
@@ -115,7 +128,7 @@ class VirtualProcess:
         left = {name: name.read_bytes() for name in named if name.exists()}
         for _, file in self.files:
             with suppress(sqlite3.Error):  # what it had not committed is lost
-                file.close()
+                sqlite3.Connection.close(file)
         for name, content in left.items():
             if not name.exists() or name.read_bytes() != content:
                 name.write_bytes(content)
@@ -181,13 +194,13 @@ class VirtualSupervisor(Supervisor):
     network: Network
     ready: Callable[[str], Awaitable[None]]
     """Waits until a board can start processes."""
-    disk_full: Callable[[str], bool]
-    """Whether the disk of a board is full."""
+    machine: Callable[[str], Machine]
+    """Return the machine of a board."""
 
     async def launch(self, process: Process) -> Child:
         """Start a process, when its board is there."""
         await self.ready(process.board)
         arguments = process.argv[process.argv.index("-m") + 1 :]
         pid = FIRST_PID + next(self.network.numbers)
-        full = partial(self.disk_full, process.board)
-        return VirtualChild(process, VirtualProcess(self.network, pid, arguments, full))  # type: ignore[arg-type]
+        started = VirtualProcess(self.network, pid, arguments, self.machine(process.board))
+        return VirtualChild(process, started)  # type: ignore[arg-type]

@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import logging
 import os
+import random
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -108,11 +109,12 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     status = Status(setup, model, journal, _NoMeter(), [], clock.now)
     logging.basicConfig(level=logging.INFO, handlers=[ProcessLog()], force=True)
     flight = MissionRunner(status, supervisor=VirtualSupervisor)
-    world = World(network, routers, request.faults, lambda: status.children)
+    world = World(network, routers, request.faults, lambda: status.children, fleet=mission.fleet)
+    world.dice = random.Random(f"argosy world {request.seed}")
     checkers = Checkers(mission, world, lambda robot: _served(status, robot))
     checkers.watch_minds()
     VirtualSupervisor.network, VirtualSupervisor.ready = network, staticmethod(world.board_is_up)
-    VirtualSupervisor.disk_full = staticmethod(world.disk_is_full)
+    VirtualSupervisor.machine = staticmethod(world.machine)
     digest = hashlib.sha256()
 
     def put(session: Session, sample: Sample) -> None:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import signal
+import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 from argosy.processes.supervisor import Child
-from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, LinkCut
+from argosy.stop.command import order_robot
+from argosy.trial.faults import BoardDown, ClockStep, DiskFull, Fault, Kill, LinkCut, Operator, StopOrder
 from argosy.trial.network import Network
+from argosy.trial.power_loss import lose_power
+from argosy.trial.process import Machine
+from commd.bus.bus import open_bus
+from commd.bus.errors import BusClosed
 from schemas.geo import distance
 
 SAMPLED = 0.2
 """Virtual seconds between two looks at the vehicles."""
+PATIENCE = 3.0
+"""Virtual seconds for an operator to reach a router, and before he repeats what was not confirmed."""
 
 
 @dataclass
@@ -32,12 +43,19 @@ class Seen:
     """Metres from home, horizontally."""
     charge: float = 1.0
     """Least share of its battery that was left by the autopilot's count, 0 to 1."""
+    misled: float = 0.0
+    """Metres by which its autopilot was wrong about its position at most."""
     last: tuple[float, float] | None = None
 
     @property
     def armed(self) -> bool:
         """Whether its motors turn."""
         return bool(self.vehicle.copter.armed)
+
+    @property
+    def piloted(self) -> bool:
+        """Whether a pilot has it."""
+        return bool(self.vehicle.character.piloted)
 
     @property
     def height(self) -> float:
@@ -50,9 +68,15 @@ class Seen:
         """Flight mode."""
         return str(self.vehicle.copter.mode.name)
 
+    @property
+    def estimated(self) -> tuple[float, float]:
+        """Latitude and longitude in degrees as its autopilot estimates them."""
+        where = self.vehicle.copter.place
+        return where.lat, where.lon
+
     def place(self) -> tuple[float, float]:
         """Latitude and longitude in degrees."""
-        where = self.vehicle.copter.place
+        where = self.vehicle.copter.true_place
         return where.lat, where.lon
 
     def look(self) -> None:
@@ -63,6 +87,7 @@ class Seen:
         self.last = here
         copter = self.vehicle.copter
         self.highest = max(self.highest, self.height)
+        self.misled = max(self.misled, copter.estimate.error.flat())
         self.charge = min(self.charge, copter.battery.remaining / 100)
         if copter.home is not None:
             self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
@@ -80,10 +105,15 @@ class World:
     vehicles: dict[str, Seen] = field(default_factory=dict)
     nearest: float = float("inf")
     """Least distance of two vehicles in the air, in metres."""
-    down: dict[str, float] = field(default_factory=dict)
-    """Until when each board is down."""
-    full: dict[str, float] = field(default_factory=dict)
-    """Until when the disk of each board is full."""
+    machines: dict[str, Machine] = field(default_factory=dict)
+    """Each board, by its name."""
+    state: Path = Path("state")
+    """Folder with the files of all boards."""
+    fleet: str = ""
+    dice: random.Random = field(default_factory=lambda: random.Random(0))
+    stopped: dict[str, StopOrder] = field(default_factory=dict)
+    """The order of the operator that each robot has confirmed, until he gives it back."""
+    operators: list[asyncio.Task[None]] = field(default_factory=list)
     looks: list[Callable[[], None]] = field(default_factory=list)
     """Called after each look at the vehicles."""
 
@@ -110,24 +140,57 @@ class World:
                     if child.alive and fault.hits(child.process):
                         child.signal(signal.SIGKILL)
             case BoardDown(board=board, seconds=seconds):
-                self.down[board] = max(self.down.get(board, 0.0), fault.at + seconds)
-                for child in self.children():
-                    if child.process.board == board and child.process.kind.daemon and child.alive:
+                machine = self.machine(board)
+                machine.down_until = machine.booted = max(machine.down_until, fault.at + seconds)
+                daemons = [one for one in self.children() if one.process.board == board and one.process.kind.daemon]
+                for child in daemons:
+                    if child.alive:
                         child.signal(signal.SIGKILL)
+                machine.boots += 1
+                lose_power(
+                    self.state, [board, *(name for one in daemons for name in one.process.subject.split())], self.dice
+                )
             case DiskFull(board=board, seconds=seconds):
-                self.full[board] = max(self.full.get(board, 0.0), fault.at + seconds)
+                machine = self.machine(board)
+                machine.full_until = max(machine.full_until, fault.at + seconds)
+            case ClockStep(board=board, by=by):
+                self.machine(board).ahead += by
             case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
                 there = self.routers[sender], self.routers[receiver]
                 self.network.cut((there, there[::-1]) if both else (there,), seconds)
+            case Operator(robot=robot):
+                for one in [robot] if robot else self.vehicles:
+                    self.operators.append(asyncio.create_task(self._stop(one, fault)))
             case _:
                 pass  # a vehicle's own, which it has from the start
 
-    def disk_is_full(self, board: str) -> bool:
-        """Return whether the disk of a board is full now."""
-        return self.network.loop.time() < self.full.get(board, 0.0)
+    async def _stop(self, robot: str, fault: Operator) -> None:
+        """Order a robot, and give it back."""
+        await self._confirmed(robot, fault.order)
+        self.stopped[robot] = fault.order
+        if fault.seconds is not None:
+            await asyncio.sleep(fault.seconds)
+            self.stopped.pop(robot, None)
+            await self._confirmed(robot, "continue" if fault.order == "pause" else "release")
+
+    async def _confirmed(self, robot: str, order: str) -> None:
+        """Repeat an order until the robot has confirmed it."""
+        while True:
+            with suppress(BusClosed):
+                router = next(iter(self.routers.values()))
+                async with open_bus(
+                    router, fleet=self.fleet, name="operator", daemon="argosy", stamp=time.time_ns, patience=PATIENCE
+                ) as bus:
+                    if (await order_robot(bus, self.fleet, robot, order)).ok:
+                        return
+            await asyncio.sleep(PATIENCE)
+
+    def machine(self, board: str) -> Machine:
+        """Return a board."""
+        return self.machines.setdefault(board, Machine(board))
 
     async def board_is_up(self, board: str) -> None:
         """Wait until a board is there to start a process."""
-        if (left := self.down.get(board, 0.0) - self.network.loop.time()) > 0:
+        if (left := self.machine(board).down_until - self.network.loop.time()) > 0:
             await asyncio.sleep(left)
             await self.board_is_up(board)  # it may have died again meanwhile

@@ -8,11 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from argosy.trial.checkers import CALM, HANDING_OVER, UNATTENDED, Checkers, _Letter
+from argosy.trial.checkers import CALM, HANDING_OVER, SETTLED, STILL, UNATTENDED, Checkers, _Letter
 from argosy.trial.event_loop import VirtualLoop
-from argosy.trial.faults import Fault, Kill
+from argosy.trial.faults import Fault, Kill, StopOrder
 from argosy.trial.network import Network, Query
 from argosy.trial.world import SAMPLED, Seen, World
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.position_estimate import PositionEstimate
 from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -45,7 +47,9 @@ class Copter:
     armed: bool = False
     up: float = 0.0
     mode_name: str = "GUIDED"
+    true_place: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(lat=-27.6, lon=-48.5))
     place: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(lat=-27.6, lon=-48.5))
+    estimate: PositionEstimate = field(default_factory=PositionEstimate)
     battery: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(remaining=100))
 
     @property
@@ -73,7 +77,10 @@ class Run:
         self.network = Network(self.loop)
         self.world = World(self.network, {}, faults, list)
         self.copters = {name: Copter() for name in mission.robots}
-        self.world.vehicles = {name: Seen(SimpleNamespace(copter=one)) for name, one in self.copters.items()}
+        self.pilot = SimpleNamespace(piloted=False)
+        self.world.vehicles = {
+            name: Seen(SimpleNamespace(copter=one, character=self.pilot)) for name, one in self.copters.items()
+        }
         self.served = True
         self.checkers = Checkers(mission, self.world, lambda robot: self.served, separation=separation)
         self.router = self.network.open("board", "commd", True, None)
@@ -431,6 +438,13 @@ def test_a_vehicle_that_comes_home_needs_no_agent(run: Run) -> None:
     assert run.rules == []
 
 
+def test_a_vehicle_that_a_pilot_has_needs_no_agent(run: Run) -> None:
+    in_air(run)
+    run.served, run.pilot.piloted = False, True
+    run.after(2 * LOST)
+    assert run.rules == []
+
+
 def test_a_vehicle_whose_agent_comes_back_is_not_alone(run: Run) -> None:
     in_air(run)
     for _ in range(3):
@@ -466,6 +480,89 @@ def test_a_mission_that_only_holds_lets_a_vehicle_stay_in_the_air() -> None:
     assert run.rules == []
 
 
+# --- what the operator has stopped ---
+
+
+def stopped(run: Run, order: StopOrder = "hold") -> Copter:
+    in_air(run)
+    run.world.stopped["uav1"] = order
+    run.after(SETTLED + 1)
+    assert run.rules == []
+    return run.copters["uav1"]
+
+
+def test_a_stopped_vehicle_that_rests_is_well(run: Run) -> None:
+    stopped(run).up += STILL - 1
+    run.after(60)
+    assert run.rules == []
+
+
+def test_a_stopped_vehicle_may_come_to_rest_first(run: Run) -> None:
+    in_air(run)
+    run.world.stopped["uav1"] = "hold"
+    run.after(1)
+    run.copters["uav1"].up += 3 * STILL
+    run.after(60)
+    assert run.rules == []
+
+
+def test_a_stopped_vehicle_that_moves_is_reported(run: Run) -> None:
+    copter = stopped(run)
+    copter.place.lat += 2 * STILL / 111_000
+    run.after(1)
+    assert run.rules == ["motion after stop"]
+
+
+def test_a_stopped_vehicle_that_climbs_is_reported(run: Run) -> None:
+    stopped(run, "pause").up += 2 * STILL
+    run.after(1)
+    assert run.rules == ["motion after stop"]
+
+
+def test_a_stopped_vehicle_may_land(run: Run) -> None:
+    copter = stopped(run)
+    copter.mode_name, copter.up = "LAND", 2.0
+    run.after(10)
+    copter.armed = False
+    run.after(10)
+    assert run.rules == []
+
+
+def test_a_stopped_vehicle_that_is_armed_is_reported(run: Run) -> None:
+    run.world.stopped["uav1"] = "land"
+    run.after(1)
+    in_air(run)
+    run.after(1)
+    assert run.rules == ["motion after stop"]
+
+
+def test_an_action_that_begins_with_a_stopped_vehicle_is_reported(run: Run) -> None:
+    run.status("running", "goto", number=1)
+    stopped(run)
+    run.status("running", "return_to_launch", number=2)
+    run.after(1)
+    assert run.rules == ["motion after stop"]
+
+
+def test_a_paused_vehicle_keeps_its_actions(run: Run) -> None:
+    stopped(run, "pause")
+    run.status("running", "goto", number=2)
+    run.after(1)
+    assert run.rules == []
+
+
+def test_a_vehicle_that_is_given_back_or_that_a_pilot_has_moves(run: Run) -> None:
+    copter = stopped(run)
+    run.pilot.piloted = True
+    copter.up += 2 * STILL
+    run.after(1)
+    run.pilot.piloted = False
+    del run.world.stopped["uav1"]
+    copter.up += 2 * STILL
+    run.after(60)
+    assert run.rules == []
+
+
 # --- where vehicles are ---
 
 
@@ -481,10 +578,22 @@ def test_a_vehicle_above_its_limit_is_reported(run: Run) -> None:
 
 def test_a_vehicle_farther_than_its_limit_is_reported(run: Run) -> None:
     in_air(run)
-    run.copters["uav1"].place.lat = -27.6 + 400 / 111_000
+    run.copters["uav1"].true_place.lat = -27.6 + 400 / 111_000
     run.after(1)
     assert run.rules == []
-    run.copters["uav1"].place.lat = -27.6 + 600 / 111_000
+    run.copters["uav1"].true_place.lat = -27.6 + 600 / 111_000
+    run.after(1)
+    assert run.rules == ["limits"]
+
+
+def test_a_vehicle_whose_gps_was_wrong_may_be_as_much_farther(run: Run) -> None:
+    in_air(run)
+    run.copters["uav1"].estimate.error = Vector(200.0)
+    run.after(1)
+    run.copters["uav1"].true_place.lat = -27.6 + 600 / 111_000
+    run.after(1)
+    assert run.rules == []
+    run.copters["uav1"].true_place.lat = -27.6 + 800 / 111_000
     run.after(1)
     assert run.rules == ["limits"]
 
@@ -509,6 +618,12 @@ def test_a_vehicle_that_is_armed_at_the_end_is_reported(run: Run) -> None:
     in_air(run)
     run.after(1)
     assert run.end() == ["on the ground"]
+
+
+def test_a_vehicle_that_a_pilot_has_at_the_end_is_his(run: Run) -> None:
+    in_air(run)
+    run.pilot.piloted = True
+    assert run.checkers.finish() == []
 
 
 def test_a_vehicle_that_has_landed_is_well(run: Run) -> None:

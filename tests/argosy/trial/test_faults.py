@@ -14,10 +14,12 @@ from argosy.trial.faults import (
     STORM,
     Battery,
     BoardDown,
+    ClockStep,
     DiskFull,
     Fault,
     Kill,
     LinkCut,
+    Operator,
     Vehicle,
     boards_with_agents,
     draw,
@@ -57,7 +59,7 @@ def test_seeds_draw_different_faults(team: Mission) -> None:
 
 
 def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it(team: Mission) -> None:
-    for kind in (Kill, BoardDown, DiskFull, LinkCut, Battery):
+    for kind in (Kill, BoardDown, DiskFull, ClockStep, LinkCut, Battery, Operator):
         has = [bool(of(kind, draw(team, seed))) for seed in range(1, 61)]
         assert any(has), kind
         assert not all(has), kind
@@ -99,6 +101,19 @@ def test_faults_name_what_the_mission_has(team: Mission, drawn: list[Fault]) -> 
 def test_a_simulated_vehicle_reads_each_of_its_faults(drawn: list[Fault]) -> None:
     for one in of(Vehicle, drawn):
         Faults.parse([one.fault])
+
+
+def test_some_seed_draws_each_fault_of_a_vehicle_that_makes_sense_and_some_does_not(team: Mission) -> None:
+    names = [{one.fault.partition("=")[0] for one in of(Vehicle, draw(team, seed))} for seed in SEEDS]
+    for name in ("loss", "duplicate", "cut", "mute-acks", "wind", "gps-loss", "gps-jump", "pilot"):
+        assert 0 < sum(name in drawn for drawn in names) < len(SEEDS), name
+
+
+def test_the_wind_is_the_same_for_all_vehicles(team: Mission) -> None:
+    for seed in SEEDS:
+        winds = [one for one in of(Vehicle, draw(team, seed)) if one.fault.startswith("wind=")]
+        assert len(winds) in (0, len(team.robots))
+        assert len({one.fault.rpartition(":")[0] for one in winds}) <= 1
 
 
 def test_packets_lost_and_doubled_are_bounded_shares(drawn: list[Fault]) -> None:
@@ -149,6 +164,9 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         "- {kind: kill, at: 10, daemon: bridged uav1}\n"
         "- {kind: vehicle, robot: uav1, fault: mute-acks}\n"
         "- {kind: battery, robot: uav1, minutes: 2.5}\n"
+        "- {kind: operator, at: 40, order: hold, robot: uav2, seconds: 9}\n"
+        "- {kind: operator, at: 50, order: rtl}\n"
+        "- {kind: clock_step, at: 60, board: pi1, by: -3600}\n"
         "- {kind: disk_full, at: 5, board: pi3, seconds: 8}\n"
     )
     assert list(map(str, read(path, TEAM))) == [
@@ -158,6 +176,9 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         "10.0 s: bridged uav1 is killed",
         "20.0 s: board pi1 dies, and is back after 5.0 s",
         "30.0 s: no link one way from pi1 and pi2 for 4.0 s",
+        "40.0 s: the operator orders uav2 to hold, and gives it back 9.0 s later",
+        "50.0 s: the operator orders every robot to rtl",
+        "60.0 s: the clock of pi1 is set by -3600.0 s",
     ]
 
 
@@ -172,7 +193,11 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         ("- {kind: kill, daemon: routerd}", "1:3: expected agentd, bridged, commd, got `routerd`"),
         ("- {kind: kill, daemon: bridged uav9}", "1:3: expected pi1, pi2, pi3, rescuer1, rescuer2, scout, uav1"),
         ("- {kind: board_down, board: pi9, seconds: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
+        ("- {kind: clock_step, board: pi9, by: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
+        ("- {kind: clock_step, board: pi1}", "1:3: Object missing required field `by`"),
         ("- {kind: battery, robot: uav9, minutes: 1}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
+        ("- {kind: operator, robot: uav9, order: hold}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
+        ("- {kind: operator, order: fly}", "1:3: Invalid enum value 'fly' - at `$.order`"),
         ("- {kind: vehicle, robot: uav1, fault: loss=2}", "1:3: expected loss=SHARE (so many"),
         ("kill", "1:1: expected a list of faults such as"),
     ],

@@ -2,32 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import TypeAlias
-
 import pytest
 
 from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, Vehicle
-from argosy.trial.single_run import Outcome, Request
-from argosy.trial.workers import workers
-
-MISSIONS = Path(__file__).parents[3] / "missions"
-
-
-Fly: TypeAlias = Callable[..., Outcome]
-
-
-@pytest.fixture(scope="module")
-def fly() -> Iterator[Fly]:
-    """Yield what flies a shipped mission once: `fly(mission, seed, *faults, until=None)`."""
-    with workers(1) as run_all:
-
-        def once(mission: str, seed: int, *faults: Fault, until: float | None = None) -> Outcome:
-            path = str(MISSIONS / f"{mission}.yaml")
-            return next(iter(run_all([Request(path, seed, faults, journal=True, until=until)])))
-
-        yield once
+from argosy.trial.single_run import Outcome
+from tests.argosy.trial.conftest import Fly
 
 
 def no_action_failed(outcome: Outcome) -> bool:

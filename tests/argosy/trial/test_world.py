@@ -1,0 +1,32 @@
+"""What befalls a mission in a trial acts on it: each run has one fault, and its journal shows what it did."""
+
+from __future__ import annotations
+
+from argosy.trial.faults import Fault, Kill, Operator, Vehicle
+from tests.argosy.trial.conftest import Fly
+
+
+def test_wind_carries_a_mission_off_its_way_and_not_off_its_goals(fly: Fly) -> None:
+    still, windy = fly("single_uav", 1), fly("single_uav", 1, Vehicle(robot="uav1", fault="wind=12:200:3"))
+    assert windy.success, windy.why
+    assert windy.flown > still.flown + 5
+
+
+def test_a_mission_without_gps_lands_where_it_is(fly: Fly) -> None:
+    outcome = fly("single_uav", 1, Vehicle(robot="uav1", fault="gps-loss=15+60"))
+    assert "EKF variance" in outcome.why
+    assert not outcome.violations
+
+
+def test_a_pilot_ends_the_action_that_runs(fly: Fly) -> None:
+    outcome = fly("single_uav", 1, Vehicle(robot="uav1", fault="pilot=15+20:lands"))
+    assert "LOITER" in outcome.why
+    assert not outcome.violations
+
+
+def test_what_the_operator_has_stopped_rests_until_it_is_given_back_also_when_its_bridge_dies(fly: Fly) -> None:
+    faults: list[Fault] = [Operator(at=20, order="hold", seconds=20), Kill(at=30, daemon="bridged")]
+    outcome = fly("single_uav", 1, *faults)
+    ends = [line.split()[3] for line in outcome.journal if "hold confirmed" in line or "released by" in line]
+    assert ends == ["hold", "hold", "released"]
+    assert not outcome.violations
