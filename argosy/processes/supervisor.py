@@ -59,6 +59,14 @@ class Child:
         return self.died is None
 
     @property
+    def stopped(self) -> bool:
+        """Whether it was stopped by a signal, or by a debugger."""
+        try:
+            return Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
+        except (OSError, IndexError):
+            return False
+
+    @property
     def dead(self) -> bool:
         """Whether it ended by itself or by a foreign signal, and is not restarted."""
         code = self.handle.returncode

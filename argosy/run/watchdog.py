@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Collection, Mapping
-from pathlib import Path
 
 from argosy.fleet_model.members import Member
 from argosy.processes.supervisor import Child
@@ -33,7 +32,7 @@ class Watchdog:
         for child in self._status.children:
             if kinds is not None and child.process.kind.name not in kinds:
                 continue
-            stopped = is_stopped(child.pid)
+            stopped = child.stopped
             if not (child.alive and child.process.kind.daemon and (stopped or self._is_silent(child))):
                 self._since.pop(child.pid, None)
             elif now - self._since.setdefault(child.pid, now) >= PATIENCE:
@@ -56,11 +55,3 @@ class Watchdog:
         members: Mapping[str, Member] = model.agents if kind == "agentd" else model.robots
         told = (members[name].told if name in members else None for name in child.process.subject.split())
         return all(at is None or at < model.now() - HEALTHY for at in told)
-
-
-def is_stopped(pid: int) -> bool:
-    """Whether a process was stopped by a signal, or by a debugger."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
-    except (OSError, IndexError):
-        return False

@@ -24,9 +24,9 @@ from argosy.trial import faults
 from argosy.trial.network import Query, Sample, Session
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.bridge.safety_orders import COMING, StepField, read_steps
+from bridged.drivers.registry import load_robot_manifest
 from schemas.files.findings import Findings
 from schemas.geo import distance
-from schemas.manifest.loader import load_manifest
 from schemas.manifest.model import ActionEntry
 from schemas.mission.model import NO_STEPS, Mission
 from schemas.wire import keys
@@ -423,9 +423,8 @@ class Checkers:
 
 
 def _actions_of(mission: Mission, robot: str) -> dict[str, ActionEntry]:
-    """Return the actions of a robot's manifest; none of the paper's INI pair, which has no confirmations."""
-    named = mission.robots[robot].manifest
-    return {} if isinstance(named, tuple) else dict(load_manifest(named, mission.path.parent).actions)
+    """Return the actions of a robot's manifest."""
+    return dict(load_robot_manifest(mission.robots[robot].manifest, mission.path.parent).actions)
 
 
 def _patience(mission: Mission, robot: str) -> dict[StepField, float | None]:

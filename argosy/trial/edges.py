@@ -93,7 +93,7 @@ class Authority:
 
     def take_over(self) -> None:
         """Become the authority of this process. Call it before the product is imported."""
-        time.monotonic = self.now
+        time.monotonic = self.loop.time
         time.monotonic_ns = lambda: int(self.now() * 1e9)
         time.time = lambda: EPOCH + self.now() + self.machine().ahead
         time.time_ns = lambda: int(EPOCH * 1e9) + int((self.now() + self.machine().ahead) * 1e9)

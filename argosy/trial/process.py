@@ -184,6 +184,8 @@ class ProcessLog(logging.Handler):
 class VirtualChild(Child):
     """A started process of a trial."""
 
+    stopped = False  # no signal of a trial stops one
+
     def kill_group(self) -> None:
         """Do nothing: no process of a trial starts others."""
 

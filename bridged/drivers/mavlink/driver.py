@@ -6,7 +6,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -20,6 +19,7 @@ from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links, Sh
 from bridged.drivers.mavlink.transport.signing import read_key
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
 from bridged.drivers.mavlink.vehicle.streams import unread
+from commd.common.tasks import wait_at_most
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
@@ -89,9 +89,7 @@ class MavlinkDriver(VehicleSession):
                 pause = min(TICK, 1 / (TICKS * self.clock.speed)) if self.streams.at_work else TICK_IDLE
                 due = loop.time() + pause
                 self.asked.clear()
-                with suppress(TimeoutError):
-                    async with asyncio.timeout(pause):
-                        await self.asked.wait()
+                await wait_at_most(self.asked, pause)
                 if (late := loop.time() - due) > STALL:
                     self.stalls += 1
                     log.warning("this process was blocked for %.1f s", late)

@@ -7,7 +7,6 @@ import math
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -133,17 +132,17 @@ class Simulation:
 
     async def _pause(self) -> None:
         loop = asyncio.get_running_loop()
+        pause = min(max(TICK_S, self.vehicle.seconds_until_due() / self.speed), LONGEST_PAUSE_S)
         begun = loop.time()
-        await asyncio.sleep(TICK_S)
-        late = loop.time() - begun - TICK_S
-        due = self.vehicle.seconds_until_due() / self.speed - TICK_S
-        if due > 0:
-            begun, pause = loop.time(), min(due, LONGEST_PAUSE_S)
-            with suppress(TimeoutError):
-                async with asyncio.timeout(pause):
-                    await self._wake.wait()
-            late = max(late, loop.time() - begun - pause)
-        self.pace.round(late, loop.time())
+        timer = loop.call_later(pause, self._wake.set)
+        try:
+            await self._wake.wait()
+        finally:
+            timer.cancel()
+        if (rest := begun + TICK_S - loop.time()) > 0:
+            pause = TICK_S
+            await asyncio.sleep(rest)
+        self.pace.round(loop.time() - begun - pause, loop.time())
 
     def _catch_up(self) -> None:
         now = asyncio.get_running_loop().time()

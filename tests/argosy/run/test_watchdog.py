@@ -14,7 +14,7 @@ import pytest
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.run import watchdog
-from argosy.run.watchdog import Watchdog, is_stopped
+from argosy.run.watchdog import Watchdog
 from schemas.wire import keys
 from tests.argosy.given import given
 from tests.argosy.recorded import Recording
@@ -140,9 +140,9 @@ async def test_a_daemon_that_only_paused_is_spared(one: Looking, monkeypatch: py
     monkeypatch.setattr(watchdog, "PATIENCE", 600.0)
     daemon = await one.start("agentd", "uav")
     os.kill(daemon.pid, signal.SIGSTOP)
-    await one.until(lambda: is_stopped(daemon.pid))
+    await one.until(lambda: daemon.stopped)
     os.kill(daemon.pid, signal.SIGCONT)
-    await one.until(lambda: not is_stopped(daemon.pid))
+    await one.until(lambda: not daemon.stopped)
     monkeypatch.setattr(watchdog, "PATIENCE", 0.0)
     await one.looked()
     assert daemon.alive

@@ -317,6 +317,8 @@ class Streams:
 
     intervals: dict[int, float] = field(default_factory=lambda: dict(DEFAULTS_S))
     _due: dict[int, float] = field(default_factory=dict)
+    _next_due: float | None = None
+    """The least of them; None: not known."""
 
     def knows(self, message: int) -> bool:
         """Return whether the vehicle can send the message at all."""
@@ -333,6 +335,7 @@ class Streams:
         """Set an interval in µs: -1 stops, 0 is the default. Returns False for an unknown message."""
         if not self.knows(message):
             return False
+        self._next_due = None
         seconds = DEFAULTS_S.get(message) if interval_us == 0 else interval_us / 1e6
         if seconds is None or seconds < 0:
             self.intervals.pop(message, None)
@@ -352,6 +355,9 @@ class Streams:
 
     def due(self, now: float) -> list[int]:
         """Return the ids of the messages to send now."""
+        if self.next_due() > now + 1e-9:
+            return []
+        self._next_due = None
         ready = [message for message in self.intervals if self._due.get(message, 0.0) <= now + 1e-9]
         for message in ready:
             interval = self.intervals[message]
@@ -362,4 +368,6 @@ class Streams:
 
     def next_due(self) -> float:
         """Return the vehicle time in seconds at which the next message is due."""
-        return min(self._due.get(message, 0.0) for message in self.intervals) if self.intervals else float("inf")
+        if self._next_due is None:
+            self._next_due = min((self._due.get(message, 0.0) for message in self.intervals), default=math.inf)
+        return self._next_due
