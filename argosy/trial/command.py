@@ -21,7 +21,7 @@ from argosy.trial.faults import Fault, draw, read
 from argosy.trial.refusals import refusals
 from argosy.trial.report import Comparison, Trial, text, write
 from argosy.trial.single_run import Outcome, Request
-from argosy.trial.statistics import causes
+from argosy.trial.statistics import cause_of, causes, same_cause
 from argosy.trial.workers import workers
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
@@ -48,8 +48,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="standard (drawn by seed; the default), none, or a YAML file with a list of faults",
     )
     parser.add_argument("--replay", type=int, metavar="SEED", help="run one seed, and print its faults and its journal")
-    parser.add_argument("--until", type=SECONDS, metavar="T", help="with --replay: stop after T virtual seconds")
-    parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it still fails")
+    parser.add_argument(
+        "--until",
+        type=SECONDS,
+        metavar="T",
+        help="with --replay: stop after T virtual seconds; exit code 1 if it failed before",
+    )
+    parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it fails alike")
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
     parser.add_argument("--min-success", type=SHARE, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
     parser.add_argument(
@@ -177,8 +182,8 @@ def _replay(mission: Mission, args: Namespace) -> int:
             _refuse(outcome)
             return outcome
 
-        if args.shrink:
-            faults = shrunk(faults, lambda tried: not again(tried).success)
+        if args.shrink and (first := again(faults)).failed:
+            faults = shrunk(faults, lambda tried: same_cause(first, again(tried)))
         outcome = again(faults, record=recording, journal=True)
     print("faults:" if faults else "no faults")
     for fault in faults:
@@ -186,10 +191,11 @@ def _replay(mission: Mission, args: Namespace) -> int:
     print("\n".join(outcome.journal))
     for violation in outcome.violations:
         print(f"{violation.at:8.1f} s  VIOLATION {violation.rule}: {violation.text}")
-    print(f"seed {args.replay}: {'success' if outcome.success else f'failed: {outcome.why}'}; digest {outcome.digest}")
+    ended = f"failed: {cause_of(outcome)}" if outcome.failed else outcome.why or "success"
+    print(f"seed {args.replay}: {ended}; digest {outcome.digest}")
     if recording and Path(recording).exists():
         print(f"recording: {args.out / Path(recording).name}")
-    return EXIT_DONE if outcome.success else EXIT_FAILED
+    return EXIT_FAILED if outcome.failed else EXIT_DONE
 
 
 def _recording(args: Namespace) -> str:
@@ -207,8 +213,6 @@ def _recording(args: Namespace) -> str:
 
 def shrunk(faults: tuple[Fault, ...], fails: Callable[[tuple[Fault, ...]], bool]) -> tuple[Fault, ...]:
     """Return the faults without those that the failure does not need: one after the other is taken away."""
-    if not fails(faults):
-        return faults
     for fault in faults:
         fewer = tuple(one for one in faults if one is not fault)
         if fails(fewer):

@@ -65,6 +65,8 @@ class Outcome(msgspec.Struct):
     success: bool
     why: str = ""
     """Why it is no success."""
+    stopped: bool = False
+    """Whether it was stopped before its end, as was wanted: it is neither a success nor a failure."""
     violations: list[Violation] = []
     faults: list[Fault] = []
     seconds: float = 0.0
@@ -86,6 +88,11 @@ class Outcome(msgspec.Struct):
     """Bytes that its process had at most, with what it shares with its worker."""
     bad_input: bool = False
     """Whether the mission cannot be run; `why` says what is wrong with it."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether it is neither a success, nor was stopped before anything was wrong."""
+        return bool(self.violations) or not (self.success or self.stopped)
 
 
 def fly(loop: VirtualLoop, request: Request) -> Outcome:
@@ -143,12 +150,12 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     try:
         loop.run_until_complete(whole())
     except TimeoutError:
-        outcome.why = f"stopped after {request.until:g} s, as wanted"
+        outcome.stopped, outcome.why = True, f"stopped after {request.until:g} s, as wanted"
     except Deadlock as deadlock:
         outcome.why = str(deadlock)
     if recording is not None:
         recording.close(outcome.why or "the mission is over")
-    outcome.violations = checkers.finish()
+    outcome.violations = checkers.found if outcome.stopped else checkers.finish()
     outcome.success = outcome.success and not outcome.violations
     outcome.seconds = round(flight.finished or loop.time(), 2)
     outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)

@@ -64,6 +64,15 @@ def cause_of(outcome: Outcome) -> str:
     return (outcome.why.splitlines() or [""])[0] or "no reason is known"
 
 
+def same_cause(one: Outcome, other: Outcome) -> bool:
+    """Return whether a second run broke the rule that the first one broke first, or failed by the same cause."""
+    if one.violations:
+        return one.violations[0].rule in {violation.rule for violation in other.violations}
+    return (
+        other.failed and not other.violations and _VARYING.sub("#", cause_of(other)) == _VARYING.sub("#", cause_of(one))
+    )
+
+
 def causes(outcomes: Iterable[Outcome]) -> list[Cause]:
     """Return the reasons of all failures, the most frequent first; reasons that differ in numbers only are one."""
     found: dict[str, Cause] = {}

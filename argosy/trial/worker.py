@@ -7,6 +7,7 @@ longer than SECONDS of wall time is ended. When the standard input ends, so does
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import select
@@ -18,6 +19,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Final, NoReturn
 
+from argosy.processes.launcher import PR_SET_PDEATHSIG
 from argosy.trial.edges import Authority
 
 IMPORTED: Final = ("agentd.daemon", "bridged.daemon", "bridged.drivers.mavlink.driver", "commd.daemon")
@@ -54,14 +56,13 @@ def main() -> None:
     while line := _line():
         request = msgspec.json.decode(line, type=Request)
         run = _Forked(lambda request=request: msgspec.json.encode(outcome_of(request)))  # type: ignore[misc]
-        said, why = run.answer(clock, clock() + patience)
-        cpu, memory = run.end()
+        said, in_time = run.answer(clock, clock() + patience)
+        code, cpu, memory = run.end()
+        why = f"died: {ended_by(code)}" if in_time else f"hung: it was ended after {patience:g} s"
         outcome = (
             msgspec.json.decode(said, type=Outcome)
             if said
-            else Outcome(
-                request.seed, False, why or f"hung: it was ended after {patience:g} s", faults=[*request.faults]
-            )
+            else Outcome(request.seed, False, why, faults=[*request.faults])
         )
         outcome.cpu, outcome.memory = round(cpu, 3), memory
         _write(1, msgspec.json.encode(outcome) + b"\n")
@@ -74,12 +75,13 @@ class _Forked:
         self._reading, writing = os.pipe()
         self._child = os.fork()
         if self._child == 0:
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)  # it does not outlive its worker
             os.close(self._reading)
             _answer(answer, writing)
         os.close(writing)
 
-    def answer(self, clock: Callable[[], float], until: float) -> tuple[bytes, str]:
-        """Return what it has answered, and why it is nothing if it died; both are empty if it takes too long."""
+    def answer(self, clock: Callable[[], float], until: float) -> tuple[bytes, bool]:
+        """Return what it has answered, empty if it died, and whether it has ended in time."""
         said = b""
         while True:
             readable = select.select([self._reading, 0], [], [], max(0.0, until - clock()))[0]
@@ -87,17 +89,22 @@ class _Forked:
                 self.end()
                 os._exit(0)
             if not readable:
-                return b"", ""
+                return b"", False
             if not (read := os.read(self._reading, 1 << 16)):
-                return said, "" if said else "the process of the run died"
+                return said, True
             said += read
 
-    def end(self) -> tuple[float, int]:
-        """End the process. Returns its seconds of CPU and its greatest memory in bytes."""
+    def end(self) -> tuple[int, float, int]:
+        """End the process if it runs. Returns its exit code, its seconds of CPU and its greatest memory in bytes."""
         os.kill(self._child, signal.SIGKILL)
-        _, _, used = os.wait4(self._child, 0)
+        _, status, used = os.wait4(self._child, 0)
         os.close(self._reading)
-        return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+        return os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def ended_by(code: int) -> str:
+    """Return how a process has ended, by its exit code or minus its signal."""
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
 def _answer(answer: Callable[[], bytes], writing: int) -> NoReturn:

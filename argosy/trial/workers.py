@@ -17,12 +17,21 @@ from typing import Final
 import msgspec
 from msgspec.structs import replace
 
-from argosy.cli.errors import CommandError
 from argosy.trial.single_run import Outcome, Request
-from argosy.trial.worker import ENOUGH
+from argosy.trial.worker import ENOUGH, ended_by
 
 GRACE: Final = 2.0
 """Wall seconds in which a worker ends the run that is under way, and itself."""
+
+
+class WorkerDied(ChildProcessError):
+    """A worker has ended before its run."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.wanted = process.stdin is None or process.stdin.closed
+        """Whether the trial has ended it."""
+        self.code = process.wait()
+        super().__init__(f"the worker of the trial has ended: {ended_by(self.code)}")
 
 
 @dataclass
@@ -32,7 +41,7 @@ class Worker:
     process: subprocess.Popen[bytes]
 
     def run(self, request: Request) -> Outcome:
-        """Run one. Raises CommandError if the worker has died."""
+        """Run one. Raises WorkerDied."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         try:
@@ -42,7 +51,7 @@ class Worker:
         except (OSError, ValueError):  # closed meanwhile
             said = b""
         if not said:
-            raise CommandError(f"the worker of the trial has died (exit code {self.process.wait()})")
+            raise WorkerDied(self.process)
         return msgspec.json.decode(said, type=Outcome)
 
 
@@ -50,7 +59,8 @@ class Worker:
 def workers(jobs: int, patience: float = ENOUGH) -> Iterator[Callable[[Iterable[Request]], Iterator[Outcome]]]:
     """Start workers; yield what runs requests on them and returns each outcome when it is there.
 
-    A run that takes longer than `patience` wall seconds fails. At the end, also by ctrl-C, no process is left.
+    A run that takes longer than `patience` wall seconds fails, and one whose process dies: the others go on. At the
+    end, also by ctrl-C, no process is left.
     """
     with ExitStack() as stack:
         pool = stack.enter_context(ThreadPoolExecutor(jobs))
@@ -65,6 +75,11 @@ def workers(jobs: int, patience: float = ENOUGH) -> Iterator[Callable[[Iterable[
                     return worker.run(request)
                 with tempfile.TemporaryDirectory(prefix="argosy-trial-", ignore_cleanup_errors=True) as folder:
                     return worker.run(replace(request, folder=folder))
+            except WorkerDied as died:
+                if died.wanted:
+                    raise
+                worker = Worker(stack.enter_context(_started(patience)))
+                return Outcome(request.seed, False, f"died: {ended_by(died.code)}", faults=[*request.faults])
             finally:
                 free.put(worker)
 

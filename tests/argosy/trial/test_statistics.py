@@ -15,6 +15,7 @@ from argosy.trial.statistics import (
     histogram,
     mcnemar,
     quantiles,
+    same_cause,
     wilson,
 )
 
@@ -53,6 +54,18 @@ def test_mcnemar_is_the_exact_binomial_test(first: int, second: int, p: float) -
 
 def test_mcnemar_takes_thousands_of_differing_runs() -> None:
     assert mcnemar(1000, 1400) < 1e-9
+
+
+def test_failures_are_alike_by_the_rule_that_is_broken_or_by_their_text_without_numbers() -> None:
+    lost, armed = (Violation(rule, 3.0, "uav1") for rule in ("mail lost", "on the ground"))
+    one, two = Outcome(1, False, "link lost for 5.1 s"), Outcome(1, False, "link lost for 6 s")
+    assert same_cause(one, two)
+    assert not same_cause(one, Outcome(1, False, "battery empty"))
+    assert not same_cause(one, Outcome(1, True))
+    assert not same_cause(one, Outcome(1, False, "stopped after 3 s, as wanted", stopped=True))
+    assert not same_cause(one, Outcome(1, False, "link lost for 7 s", violations=[lost]))
+    assert same_cause(Outcome(1, True, violations=[lost]), Outcome(1, False, "other", violations=[armed, lost]))
+    assert not same_cause(Outcome(1, True, violations=[lost]), Outcome(1, False, violations=[armed]))
 
 
 def test_numbers_and_ids_do_not_separate_causes() -> None:

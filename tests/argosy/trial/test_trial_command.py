@@ -130,6 +130,22 @@ def test_shrinking_keeps_the_faults_that_a_failure_needs() -> None:
 
 
 @pytest.mark.parametrize(
+    ("until", "code", "said"),
+    [
+        ("8", 0, "seed 1: stopped after 8 s, as wanted; digest "),
+        ("80", 1, 'seed 1: failed: uav believes mission_failed("the vehicle refuses to arm until a person mends it'),
+    ],
+)
+def test_a_replay_that_is_stopped_fails_only_by_what_was_wrong_until_then(
+    until: str, code: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    faults = tmp_path / "faults.yaml"
+    faults.write_text("- {kind: vehicle, robot: uav1, fault: prearm=Compass not calibrated}\n")
+    assert main(["trial", SINGLE, "--faults", str(faults), "--replay", "1", "--until", until]) == code
+    assert capsys.readouterr().out.splitlines()[-1].startswith(said)
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (
@@ -200,14 +216,16 @@ def test_too_few_successes_are_exit_code_1_with_the_seed_to_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     faults = tmp_path / "faults.yaml"
-    faults.write_text("- {kind: kill, at: 20, daemon: 'bridged:uav1'}\n- {kind: kill, at: 1, daemon: 'commd'}\n")
+    faults.write_text(
+        "- {kind: vehicle, robot: uav1, fault: prearm=Compass not calibrated}\n- {kind: kill, at: 1, daemon: commd}\n"
+    )
     common = [SINGLE, "--faults", str(faults)]
     assert main(["trial", *common, "--runs", "2", "--min-success", "0.9"]) == 1
     assert "0 of 2 runs succeed" in capsys.readouterr().out
     pytest.importorskip("mcap")
     assert main(["trial", *common, "--replay", "1", "--shrink", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert printed.startswith("faults:\n  20.0 s: bridged:uav1 is killed\n")
+    assert printed.startswith("faults:\n  uav1: prearm=Compass not calibrated\n")
     recording = str(tmp_path / "seed-1.mcap")
     assert f"recording: {recording}" in printed
     assert main(["replay", recording, "--info"]) == 0
@@ -231,6 +249,21 @@ def test_a_run_that_hangs_is_ended_and_counted() -> None:
     with workers(1, patience=0.05) as run_all:
         (outcome,) = run_all([Request(SINGLE, 7)])
     assert (outcome.seed, outcome.success, outcome.why) == (7, False, "hung: it was ended after 0.05 s")
+
+
+def test_a_worker_or_a_run_that_is_killed_fails_its_seed_alone() -> None:
+    with workers(1) as run_all:
+        (worker,) = psutil.Process().children()
+        runs = run_all([Request(SINGLE, 1), Request(RESCUE, 2), Request(RESCUE, 3), Request(SINGLE, 4)])
+        assert next(runs).success
+        worker.kill()
+        assert next(runs).why == "died: killed by SIGKILL"
+        (worker,) = psutil.Process().children()
+        while not (run := worker.children()):
+            time.sleep(0.01)
+        run[0].send_signal(signal.SIGSEGV)
+        assert next(runs).why == "died: killed by SIGSEGV"
+        assert next(runs).success
 
 
 def test_ctrl_c_ends_all_processes_and_reports_what_is_done() -> None:
