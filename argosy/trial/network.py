@@ -6,6 +6,7 @@ between two sessions keep their order; each takes the network's delay.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection
 from contextvars import Context, copy_context
 from dataclasses import dataclass, field
@@ -228,12 +229,59 @@ class _Event:
     transport: _Transport
 
 
+class _Table:
+    """The declarations of one kind."""
+
+    def __init__(self) -> None:
+        self._plain: dict[str, dict[_Declared, None]] = {}
+        """Those of one key, by it."""
+        self._patterns: dict[_Declared, None] = {}
+        """Those of a key expression of several keys."""
+        self._found: dict[str, tuple[_Declared, ...]] = {}
+        """What was found for a key, until it changes."""
+        self._asked_patterns: dict[str, None] = {}
+        """The key expressions of several keys among these."""
+
+    def add(self, one: _Declared) -> None:
+        """Add a declaration."""
+        group = self._patterns if "*" in one.key_expr else self._plain.setdefault(one.key_expr, {})
+        group[one] = None
+        self._forget(one.key_expr)
+
+    def remove(self, one: _Declared) -> None:
+        """Remove a declaration."""
+        group = self._patterns if "*" in one.key_expr else self._plain[one.key_expr]
+        del group[one]
+        self._forget(one.key_expr)
+
+    def matching(self, key: str) -> tuple[_Declared, ...]:
+        """Return the declarations that have a key in common with a key expression."""
+        found = self._found.get(key)
+        if found is None:
+            if "*" in key:
+                self._asked_patterns[key] = None
+                plain = [one for other, them in self._plain.items() if intersects(other, key) for one in them]
+            else:
+                plain = [*self._plain.get(key, ())]
+            found = (*plain, *(one for one in self._patterns if intersects(one.key_expr, key)))
+            self._found[key] = found
+        return found
+
+    def _forget(self, key: str) -> None:
+        """Forget what was found for a key expression."""
+        self._found.pop(key, None)
+        for asked in [
+            asked for asked in (self._found if "*" in key else self._asked_patterns) if intersects(asked, key)
+        ]:
+            self._found.pop(asked, None)
+
+
 class Session:
     """A session of one process, at the router of its board."""
 
     def __init__(self, network: Network, number: int, router: str, name: str, owner: object) -> None:
         self.network, self.number, self.router, self.name, self.owner = network, number, router, name, owner
-        self.declared: list[_Declared] = []
+        self.declared: dict[_Declared, None] = {}
         self.closed = False
         self.attached = True
         """Whether its router is there, and it has noticed."""
@@ -308,15 +356,15 @@ class Session:
     def withdraw(self, declared: _Declared) -> None:
         """End a declaration."""
         if declared in self.declared:
-            self.declared.remove(declared)
-            self.network.topology_changed()
+            del self.declared[declared]
+            self.network.withdrawn(declared)
 
     def _declare(self, kind: str, key: Any, callback: Any, where: Any = None) -> _Declared:
         self._check()
         call = callback.callback if callback is not None else None
         declared = _Declared(self, kind, checked(str(key)), call, where == zenoh.Locality.REMOTE)
-        self.declared.append(declared)
-        self.network.topology_changed()
+        self.declared[declared] = None
+        self.network.declared(declared)
         return declared
 
     def _check(self) -> None:
@@ -406,8 +454,8 @@ class Network:
         self._routers: dict[str, Session] = {}
         self._last: dict[tuple[int, int], float] = {}
         """When the last message between two sessions arrives."""
-        self._found: dict[tuple[str, str], list[_Declared]] = {}
-        """Declarations that match, by kind and key."""
+        self._tables: defaultdict[str, _Table] = defaultdict(_Table)
+        """The declarations, by kind."""
         self._seen: dict[_Declared, set[str]] = {}
         """The tokens that each watcher has been shown."""
 
@@ -434,9 +482,10 @@ class Network:
             return
         session.closed = True
         self.sessions.remove(session)
-        self._found.clear()
         for declared in session.declared:
             self._seen.pop(declared, None)
+            self._tables[declared.kind].remove(declared)
+        session.declared.clear()
         if self._routers.get(session.router) is session:
             del self._routers[session.router]
             for client in self._clients(session.router):
@@ -519,14 +568,9 @@ class Network:
 
     def _matching(self, sender: Session, kind: str, key: str, remote_only: bool) -> list[_Declared]:
         """Return what others have declared for a key, and reaches or is reached by a session."""
-        found = self._found.get((kind, key))
-        if found is None:
-            declared = (one for session in self.sessions for one in session.declared)
-            found = [one for one in declared if one.kind == kind and intersects(one.key_expr, key)]
-            self._found[kind, key] = found
         return [
             one
-            for one in found
+            for one in self._tables[kind].matching(key)
             if self.reaches(sender, one.session) and not (one.session is sender and (remote_only or one.remote_only))
         ]
 
@@ -563,9 +607,34 @@ class Network:
         """Return whether others have declared something for the key of a declaration."""
         return bool(self._matching(declared.session, kind, declared.key_expr, declared.remote_only))
 
+    def declared(self, declared: _Declared) -> None:
+        """Note a declaration that has begun."""
+        self._tables[declared.kind].add(declared)
+        if declared.kind == "watcher":
+            self._show_tokens(declared)
+        else:
+            self._tell_of(declared)
+
+    def withdrawn(self, declared: _Declared) -> None:
+        """Note a declaration that has ended."""
+        self._tables[declared.kind].remove(declared)
+        self._seen.pop(declared, None)
+        self._tell_of(declared)
+
+    def _tell_of(self, declared: _Declared) -> None:
+        """Tell watchers of a token, publishers of a subscriber and queriers of a queryable that has begun or ended."""
+        match declared.kind:
+            case "token":
+                for watcher in self._tables["watcher"].matching(declared.key_expr):
+                    self._show_tokens(watcher)
+            case "subscriber" | "queryable" as kind:
+                askers = "publisher" if kind == "subscriber" else "querier"
+                for one in self._tables[askers].matching(declared.key_expr):
+                    if one.matched is not None:
+                        self.loop.call_later(HOP, one.tell_matching, context=BUS)
+
     def topology_changed(self) -> None:
         """Tell watchers which tokens, and publishers whether subscribers, have appeared or ended; end queries."""
-        self._found.clear()
         for asked in self.asked:
             asked.topology_changed()
         for session in self.sessions:
