@@ -2,6 +2,7 @@
 
 Runs without faults, one at a time, each in its own process as in any trial. The profile is of one further run of each
 mission, in a process of its own: `python -m benchmarks.trial MISSION` prints the CPU seconds of each package as JSON.
+The fleet is flown once, and not profiled.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import tempfile
 from collections import defaultdict
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Final
 
 from benchmarks.pages import table
@@ -24,8 +26,16 @@ from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT, Origin
 
-MISSIONS: Final = {"single_uav": "single UAV", "search_and_rescue": "search and rescue, three boards"}
-RUNS: Final = {"single_uav": 10, "search_and_rescue": 5}
+FLEET: Final = 100
+"""Copters of the fleet, each with its agent, on one board."""
+ROUNDS: Final = 41
+"""Flights there and back of each of them: a mission of ten minutes."""
+MISSIONS: Final = {
+    "single_uav": "single UAV",
+    "search_and_rescue": "search and rescue, three boards",
+    "fleet": f"{FLEET} copters, one board",
+}
+RUNS: Final = {"single_uav": 10, "search_and_rescue": 5, "fleet": 1}
 FASTER: Final = 150.0
 """Vehicle-seconds that one second of a core is to fly."""
 MEMORY: Final = 150.0
@@ -33,6 +43,21 @@ MEMORY: Final = 150.0
 SHOWN: Final = 8
 """Packages in the table."""
 _PATIENCE: Final = 300.0
+_FLEET_PATIENCE: Final = 3600.0
+_PROGRAM: Final = """\
+!patrol.
++!patrol : post(Lat, Long, Height) & rounds(Rounds)
+  <- .wait(bridge(up), 120000);
+     set_mode("GUIDED");
+     arm_motors(true);
+     takeoff(Height);
+     for (.range(_, 1, Rounds)) {
+        goto(Lat + 0.0002, Long, Height);
+        goto(Lat, Long, Height)
+     };
+     return_to_launch;
+     +home_again.
+"""
 
 
 @dataclass
@@ -63,16 +88,39 @@ class Figures:
     flown: list[Flown]
 
 
+def write_fleet(folder: Path, size: int, rounds: int) -> Path:
+    """Write a mission of copters that fly to and fro, each with its agent and its link, and return its path."""
+    (folder / "patrol.asl").write_text(_PROGRAM)
+    lines = ["mission: fleet", "agents:"]
+    posts = [(one, -27.604 + 0.0005 * (one % 10), -48.518 + 0.0005 * (one // 10)) for one in range(1, size + 1)]
+    for one, lat, lon in posts:
+        beliefs = f'["post({lat:.4f}, {lon:.4f}, 10)", "rounds({rounds})"]'
+        lines.append(f"  agent{one}: {{program: patrol.asl, robot: uav{one}, beliefs: {beliefs}}}")
+    lines.append("robots:")
+    for one, lat, lon in posts:
+        simulate = f"{{vehicle: copter, home: [{lat:.4f}, {lon:.4f}, 21.0]}}"
+        link = f"udpin:127.0.0.1:{15_000 + one}"
+        lines.append(f"  uav{one}: {{manifest: arducopter, link: '{link}', sysid: {one}, simulate: {simulate}}}")
+    done = ", ".join(f'"agent{one}: home_again"' for one, _, _ in posts)
+    (path := folder / "fleet.yaml").write_text("\n".join([*lines, f"done: [{done}]", "timeout: 30min", ""]))
+    return path
+
+
 def measure(quick: bool) -> Figures:
-    """Fly and profile each mission. Raises BenchmarkFailed."""
+    """Fly each mission, and profile it. Raises BenchmarkFailed."""
+    with tempfile.TemporaryDirectory() as folder:
+        return Figures(_flown(quick, Path(folder)))
+
+
+def _flown(quick: bool, folder: Path) -> list[Flown]:
     from argosy.trial.single_run import Request
     from argosy.trial.workers import workers
     from schemas.mission.model import load_mission
 
     found = []
     for name in list(MISSIONS)[:1] if quick else MISSIONS:
-        path = ROOT / f"missions/{name}.yaml"
-        with workers(1) as run_all:
+        path = write_fleet(folder, FLEET, ROUNDS) if name == "fleet" else ROOT / f"missions/{name}.yaml"
+        with workers(1, _FLEET_PATIENCE) as run_all:
             outcomes = list(run_all(Request(str(path), seed + 1) for seed in range(1 if quick else RUNS[name])))
         if failed := [one for one in outcomes if not one.success]:
             raise BenchmarkFailed(f"{name}, seed {failed[0].seed}: {failed[0].why}")
@@ -82,11 +130,11 @@ def measure(quick: bool) -> Figures:
             [one.seconds for one in outcomes],
             [one.cpu for one in outcomes],
             [one.memory / 1e6 for one in outcomes],
-            _profiled(str(path)),
+            {} if name == "fleet" else _profiled(str(path)),
         )
         tell(f"{MISSIONS[name]}: {flown.times:.0f} times real time")
         found.append(flown)
-    return Figures(found)
+    return found
 
 
 def _profiled(path: str) -> dict[str, float]:
@@ -161,17 +209,18 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"| {statistics.median(one.memory):.0f} MB |"
         for one in figures.flown
     ]
-    head = "".join(f" {MISSIONS[one.mission]} |" for one in figures.flown)
+    profiled = [one for one in figures.flown if one.packages]
+    head = "".join(f" {MISSIONS[one.mission]} |" for one in profiled)
     lines += ["", "Where the time of a run goes (cProfile, own time of all functions):", "", *table(f"| code |{head}")]
     sums: dict[str, float] = defaultdict(float)
-    for one in figures.flown:
+    for one in profiled:
         for name, share in one.packages.items():
             sums[name] += share
     ranked = sorted(sums, key=lambda name: -sums[name])
     for name in ranked[:SHOWN]:
-        cells = "".join(f" {100 * one.packages.get(name, 0.0):.0f} % |" for one in figures.flown)
+        cells = "".join(f" {100 * one.packages.get(name, 0.0):.0f} % |" for one in profiled)
         lines.append(f"| {name} |{cells}")
-    rest = [sum(one.packages.get(name, 0.0) for name in ranked[SHOWN:]) for one in figures.flown]
+    rest = [sum(one.packages.get(name, 0.0) for name in ranked[SHOWN:]) for one in profiled]
     lines.append("| all else |" + "".join(f" {100 * one:.0f} % |" for one in rest))
     return {"trial": "\n".join(lines)}
 

@@ -238,6 +238,8 @@ class Checkers:
         self._alone: dict[str, tuple[float, str]] = {}
         """Since when each vehicle is in the air with nobody in charge, and why."""
         self._actions = {name: _Actions() for name in mission.robots}
+        self._robots = {agent: robot for robot in reversed(mission.robots) for agent in mission.agents_of(robot)}
+        """The first robot of each agent."""
         self._idle: dict[str, bool] = {}
         """Whether each agent intends nothing, by its last health record."""
         self._holders: dict[str, dict[str, str]] = {}
@@ -276,12 +278,8 @@ class Checkers:
             case _:
                 pass
 
-    def _robot(self, agent: str) -> str | None:
-        robots = self._mission.robots
-        return next((robot for robot in robots if agent in self._mission.agents_of(robot)), None)
-
     def _holder(self, agent: str, told: Perception) -> None:
-        if (robot := self._robot(agent)) is not None:
+        if (robot := self._robots.get(agent)) is not None:
             holders = self._holders.setdefault(robot, {})
             if told.update == "remove" or not told.parameters:
                 holders.pop(agent, None)
@@ -289,7 +287,7 @@ class Checkers:
                 holders[agent] = write(told.parameters[0])
 
     def _status(self, agent: str, status: ActionStatus) -> None:
-        if (robot := self._robot(agent)) is not None:
+        if (robot := self._robots.get(agent)) is not None:
             actions = self._actions[robot]
             if actions.boot != status.header.boot:
                 actions.agents.clear()

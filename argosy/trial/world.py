@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 import signal
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from argosy.trial.power_loss import lose_power
 from argosy.trial.process import Machine
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
-from schemas.geo import distance
+from schemas.geo import EARTH_RADIUS, distance
 
 SAMPLED = 0.2
 """Virtual seconds between two looks at the vehicles."""
@@ -126,12 +126,21 @@ class World:
             await asyncio.sleep(SAMPLED)
             for seen in self.vehicles.values():
                 seen.look()
-            in_air = [seen for seen in self.vehicles.values() if seen.armed and seen.height > 1]
-            for one, other in combinations(in_air, 2):
-                apart = distance(one.place(), other.place())
-                self.nearest = min(self.nearest, (apart**2 + (one.height - other.height) ** 2) ** 0.5)
+            self._look_who_is_near()
             for look in self.looks:
                 look()
+
+    def _look_who_is_near(self) -> None:
+        """Compare the vehicles in the air; those that are farther apart by latitude alone need no look."""
+        in_air = sorted(
+            (*seen.place(), seen.height) for seen in self.vehicles.values() if seen.armed and seen.height > 1
+        )
+        for place, (north, east, height) in enumerate(in_air):
+            for other in in_air[place + 1 :]:
+                if math.radians(other[0] - north) * EARTH_RADIUS > self.nearest:
+                    break
+                apart = distance((north, east), other[:2])
+                self.nearest = min(self.nearest, math.hypot(apart, height - other[2]))
 
     def _happen(self, fault: Fault) -> None:
         match fault:

@@ -2,8 +2,42 @@
 
 from __future__ import annotations
 
+import math
+import random
+from itertools import combinations
+from typing import Any, cast
+
 from argosy.trial.faults import Fault, Kill, Operator, Vehicle
+from argosy.trial.world import World
+from schemas.geo import distance
 from tests.argosy.trial.conftest import Fly
+
+
+class Flying:
+    """A vehicle in the air, as `Seen` shows it."""
+
+    armed = True
+
+    def __init__(self, at: tuple[float, float], height: float) -> None:
+        self._at, self.height = at, height
+
+    def place(self) -> tuple[float, float]:
+        """Latitude and longitude in degrees."""
+        return self._at
+
+
+def test_the_nearest_approach_is_that_of_all_pairs() -> None:
+    dice = random.Random(1)
+    world = World(cast(Any, None), {}, (), list)
+    nearest = math.inf
+    for _ in range(5):
+        fleet = [Flying((dice.gauss(-27, 1e-4), dice.gauss(-48, 1e-4)), dice.uniform(2, 40)) for _ in range(30)]
+        pairs = combinations(fleet, 2)
+        apart = (math.hypot(distance(one.place(), two.place()), one.height - two.height) for one, two in pairs)
+        nearest = min(nearest, *apart)
+        world.vehicles = cast(Any, dict(enumerate(fleet)))
+        world._look_who_is_near()
+        assert math.isclose(world.nearest, nearest)
 
 
 def test_wind_carries_a_mission_off_its_way_and_not_off_its_goals(fly: Fly) -> None:
