@@ -16,7 +16,7 @@
 
 // What a link, a daemon or the vehicle cuts short is tried again, and what is done already is not repeated.
 passing(Cause) :- .member(Cause, [driver, restart, unreachable, storage, agent_lost]).
-tries(3).
+tries(5).
 
 -!fly_mission[cause(Cause), error_msg(Why)] : passing(Cause) & tries(N) & N > 0
   <- .print("again, for ", Why);

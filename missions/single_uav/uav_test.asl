@@ -39,7 +39,7 @@ waypoint(-27.603683, -48.518052, 40).
 
 @what_the_bridge_cut_short_is_tried_again_and_what_was_done_is_not_repeated[test]
 +!what_the_bridge_cut_short_is_tried_again_and_what_was_done_is_not_repeated
-  <- +restarts(3); +altitude(5);
+  <- +restarts(5); +altitude(5);
      !fly_mission;
      !assert_true(mission_done);
      ?did(Actions);
@@ -48,7 +48,7 @@ waypoint(-27.603683, -48.518052, 40).
 
 @what_is_cut_short_again_and_again_is_given_up[test]
 +!what_is_cut_short_again_and_again_is_given_up
-  <- +restarts(4); +altitude(5);
+  <- +restarts(6); +altitude(5);
      !fly_mission;
      !assert_true(mission_failed("the bridge restarted"));
      !assert_true(state(_, _, false)).

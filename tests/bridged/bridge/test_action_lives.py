@@ -187,6 +187,23 @@ def test_a_target_that_no_stream_reports_is_requested(sky: Sky) -> None:
     assert final.state == "succeeded", final.reason
 
 
+def test_a_home_that_is_lost_on_the_way_to_a_new_bridge_is_requested_again(sky: Sky, tmp_path: Path) -> None:
+    sky.flying().do("land")
+    again = Sky(tmp_path / "again", vehicle=sky.vehicle, clock=sky.clock)
+    lost: list[dialect.MAVLink_message] = []
+
+    def first_is_lost(message: dialect.MAVLink_message) -> bool:
+        if message.get_type() != "HOME_POSITION" or lost:
+            return True
+        lost.append(message)
+        return False
+
+    again.we_hear = first_is_lost
+    final = again.do("return_to_launch")
+    assert final.state == "succeeded", final.reason
+    assert lost
+
+
 def test_a_vehicle_that_answers_nothing_fails_the_action_within_seconds(sky: Sky) -> None:
     sky.forward(lambda: sky.belief("state"), "the first heartbeat")
     sky.hears_us = lambda message: message.get_type() == "HEARTBEAT"

@@ -241,9 +241,11 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
 
 def home_reported(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """Wait, within bounds, until the vehicle has reported its home and its position: it may just have been heard."""
-    until = flight.now + flight.wait(*HOME_REPORTED)
+    until, request = flight.now + flight.wait(*HOME_REPORTED), Poll(flight, run, "HOME_POSITION")
     while from_home(flight) is None and flight.now <= until:
         run.waits_for = "the vehicle to report its home and its position"
+        if flight.vehicle.home is None:
+            request()
         yield
 
 
