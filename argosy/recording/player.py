@@ -1,4 +1,4 @@
-"""Publish a recording on the bus again, at the recorded times."""
+"""Publish a recording on the bus again, at the recorded times, and show its minds to those who ask."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from argosy.recording.played_minds import PlayedMind
 from argosy.recording.reader import Recorded, Recording
 from argosy.recording.records import TokenSeen, Unread, fleet_of, is_msgpack, record_put_on, to_msgpack
 from commd.bus.bus import Bus, Token
 from commd.bus.raw import Publisher
 from schemas.wire import keys
+from schemas.wire.mind_records import MindActivity, MindInputs
 
 AT_ONCE = 500
 """Messages published before the event loop turns to other tasks."""
+_OF_MINDS = (MindInputs.__name__, MindActivity.__name__)
 LATE = 0.25
 """Wall seconds of delay that are not reported."""
 
@@ -63,6 +66,8 @@ class Player:
     """Held tokens of recorded daemons, by key."""
     declared: set[str] = field(default_factory=set)
     """Keys of all tokens ever held: a withdrawn token stays visible for a moment."""
+    minds: dict[str, PlayedMind] = field(default_factory=dict)
+    """By the keys that they serve."""
     _publishers: dict[str, Publisher] = field(default_factory=dict)
 
     async def play(self, part: Part) -> None:
@@ -85,10 +90,13 @@ class Player:
         await asyncio.sleep(max(0.0, zero + length / part.speed - loop.time()))
 
     def clear(self) -> None:
-        """Withdraw the tokens of the recorded daemons."""
+        """Withdraw the tokens of the recorded daemons, and forget the minds."""
         for token in self.tokens.values():
             self.bus.withdraw(token)
+        for mind in self.minds.values():
+            mind.withdraw()
         self.tokens.clear()
+        self.minds.clear()
 
     def _before(self, part: Part) -> Iterator[Recorded]:
         """Yield the tokens that were held at the beginning, and the last value of each lasting record."""
@@ -100,6 +108,8 @@ class Player:
                 last.pop(token.key, None)
                 if token.alive:
                     last[token.key] = message
+            elif message.name in _OF_MINDS:
+                self._mind(message)
             elif message.name in ("Perception", "LiveManifest", "BoardServices"):
                 last[message.key] = message
         yield from last.values()
@@ -108,6 +118,8 @@ class Player:
         if message.origin == "token":
             self._token(message)
             return
+        if message.name in _OF_MINDS:
+            self._mind(message)
         try:
             said = self._payload(message)
         except (ValueError, msgspec.MsgspecError, RecursionError):
@@ -133,6 +145,15 @@ class Player:
             unread = message.record
             return b64decode(unread.base64) if isinstance(unread, Unread) and not unread.deleted else None
         return to_msgpack(message.data) if is_msgpack(message.track.encoding) else message.data
+
+    def _mind(self, message: Recorded) -> None:
+        """Give a mind what was published of it."""
+        parsed, record = keys.parse(self._renamed(message.key) or ""), message.record
+        if parsed is not None and isinstance(record, MindInputs | MindActivity):
+            key = keys.mind(*parsed[:2])
+            if key not in self.minds:
+                self.minds[key] = PlayedMind(self.bus, key)
+            self.minds[key].take(record)
 
     def _token(self, message: Recorded) -> None:
         seen = message.record

@@ -14,6 +14,7 @@ from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError
 from argosy.recording.mind_inputs import Life, range_text
+from argosy.recording.played_minds import MOST_ACTIONS
 from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
@@ -21,8 +22,6 @@ from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, M
 
 LOOK = Look(plans=True, last=1000, beliefs=MOST_BELIEFS)
 """A replayed mind remembers more decisions than one in flight."""
-MOST_ACTIONS = 60
-"""Last actions and outcomes that are kept."""
 
 
 class NotRecorded(CommandError):

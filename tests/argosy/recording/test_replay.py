@@ -7,6 +7,7 @@ import re
 import signal
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,10 @@ from argosy.recording.metadata import BEGIN as BEGUN
 from argosy.recording.metadata import End
 from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
 from argosy.recording.write_queue import Heard
+from argosy.trial.single_run import Request
+from argosy.trial.workers import workers
 from commd.bus.bus import Bus
+from commd.bus.errors import BusError
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindInputs, MindView
@@ -26,6 +30,7 @@ from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
 from tests.argosy.recording.recorders import argosy
 from tests.support.buses import FLEET, Connect, async_test, bus_test, session, until
+from tests.support.forked import ROOT
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 
@@ -144,6 +149,33 @@ async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left
     tokens = [(key.split("/")[2], alive) for key, alive in said.tokens]
     assert tokens == [("uav1", True), ("uav1", False), ("uav2", True), ("uav2", False)]
     assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[5]]
+
+
+@bus_test
+async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "trial.mcap"
+    with workers(1) as run_all:
+        (outcome,) = run_all([Request(str(ROOT / "missions/single_uav.yaml"), 1, record=str(path))])
+    assert outcome.success
+    bus, views = await connect("eye", "argosy"), list[MindView]()
+
+    async def seen() -> bool:
+        with suppress(BusError):
+            views.append(await bus.ask_one(f"{keys.mind('flown', 'uav')}?plans=true", None, MindView, 2.0))
+        return bool(views)
+
+    part = ("--from", "50", "--to", "60", "--loop", "--fleet", "flown")
+    async with argosy("replay", path, "--router", endpoint, *part) as process:
+        await until(seen, "the mind answers")
+        await process.end()
+    view = views[0]
+    assert {"homeward[source(self)]", "takeoff_altitude(5)[source(self)]"} <= {*view.beliefs}
+    assert "mission_done[source(self)]" not in view.beliefs
+    assert [one.text for one in view.actions if one.kind == "action"][-1] == "return_to_launch"
+    assert view.plans
+    assert 45 < view.time < 60
 
 
 @bus_test
