@@ -109,6 +109,22 @@ class LinkCut(_Fault, frozen=True, kw_only=True, tag="link_cut"):
         return f"{self.at:.1f} s: no link {way} {self.sender} and {self.receiver} for {self.seconds:.1f} s"
 
 
+class LinkNoise(_Fault, frozen=True, kw_only=True, tag="link_noise"):
+    """A bad link between two boards: it delivers late, and in bursts of loss not before they are over."""
+
+    sender: str
+    receiver: str
+    seconds: Seconds
+    delay: Seconds
+    """Seconds that a message needs more, on average; exponentially distributed."""
+    bursts: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Bursts of loss in a minute."""
+
+    def __str__(self) -> str:
+        late = f"{self.delay:.3f} s late and {self.bursts:.1f} bursts of loss a minute"
+        return f"{self.at:.1f} s: {late} between {self.sender} and {self.receiver} for {self.seconds:.1f} s"
+
+
 class Vehicle(_Fault, frozen=True, kw_only=True, tag="vehicle"):
     """What is wrong with a simulated vehicle and its link, as `bridged simulate --fault` has it."""
 
@@ -143,7 +159,7 @@ class Operator(_Fault, frozen=True, kw_only=True, tag="operator"):
         return f"{self.at:.1f} s: the operator orders {self.robot or 'every robot'} to {self.order}{end}"
 
 
-Fault: TypeAlias = Operator | Kill | BoardDown | DiskFull | ClockStep | LinkCut | Vehicle | Battery
+Fault: TypeAlias = Operator | Kill | BoardDown | DiskFull | ClockStep | LinkCut | LinkNoise | Vehicle | Battery
 
 
 def draw(mission: Mission, seed: int) -> list[Fault]:
@@ -207,6 +223,18 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
     for at in times():
         by = round(dice.choice((-1, 1)) * 10 ** dice.uniform(-1, 5), 1)
         found.append(ClockStep(at=at, board=dice.choice(boards), by=by))
+    if len(boards) > 1:
+        for at in times():
+            sender, receiver = dice.sample(boards, 2)
+            seconds, delay = round(dice.uniform(5, 60), 1), round(10 ** dice.uniform(-2.5, -0.3), 3)
+            bursts = round(dice.uniform(0, 30), 1)
+            found.append(
+                LinkNoise(at=at, sender=sender, receiver=receiver, seconds=seconds, delay=delay, bursts=bursts)
+            )
+    for robot in robots:
+        simulate = mission.robots[robot].simulate
+        if simulate is not None and simulate.camera is not None and dice.random() < SHARE / 2:
+            found.append(Vehicle(robot=robot, fault=f"camera={dice.uniform(0.5, 1):.2f}"))
     return sorted(found, key=lambda one: one.at)
 
 
@@ -241,7 +269,7 @@ def _check(fault: Fault, mission: Mission) -> None:
     """Raise ValueError if a fault names what the mission does not have."""
     vehicles = [name for name, one in mission.robots.items() if one.simulate is not None]
     match fault:
-        case LinkCut():
+        case LinkCut() | LinkNoise():
             _expect(fault.sender, mission.board_names)
             _expect(fault.receiver, mission.board_names)
         case BoardDown() | DiskFull() | ClockStep():

@@ -6,6 +6,7 @@ between two sessions keep their order; each takes the network's delay.
 
 from __future__ import annotations
 
+import random
 from collections import defaultdict
 from collections.abc import Callable, Collection
 from contextvars import Context, copy_context
@@ -183,7 +184,7 @@ class _Declared:
 
     def take(self, item: Any) -> None:
         """Hand over a sample or a query."""
-        if self in self.session.declared and self.callback is not None:
+        if self in self.session.declared and self.callback is not None and not self.session.closed:
             self.session.hand(self.callback, item)
         elif isinstance(item, Query):
             item.drop()
@@ -283,6 +284,8 @@ class Session:
         self.network, self.number, self.router, self.name, self.owner = network, number, router, name, owner
         self.declared: dict[_Declared, None] = {}
         self.closed = False
+        self.gone = False
+        """Whether others know that it is closed."""
         self.attached = True
         """Whether its router is there, and it has noticed."""
         self._context = copy_context()
@@ -447,6 +450,9 @@ class Network:
         """Messages between sessions."""
         self._cuts: dict[tuple[str, str], tuple[float, float]] = {}
         """Since when and until when nothing passes from one router's endpoint to another's."""
+        self.noise: dict[tuple[str, str], tuple[float, float]] = {}
+        """Until when messages from one router's endpoint to another's need longer, and by how much on average."""
+        self.dice = random.Random(0)
         self.on_put: list[Callable[[Session, Sample], None]] = []
         """Called with each sample that is published."""
         self.on_query: list[Callable[[Query, Sample], None]] = []
@@ -464,6 +470,9 @@ class Network:
         if router == (endpoint in self._routers):
             raise zenoh.ZError("another router is there" if router else "no router is there")
         session = Session(self, next(self.numbers), endpoint, name, owner)
+        if router:
+            for silent in [one for one in self.sessions if one.closed and one.router == endpoint]:
+                self._bury(silent)
         self.sessions.append(session)
         if router:
             self._routers[endpoint] = session
@@ -476,25 +485,41 @@ class Network:
         """Return the router at which a session is."""
         return self._routers.get(session.router)
 
-    def close(self, session: Session) -> None:
-        """End a session and all that it has declared."""
-        if session.closed:
-            return
-        session.closed = True
-        self.sessions.remove(session)
-        for declared in session.declared:
-            self._seen.pop(declared, None)
-            self._tables[declared.kind].remove(declared)
-        session.declared.clear()
-        if self._routers.get(session.router) is session:
-            del self._routers[session.router]
-            for client in self._clients(session.router):
-                client.attached = False
-                self._tell(client, DELETE, session)
+    def close(self, *sessions: Session, lease: float = 0.0) -> None:
+        """End sessions and all that they have declared; other boards notice after `lease` virtual seconds."""
+        closing = [one for one in sessions if not one.closed]
+        for one in closing:
+            one.closed = True
+            if lease:
+                self.loop.call_later(lease, self._noticed, one, context=BUS)
+            else:
+                self._bury(one)
+        for one in closing:
+            if self._routers.get(one.router) is one:
+                del self._routers[one.router]
+                for client in self._clients(one.router):
+                    client.attached = False
+                    self._tell(client, DELETE, one)
+        if closing:
+            self.topology_changed()
+
+    def _bury(self, session: Session) -> None:
+        """Let everybody know that a session is closed."""
+        if not session.gone:
+            session.gone = True
+            self.sessions.remove(session)
+            for declared in session.declared:
+                self._seen.pop(declared, None)
+                self._tables[declared.kind].remove(declared)
+            session.declared.clear()
+
+    def _noticed(self, session: Session) -> None:
+        self._bury(session)
         self.topology_changed()
 
     def _clients(self, endpoint: str) -> list[Session]:
-        return [one for one in self.sessions if one.router == endpoint and one is not self._routers.get(endpoint)]
+        router = self._routers.get(endpoint)
+        return [one for one in self.sessions if one.router == endpoint and one is not router and not one.closed]
 
     def _back(self, client: Session, router: Session) -> None:
         if not client.closed and not router.closed and not client.attached:
@@ -525,17 +550,21 @@ class Network:
         """Return the virtual seconds from one router to another now; None: it is lost."""
         now = self.loop.time()
         since, until = self._cuts.get((sender, receiver), (0.0, 0.0))
+        noisy, mean = self.noise.get((sender, receiver), (0.0, 0.0))
+        needs = LINK + (self.dice.expovariate(1 / mean) if now < noisy and mean > 0 else 0.0)
         if now >= until:
-            return LINK
-        return until - now + LINK if until - since < LEASE else None
+            return needs
+        return until - now + needs if until - since < LEASE else None
 
     def reaches(self, sender: Session, receiver: Session) -> bool:
         """Return whether what one session has declared is known to the other."""
         if sender is receiver:
             return True
-        if sender.closed or receiver.closed or not (sender.attached and receiver.attached):
+        if sender.gone or receiver.gone or not (sender.attached and receiver.attached):
             return False
-        return sender.router == receiver.router or self._linked(sender.router, receiver.router)
+        if sender.router == receiver.router:
+            return not (sender.closed or receiver.closed)
+        return self._linked(sender.router, receiver.router)
 
     def latency(self, sender: Session, receiver: Session) -> float | None:
         """Return the virtual seconds of a message; None: the one does not reach the other."""
@@ -638,7 +667,7 @@ class Network:
         for asked in self.asked:
             asked.topology_changed()
         for session in self.sessions:
-            for declared in session.declared:
+            for declared in () if session.closed else session.declared:
                 if declared.kind == "watcher":
                     self._show_tokens(declared)
                 elif declared.matched is not None:

@@ -117,7 +117,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     logging.basicConfig(level=logging.INFO, handlers=[ProcessLog()], force=True)
     flight = MissionRunner(status, supervisor=VirtualSupervisor)
     world = World(network, routers, request.faults, lambda: status.children, fleet=mission.fleet)
-    world.dice = random.Random(f"argosy world {request.seed}")
+    world.dice = network.dice = random.Random(f"argosy world {request.seed}")
     checkers = Checkers(mission, world, lambda robot: _served(status, robot))
     checkers.watch_minds()
     VirtualSupervisor.network, VirtualSupervisor.ready = network, staticmethod(world.board_is_up)

@@ -15,8 +15,8 @@ from typing import Any
 
 from argosy.processes.supervisor import Child
 from argosy.stop.command import order_robot
-from argosy.trial.faults import BoardDown, ClockStep, DiskFull, Fault, Kill, LinkCut, Operator, StopOrder
-from argosy.trial.network import Network
+from argosy.trial.faults import BoardDown, ClockStep, DiskFull, Fault, Kill, LinkCut, LinkNoise, Operator, StopOrder
+from argosy.trial.network import LEASE, Network
 from argosy.trial.power_loss import lose_power
 from argosy.trial.process import Machine
 from commd.bus.bus import open_bus
@@ -25,6 +25,8 @@ from schemas.geo import EARTH_RADIUS, distance
 
 SAMPLED = 0.2
 """Virtual seconds between two looks at the vehicles."""
+BURST = (0.1, 1.5)
+"""Virtual seconds of a burst of loss: shorter than a lease, so that all that was sent arrives after it."""
 PATIENCE = 3.0
 """Virtual seconds for an operator to reach a router, and before he repeats what was not confirmed."""
 
@@ -152,6 +154,9 @@ class World:
                 machine = self.machine(board)
                 machine.down_until = machine.booted = max(machine.down_until, fault.at + seconds)
                 daemons = [one for one in self.children() if one.process.board == board and one.process.kind.daemon]
+                pids = {child.pid for child in daemons if child.alive}
+                lost = [one for one in self.network.sessions if getattr(one.owner, "pid", None) in pids]
+                self.network.close(*lost, lease=LEASE)  # nothing says that it ends
                 for child in daemons:
                     if child.alive:
                         child.signal(signal.SIGKILL)
@@ -167,6 +172,12 @@ class World:
             case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
                 there = self.routers[sender], self.routers[receiver]
                 self.network.cut((there, there[::-1]) if both else (there,), seconds)
+            case LinkNoise(sender=sender, receiver=receiver, seconds=seconds, delay=delay, bursts=bursts):
+                there, at = (self.routers[sender], self.routers[receiver]), fault.at
+                for line in (there, there[::-1]):
+                    self.network.noise[line] = fault.at + seconds, delay
+                while bursts and (at := at + self.dice.expovariate(bursts / 60)) < fault.at + seconds:
+                    self.network.loop.call_at(at, self.network.cut, (there, there[::-1]), self.dice.uniform(*BURST))
             case Operator(robot=robot):
                 for one in [robot] if robot else self.vehicles:
                     self.operators.append(asyncio.create_task(self._stop(one, fault)))

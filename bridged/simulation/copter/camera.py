@@ -1,13 +1,14 @@
 """A simulated camera under a copter: publishes the victims in view of the copter's true position.
 
-A victim is seen within the camera's range over ground, and from then on for `MEMORY` more: the tracker behind a real
-camera keeps what it has found for a while too, and a router that restarts just then does not hide anybody. A victim
-that was never in range is not published.
+A victim is seen within the camera's range over ground, unless a fault hides it, and from then on for `MEMORY` more: the
+tracker behind a real camera keeps what it has found for a while too, and a router that restarts just then does not hide
+anybody. Nothing is told of a victim that was never in range.
 """
 
 from __future__ import annotations
 
 import asyncio
+import random
 import time
 from collections.abc import Sequence
 
@@ -39,9 +40,12 @@ class Sighting(msgspec.Struct, frozen=True):
 class Camera:
     """The victims in view of one copter."""
 
-    def __init__(self, victims: Sequence[Victim], reach: float) -> None:
-        """`reach`: metres over ground."""
-        self._victims, self._reach = victims, reach
+    def __init__(self, victims: Sequence[Victim], reach: float, share: float = 1.0, seed: int = 0) -> None:
+        """`reach`: metres over ground. `share`: chance that a victim is seen each time that it comes into range."""
+        self._victims, self._reach, self._share = victims, reach, share
+        self._dice = random.Random(f"{seed} camera")
+        self._in_range: dict[Victim, bool] = {}
+        """Whether each victim that is in range is seen."""
         self._seen: dict[Victim, float] = {}
         self._looked = float("-inf")
 
@@ -51,8 +55,13 @@ class Camera:
             return
         self._looked = age
         for victim in self._victims:
-            if distance((at.lat, at.lon), (victim.lat, victim.lon)) <= self._reach:
-                self._seen[victim] = wall
+            if distance((at.lat, at.lon), (victim.lat, victim.lon)) > self._reach:
+                self._in_range.pop(victim, None)
+            else:
+                if victim not in self._in_range:
+                    self._in_range[victim] = self._dice.random() < self._share
+                if self._in_range[victim]:
+                    self._seen[victim] = wall
 
     def sightings(self, wall: float) -> list[Sighting]:
         """Return the sightings to publish at `wall` monotonic wall seconds."""

@@ -17,6 +17,7 @@ from schemas.files.units import check_endpoint
 from schemas.mission.model import DEFAULT_ROUTER
 
 if TYPE_CHECKING:
+    from bridged.simulation.copter.fault_injection import Faults
     from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
     from bridged.simulation.copter.world import Victim
 
@@ -116,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FAULT[,...]",
         help="what is wrong with it and its links: loss=SHARE, duplicate=SHARE, reorder=SHARE, garbage=SHARE, "
         "mute-acks, lie, cut=AT+SECONDS, reboot=AT, wind=SPEED:FROM[:GUST], gps-loss=AT+SECONDS, "
-        "gps-jump=AT+SECONDS:METRES, pilot=AT+SECONDS[:lands], prearm=[UNTIL:]TEXT, autopilot=N, seed=N; "
+        "gps-jump=AT+SECONDS:METRES, pilot=AT+SECONDS[:lands], camera=SHARE, prearm=[UNTIL:]TEXT, autopilot=N, seed=N; "
         "may be given more than once",
     )
 
@@ -173,16 +174,18 @@ async def simulation(args: argparse.Namespace) -> None:
     def announce() -> None:
         print(started, file=sys.stderr, flush=True)
 
-    beside = _camera(args, vehicle) if args.camera is not None else None
+    beside = _camera(args, vehicle, faults) if args.camera is not None else None
     await simulate(vehicle, addresses, args.speed, announce, faults, beside)
 
 
-def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
+def _camera(
+    args: argparse.Namespace, vehicle: "Vehicle", faults: "Faults"
+) -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
     """Attach the camera to the vehicle; returns the coroutine function that publishes its sightings."""
     from bridged.simulation.copter.camera import Camera, tell_sightings
     from commd.bus.errors import BusClosed
 
-    camera = Camera(args.victims, args.camera)
+    camera = Camera(args.victims, args.camera, faults.camera, faults.seed)
     vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())
 
     async def tell(stop: asyncio.Event) -> None:

@@ -94,6 +94,7 @@ class Faults:
     wind: WindFault | None = None
     gps: tuple[GpsFault, ...] = ()
     pilots: tuple[PilotFault, ...] = ()
+    camera: float = 1.0
     reboots: tuple[float, ...] = ()
     autopilot: int | None = None
     prearm: tuple[tuple[float, str], ...] = ()
@@ -225,6 +226,7 @@ TABLE: dict[str, Row] = {
         "from AT a pilot has it in LOITER when it is in the air; after SECONDS he gives it back, or lands it",
         _pilot,
     ),
+    "camera": Row("camera=SHARE", "its camera sees so many of the victims that come into its range", _share("camera")),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
     "prearm": Row(
         "prearm=[UNTIL:]TEXT",

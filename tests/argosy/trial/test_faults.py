@@ -19,6 +19,7 @@ from argosy.trial.faults import (
     Fault,
     Kill,
     LinkCut,
+    LinkNoise,
     Operator,
     Vehicle,
     boards_with_agents,
@@ -59,7 +60,7 @@ def test_seeds_draw_different_faults(team: Mission) -> None:
 
 
 def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it(team: Mission) -> None:
-    for kind in (Kill, BoardDown, DiskFull, ClockStep, LinkCut, Battery, Operator):
+    for kind in (Kill, BoardDown, DiskFull, ClockStep, LinkCut, LinkNoise, Battery, Operator):
         has = [bool(of(kind, draw(team, seed))) for seed in range(1, 61)]
         assert any(has), kind
         assert not all(has), kind
@@ -105,7 +106,7 @@ def test_a_simulated_vehicle_reads_each_of_its_faults(drawn: list[Fault]) -> Non
 
 def test_some_seed_draws_each_fault_of_a_vehicle_that_makes_sense_and_some_does_not(team: Mission) -> None:
     names = [{one.fault.partition("=")[0] for one in of(Vehicle, draw(team, seed))} for seed in SEEDS]
-    for name in ("loss", "duplicate", "cut", "mute-acks", "wind", "gps-loss", "gps-jump", "pilot"):
+    for name in ("loss", "duplicate", "cut", "mute-acks", "wind", "gps-loss", "gps-jump", "pilot", "camera"):
         assert 0 < sum(name in drawn for drawn in names) < len(SEEDS), name
 
 
@@ -142,7 +143,7 @@ def test_a_vehicle_without_a_battery_in_its_mission_gets_none() -> None:
 
 def test_a_mission_on_one_machine_has_no_link_to_cut() -> None:
     mission = load_mission("single_uav")
-    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, LinkCut)]
+    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, LinkCut | LinkNoise)]
 
 
 def test_the_storm_is_over_when_the_last_fault_ends() -> None:
@@ -166,6 +167,7 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         "- {kind: battery, robot: uav1, minutes: 2.5}\n"
         "- {kind: operator, at: 40, order: hold, robot: uav2, seconds: 9}\n"
         "- {kind: operator, at: 50, order: rtl}\n"
+        "- {kind: link_noise, at: 70, sender: pi1, receiver: pi2, seconds: 9, delay: 0.2, bursts: 6}\n"
         "- {kind: clock_step, at: 60, board: pi1, by: -3600}\n"
         "- {kind: disk_full, at: 5, board: pi3, seconds: 8}\n"
     )
@@ -179,6 +181,7 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         "40.0 s: the operator orders uav2 to hold, and gives it back 9.0 s later",
         "50.0 s: the operator orders every robot to rtl",
         "60.0 s: the clock of pi1 is set by -3600.0 s",
+        "70.0 s: 0.200 s late and 6.0 bursts of loss a minute between pi1 and pi2 for 9.0 s",
     ]
 
 
@@ -194,6 +197,10 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         ("- {kind: kill, daemon: bridged uav9}", "1:3: expected pi1, pi2, pi3, rescuer1, rescuer2, scout, uav1"),
         ("- {kind: board_down, board: pi9, seconds: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
         ("- {kind: clock_step, board: pi9, by: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
+        (
+            "- {kind: link_noise, sender: pi1, receiver: pi9, seconds: 1, delay: 1}",
+            "1:3: expected pi1, pi2, pi3, got `pi9`",
+        ),
         ("- {kind: clock_step, board: pi1}", "1:3: Object missing required field `by`"),
         ("- {kind: battery, robot: uav9, minutes: 1}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
         ("- {kind: operator, robot: uav9, order: hold}", "1:3: expected uav1, uav2, uav3, got `uav9`"),

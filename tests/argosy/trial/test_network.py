@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from argosy.trial.network import LEASE
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
 from commd.bus.queries import ROUTER_LOST
@@ -457,3 +458,66 @@ def test_a_link_that_is_cut_for_less_than_a_lease_delays_and_for_more_loses(
     assert got == [number for number in range(round(seconds * 10) + 5) if number not in lost]
     assert seen == ([True, False, True] if ended else [True])
     assert ends == (ended if both else ends)
+
+
+@pytest.mark.parametrize(("away", "ended"), [(5.0, LEASE), (1.0, 1.0)])
+def test_other_boards_notice_after_a_lease_that_a_board_has_lost_its_power_or_when_it_is_back(
+    monkeypatch: pytest.MonkeyPatch, away: float, ended: float
+) -> None:
+    there = "tcp/127.0.0.1:7448"
+
+    async def scenario(stage: Stage) -> list[float]:
+        assert isinstance(stage, VirtualStage)
+        loop, network, ends, got = asyncio.get_running_loop(), stage.network, list[float](), list[Any]()
+        watching = await stage.open()
+        stage.endpoint = there
+        await stage.open("other", "commd", "router")
+        lost = await stage.open()
+        lost.token("argosy/test/alive")
+        lost.subscribe("argosy/**", Perception, partial(append_parameter, got))
+        watching.watch("argosy/test/alive", lambda key, alive: alive or ends.append(round(loop.time() - begun, 3)))
+        await asyncio.sleep(0.1)
+        begun = loop.time()
+        network.close(*(one for one in network.sessions if one.router == there), lease=LEASE)
+        watching.put(f"{PERCEPT}/a", Perception(name="a", parameters=(1,)))
+        await asyncio.sleep(away)
+        network.open(there, "back", True, None)
+        await asyncio.sleep(LEASE)
+        assert got == []
+        return ends
+
+    (end,) = on_virtual(scenario, monkeypatch)
+    assert end == pytest.approx(ended, abs=0.01)
+
+
+def test_a_noisy_link_delivers_late_and_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, there = "tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448"
+
+    async def scenario(stage: Stage) -> tuple[list[float], list[float]]:
+        assert isinstance(stage, VirtualStage)
+        loop, took = asyncio.get_running_loop(), list[tuple[int, float]]()
+        sender = await stage.open()
+        stage.endpoint = there
+        await stage.open("other", "commd", "router")
+        receiver = await stage.open()
+
+        def heard(key: str, record: Perception) -> None:
+            number = record.parameters[0]
+            assert isinstance(number, int)
+            took.append((number, loop.time() - sent[number]))
+
+        receiver.subscribe("argosy/**", Perception, heard)
+        await asyncio.sleep(0.1)
+        stage.network.noise[here, there] = loop.time() + 100, 0.5
+        sent = []
+        for number in range(60):
+            sent.append(loop.time())
+            sender.put(f"{PERCEPT}/a", Perception(name="a", parameters=(number,)))
+            await asyncio.sleep(2)
+        await asyncio.sleep(10)
+        assert [number for number, _ in took] == list(range(60))
+        return [delay for number, delay in took if number < 50], [delay for number, delay in took if number > 55]
+
+    noisy, calm = on_virtual(scenario, monkeypatch)
+    assert 0.3 < sum(noisy) / len(noisy) < 0.8
+    assert max(calm) < 0.01

@@ -57,6 +57,20 @@ def test_a_camera_sees_who_is_within_its_range_over_ground(metres: float, seen: 
     assert [one.id for one in camera.sightings(0.0)] == ([1] if seen else [])
 
 
+def test_a_camera_that_misses_victims_sees_its_share_of_those_that_come_into_range_and_as_long_as_they_are() -> None:
+    camera, seen = Camera([SOMEBODY], 16.0, 0.3), 0
+    for passed in range(500):
+        at = passed * 100.0
+        looks = []
+        for second in range(3):
+            camera.look(north_of(SOMEBODY, 5.0), at + second, at + second)
+            looks.append(bool(camera.sightings(at + second)))
+        assert len(set(looks)) == 1
+        seen += looks[0]
+        camera.look(north_of(SOMEBODY, 50.0), at + 10, at + 10)
+    assert 100 < seen < 200
+
+
 def test_a_victim_out_of_sight_is_told_for_a_while_and_then_no_more() -> None:
     camera = Camera([SOMEBODY], 16.0)
     camera.look(north_of(SOMEBODY, 5.0), 0.0, 100.0)
