@@ -130,7 +130,10 @@ class ActionLog:
             self._keep_through_power_loss()
 
     def finish(self, agent: str, status: ActionStatus) -> None:
-        """Record how an id ended, as much as the answer to a repeated request needs. Raises OSError."""
+        """Record how an id ended, as much as the answer to a repeated request needs, and sync it. Raises OSError.
+
+        Lost in a power failure, it would be answered in another way: that the bridge was restarted.
+        """
         entry = Entry(
             status.id,
             self._wall(),
@@ -144,6 +147,7 @@ class ActionLog:
             order=status.order,
         )
         self._append(entry)
+        self._keep_through_power_loss()
 
     def find(self, action: str) -> Entry | None:
         """Return the record of an id, None if it was not begun within the last hour and is not one of the `LAST`."""

@@ -221,6 +221,8 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
     action_log.begin(begun("a:100"))
     action_log.keep()
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
+    action_log.finish("a", ended("a:100"))
+    soon(lambda: synced[-1] == path.stat().st_size, "the sync of its end, which is answered after a power failure too")
     action_log.close()
 
 
