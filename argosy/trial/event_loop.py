@@ -86,7 +86,8 @@ class VirtualLoop(asyncio.BaseEventLoop):
             # Who waits by a clock of its own, which differs from that of the loop by rounding, sets a timer for the
             # present time again until that clock says that it is due: for ever in a time that stood still.
             self._now = due if (due := timers[0][0]) > self._now else self._now + CLOCK_RESOLUTION
-        while timers and timers[0][0] < self._now + CLOCK_RESOLUTION:
+        while timers and (due := timers[0][0]) < self._now + CLOCK_RESOLUTION:
+            self._now = max(self._now, due)  # none runs before its time
             ready.append(heappop(timers)[2])
         for _ in range(len(ready)):
             call = ready.popleft()

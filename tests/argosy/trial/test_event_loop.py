@@ -58,6 +58,15 @@ def test_who_waits_by_a_clock_that_differs_by_rounding_does_not_wait_for_ever(lo
     assert loop.run_until_complete(wait()) > 1, "the first wait ends early"
 
 
+def test_no_timer_runs_before_its_time_however_near_another_one_is(loop: VirtualLoop) -> None:
+    seen: list[float] = []
+    for when in (51.4 - 1e-10, 51.4):
+        loop.call_at(when, lambda: seen.append(loop.time()))
+    loop.call_at(51.5, loop.stop)
+    loop.run_forever()
+    assert seen[-1] >= 51.4
+
+
 def test_hours_of_sleep_and_timeouts_pass_without_waiting(loop: VirtualLoop) -> None:
     async def day() -> list[float]:
         await asyncio.sleep(3600)
