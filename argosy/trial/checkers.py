@@ -347,7 +347,8 @@ class Checkers:
     def _look_who_attends(self, name: str, seen: Seen, now: float) -> None:
         """Judge how long a vehicle is in the air while its agents are gone, or intend nothing."""
         why: StepField | None = None
-        if seen.armed and seen.height > 1 and seen.mode not in HOME and not seen.piloted:
+        others = seen.piloted or name in self._world.stopped
+        if seen.armed and seen.height > 1 and seen.mode not in HOME and not others:
             agents = self._mission.agents_of(name)
             if not self._served(name):
                 why = "on_agent_loss"

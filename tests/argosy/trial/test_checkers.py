@@ -471,6 +471,18 @@ def test_a_vehicle_that_carries_out_an_action_of_an_idle_agent_is_not_alone(run:
     assert run.rules == []
 
 
+def test_a_vehicle_that_the_operator_has_stopped_is_not_alone_before_it_is_given_back(run: Run) -> None:
+    in_air(run)
+    run.idle, run.world.stopped["uav1"] = True, "hold"
+    run.after(2 * LOST)
+    assert run.rules == []
+    run.world.stopped.clear()
+    run.after(LOST - 5)
+    assert run.rules == []
+    run.after(10)
+    assert run.rules == ["nobody alone"]
+
+
 def test_a_mission_that_only_holds_lets_a_vehicle_stay_in_the_air() -> None:
     run = Run(read_mission(SINGLE.text.replace("[hold 5s, rtl]", "[hold]"), SINGLE.path))
     assert run.mission.robots["uav1"].on_agent_loss == ("hold",)
