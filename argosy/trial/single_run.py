@@ -136,7 +136,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     simulate = copter_process.simulate
 
     async def simulated(vehicle: Any, *args: Any, **options: Any) -> None:
-        world.vehicles[_robot_of(mission, args[0])] = Seen(vehicle)
+        world.vehicles[_robot_of(mission, args[0], vehicle.system)] = Seen(vehicle)
         await simulate(vehicle, *args, **options)
 
     copter_process.simulate = simulated
@@ -196,10 +196,11 @@ def _served(status: Status, robot: str) -> bool:
     return any(agents.intersection(child.process.subject.split()) for child in running)
 
 
-def _robot_of(mission: Mission, addresses: Sequence[Any]) -> str:
-    """Return the robot whose vehicle speaks at a link."""
+def _robot_of(mission: Mission, addresses: Sequence[Any], system: int) -> str:
+    """Return the robot whose vehicle speaks at a link with a system id: several may share the link."""
     ports = {str(address).rpartition(":")[2] for address in addresses}
-    return next(name for name, robot in mission.robots.items() if robot.link.rpartition(":")[2] in ports)
+    speaking = (name for name, one in mission.robots.items() if one.link.rpartition(":")[2] in ports)
+    return next(name for name in speaking if mission.robots[name].sysid == system)
 
 
 class _NoMeter(Meter):

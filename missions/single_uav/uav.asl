@@ -43,6 +43,7 @@ tries(5).
 // An action may still run of which no end was heard, and the next one would be refused as busy: the mode ends it.
 +!superseded : aloft & state("GUIDED", _, _) & not homeward <- set_mode("GUIDED").
 +!superseded.
+-!superseded.                                                       // what still hinders fails the next step
 
 +!heard <- .wait(state(_, true, _) & altitude(_), 120000).
 
