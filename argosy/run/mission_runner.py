@@ -42,8 +42,8 @@ LEAVE_BRIDGE = 35.0
 """The same for a bridge, which may try three orders for 10 s each on a robot that does not report its state."""
 LEAVE_RECORDER = 15.0
 """Wall seconds that a recorder has to fetch what it has missed and to end its file."""
-WANTED = Wanted(minds_every=0.5, beliefs_per_tick=AT_ONCE, whole_fleet=False)
-"""Minds with beliefs, twice a second; no activity and no mail."""
+MINDS_EVERY = 0.5
+"""Wall seconds between two requests for each mind."""
 POLL = 0.02
 """Wall seconds between two checks of whether a process is up."""
 _LEVELS: Mapping[log_lines.Level, Level] = {
@@ -151,7 +151,9 @@ class MissionRunner:
                 patience=STARTUP_PATIENCE,
             )
         )
-        observer = self._observer = FleetObserver(bus, status.model, self._mission.fleet, WANTED)
+        beliefs = AT_ONCE if self._mission.failed else 0  # they say why it has failed
+        wanted = Wanted(MINDS_EVERY, beliefs, whole_fleet=False)
+        observer = self._observer = FleetObserver(bus, status.model, self._mission.fleet, wanted)
         await self._until(comm)
         recorders = await start("recorder")
         await self._until(bridges)
