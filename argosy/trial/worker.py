@@ -1,8 +1,9 @@
 """A process that runs the runs of a trial one after the other: `python -m argosy.trial.worker [SECONDS]`.
 
-It has imported everything when the first request comes, and forks for each run: no run sees anything of another. A
-request is a line of JSON on its standard input (`Request`), an outcome a line on its standard output. A run that takes
-longer than SECONDS of wall time is ended. When the standard input ends, so does the run that is under way.
+It has imported everything when the first request comes, reads the manifests of its mission, and forks for each run: no
+run sees anything of another. A request is a line of JSON on its standard input (`Request`), an outcome a line on its
+standard output. A run that takes longer than SECONDS of wall time is ended. When the standard input ends, so does the
+run that is under way.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from typing import Final, NoReturn
 
@@ -55,6 +58,7 @@ def main() -> None:
 
     while line := _line():
         request = msgspec.json.decode(line, type=Request)
+        read_ahead(request.mission)
         run = _Forked(lambda request=request: msgspec.json.encode(outcome_of(request)))  # type: ignore[misc]
         said, in_time = run.answer(clock, clock() + patience)
         code, cpu, memory = run.end()
@@ -66,6 +70,21 @@ def main() -> None:
         )
         outcome.cpu, outcome.memory = round(cpu, 3), memory
         _write(1, msgspec.json.encode(outcome) + b"\n")
+
+
+@cache
+def read_ahead(mission: str) -> None:
+    """Read the manifests of a mission, as the daemons do: they are kept, and those of a run find them there."""
+    from bridged.drivers.registry import load_robot_manifest
+    from schemas.manifest.loader import load_manifest
+    from schemas.mission.model import load_mission
+
+    with suppress(Exception):  # a run says what is wrong with them
+        read = load_mission(mission)
+        for robot in read.robots.values():
+            load_robot_manifest(robot.manifest, read.path.parent)
+            if isinstance(robot.manifest, str):
+                load_manifest(robot.manifest, read.path.parent)
 
 
 class _Forked:
