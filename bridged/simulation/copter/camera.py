@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import random
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 
@@ -49,11 +49,11 @@ class Camera:
         self._seen: dict[Victim, float] = {}
         self._looked = float("-inf")
 
-    def look(self, at: Place, age: float, wall: float) -> None:
-        """Look down from a place at `age` vehicle seconds; `wall`: monotonic wall seconds."""
+    def look(self, where: Callable[[], Place], age: float, wall: float) -> None:
+        """Look down from a place at `age` vehicle seconds, if it is time; `wall`: monotonic wall seconds."""
         if age - self._looked < LOOK_S:
             return
-        self._looked = age
+        self._looked, at = age, where()
         for victim in self._victims:
             if distance((at.lat, at.lon), (victim.lat, victim.lon)) > self._reach:
                 self._in_range.pop(victim, None)

@@ -186,7 +186,7 @@ def _camera(
     from commd.bus.errors import BusClosed
 
     camera = Camera(args.victims, args.camera, faults.camera, faults.seed)
-    vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())
+    vehicle.on_step = lambda: camera.look(lambda: vehicle.copter.true_place, vehicle.age, time.monotonic())
 
     async def tell(stop: asyncio.Event) -> None:
         with suppress(BusClosed):  # it was to end before the router was there

@@ -166,8 +166,8 @@ class Vehicle:
         self.reboots = 0
         self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
         """Called with each output and its new pulse in microseconds."""
-        self.on_step: Callable[[Place], None] | None = None
-        """Called with the copter's position after each step."""
+        self.on_step: Callable[[], None] = lambda: None
+        """Called after each step."""
         self._boot: BootKind = boot
         self._faults = faults or Faults()
         self.character, self._wind = Character(self._faults), Wind.of(self._faults)
@@ -245,8 +245,7 @@ class Vehicle:
             if mode is not None:
                 copter.set_mode(mode)
         copter.step(STEP_S)
-        if self.on_step is not None:
-            self.on_step(copter.true_place)
+        self.on_step()
         self._tell()
         for message in self._mission.advance():
             for channel in self.channels:

@@ -53,7 +53,7 @@ def test_an_area_that_is_upside_down_is_refused() -> None:
 @pytest.mark.parametrize(("metres", "seen"), [(0.0, True), (15.9, True), (16.1, False), (500.0, False)])
 def test_a_camera_sees_who_is_within_its_range_over_ground(metres: float, seen: bool) -> None:
     camera = Camera([SOMEBODY], 16.0)
-    camera.look(north_of(SOMEBODY, metres), 0.0, 0.0)
+    camera.look(lambda: north_of(SOMEBODY, metres), 0.0, 0.0)
     assert [one.id for one in camera.sightings(0.0)] == ([1] if seen else [])
 
 
@@ -63,25 +63,25 @@ def test_a_camera_that_misses_victims_sees_its_share_of_those_that_come_into_ran
         at = passed * 100.0
         looks = []
         for second in range(3):
-            camera.look(north_of(SOMEBODY, 5.0), at + second, at + second)
+            camera.look(lambda: north_of(SOMEBODY, 5.0), at + second, at + second)
             looks.append(bool(camera.sightings(at + second)))
         assert len(set(looks)) == 1
         seen += looks[0]
-        camera.look(north_of(SOMEBODY, 50.0), at + 10, at + 10)
+        camera.look(lambda: north_of(SOMEBODY, 50.0), at + 10, at + 10)
     assert 100 < seen < 200
 
 
 def test_a_victim_out_of_sight_is_told_for_a_while_and_then_no_more() -> None:
     camera = Camera([SOMEBODY], 16.0)
-    camera.look(north_of(SOMEBODY, 5.0), 0.0, 100.0)
-    camera.look(north_of(SOMEBODY, 50.0), 5.0, 101.0)
+    camera.look(lambda: north_of(SOMEBODY, 5.0), 0.0, 100.0)
+    camera.look(lambda: north_of(SOMEBODY, 50.0), 5.0, 101.0)
     assert len(camera.sightings(100.0 + MEMORY)) == 1
     assert camera.sightings(100.1 + MEMORY) == []
 
 
 def test_a_victim_that_is_passed_between_two_tellings_is_not_missed() -> None:
     station, camera = Station(), Camera([SOMEBODY], 16.0)
-    station.vehicle.on_step = lambda place: camera.look(place, station.vehicle.age, 0.0)
+    station.vehicle.on_step = lambda: camera.look(lambda: station.vehicle.copter.true_place, station.vehicle.age, 0.0)
     chart = station.copter.chart
     over = chart.vector(Place(SOMEBODY.lat, SOMEBODY.lon, 0.0))
     motion = station.copter.motion
