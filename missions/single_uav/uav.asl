@@ -14,17 +14,7 @@
      .print("mission done");
      +mission_done.
 
-// What a link, a daemon or the vehicle cuts short is tried again, and what is done already is not repeated.
-passing(Cause) :- .member(Cause, [driver, restart, unreachable, storage, agent_lost]).
-tries(5).
-
--!fly_mission[cause(Cause), error_msg(Why)] : passing(Cause) & tries(N) & N > 0
-  <- .print("again, for ", Why);
-     -+tries(N - 1);
-     .wait(3000);
-     !go_on.
-
-// Whatever else goes wrong, be it an action, a test or a plan: what flies comes home before the mission is given up.
+// Whatever went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
 -!fly_mission[error_msg(Why)]
   <- .print("mission failed: ", Why);
      !given_up(Why).
@@ -39,11 +29,11 @@ tries(5).
 +restarted(_) : not mission_done <- .print("started again"); !go_on.
 
 +!go_on <- !heard; !superseded; !fly_mission.
+-!go_on[error_msg(Why)] <- !given_up(Why).
 
-// An action may still run of which no end was heard, and the next one would be refused as busy: the mode ends it.
+// An action of the life before may still run, and the next one would be refused as busy: the mode ends it.
 +!superseded : aloft & state("GUIDED", _, _) & not homeward <- set_mode("GUIDED").
 +!superseded.
--!superseded.                                                       // what still hinders fails the next step
 
 +!heard <- .wait(state(_, true, _) & altitude(_), 120000).
 
@@ -52,17 +42,15 @@ aloft :- state(_, _, true) & altitude(A) & A > 1.
 +!airborne(_) : homeward.
 +!airborne(_) : aloft & state("GUIDED", _, _).
 +!airborne(_) : aloft & not override(_) <- set_mode("GUIDED").      // the bridge has held it meanwhile
-+!airborne(Altitude) : not aloft
-  <- !guided;
++!airborne(Altitude) : not aloft & not override(_)
+  <- set_mode("GUIDED");
      !armed;
      .print("taking off to ", Altitude, " m");
+     +departed;
      takeoff(Altitude).
 
-+!guided : state("GUIDED", _, _).
-+!guided <- set_mode("GUIDED").
-
 +!armed : state(_, _, true).
-+!armed <- arm_motors(true).
++!armed : not departed <- arm_motors(true).      // once: whoever has landed a vehicle and stopped its motors had a reason
 
 +!visited(_, _, _) : homeward.
 +!visited(Lat, Long, Height)

@@ -4,9 +4,6 @@
 
    Each test plan runs in a fresh agent. The goal that uav.asl begins with is not pursued by itself here. */
 
-// Before uav.asl, so that it is chosen first: a step that a restart of the bridge has cut short, so many times.
-+!visited(_, _, _) : restarts(N) & N > 0 <- -+restarts(N - 1); .fail(cause(restart), error_msg("the bridge restarted")).
-
 { include("uav.asl") }
 
 takeoff_altitude(5).
@@ -36,22 +33,6 @@ waypoint(-27.603683, -48.518052, 40).
      !assert_true(mission_failed("blown away"));
      ?did([Last|_]);
      !assert_equals(return_to_launch, Last).
-
-@what_the_bridge_cut_short_is_tried_again_and_what_was_done_is_not_repeated[test]
-+!what_the_bridge_cut_short_is_tried_again_and_what_was_done_is_not_repeated
-  <- +restarts(5); +altitude(5);
-     !fly_mission;
-     !assert_true(mission_done);
-     ?did(Actions);
-     .count(.member(arm_motors, Actions), Times);
-     !assert_equals(1, Times).
-
-@what_is_cut_short_again_and_again_is_given_up[test]
-+!what_is_cut_short_again_and_again_is_given_up
-  <- +restarts(6); +altitude(5);
-     !fly_mission;
-     !assert_true(mission_failed("the bridge restarted"));
-     !assert_true(state(_, _, false)).
 
 @a_vehicle_that_cannot_return_lands_where_it_is[test]
 +!a_vehicle_that_cannot_return_lands_where_it_is

@@ -3,14 +3,14 @@
 
 !hop.
 
-+!hop : there <- !home.
-+!hop : state(_, _, true) & altitude(A) & A > 1 <- set_mode("GUIDED"); !across.
 +!hop : hop(_, _, Height)
   <- .wait(bridge(up), 120000);
      set_mode("GUIDED");
      arm_motors(true);
+     +departed;
      takeoff(Height);
      !across.
+-!hop[error_msg(Why)] <- !given_up(Why).
 
 +!across : hop(Lat, Long, Height)
   <- .print("hopping at ", Height, " m");
@@ -22,23 +22,6 @@
   <- return_to_launch;
      .print("home again");
      +hopped.
-
-// What a link, a daemon or the vehicle cuts short is tried again from where the copter is.
-passing(Cause) :- .member(Cause, [driver, restart, unreachable, storage, agent_lost]).
-tries(5).
-
--!hop[cause(Cause), error_msg(Why)] : passing(Cause) & tries(N) & N > 0
-  <- .print("again, for ", Why);
-     -+tries(N - 1);
-     .wait(3000);
-     !go_on.
--!hop[error_msg(Why)] <- !given_up(Why).
-
-// Started again by a supervisor after a death: what has been there comes home, and what flies goes on.
-+restarted(_) : not hopped & not gave_up(_) <- .print("started again"); !go_on.
-
-+!go_on <- .wait(state(_, true, _) & altitude(_), 120000); !hop.
--!go_on[error_msg(Why)] <- !given_up(Why).
 
 // Whatever went wrong, what flies comes home before the hop is given up.
 +!given_up(Why)
@@ -57,3 +40,15 @@ coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL"
 +!otherwise(_) : coming_home(_) <- !down.
 +!otherwise(_) : override(Mode) <- .print("left to those who have it, in ", Mode).
 +!otherwise(Why) <- .print("cannot return: ", Why); land.
+
+// Started again by a supervisor after a death: what has been there comes home, and what flies goes on.
++restarted(_) : not hopped & not gave_up(_)
+  <- .print("started again");
+     .wait(state(_, true, _) & altitude(_), 120000);
+     !go_on.
+
++!go_on : there <- !home.
++!go_on : override(_) <- .fail(error_msg("others have it")).
++!go_on : state(_, _, true) & altitude(A) & A > 1 <- set_mode("GUIDED"); !across.
++!go_on : state(_, _, true) | not departed <- !hop.     // it arms once: whoever has landed a vehicle had a reason
+-!go_on[error_msg(Why)] <- !given_up(Why).

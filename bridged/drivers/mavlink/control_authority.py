@@ -37,7 +37,8 @@ class ControlAuthority:
         self.overridden = False
         """Whether others set the present mode of the vehicle."""
         self.override = ""
-        """The mode that others set while an agent had control; empty once an agent has set the mode again."""
+        """The mode that others set while an agent had control, or in which an armed vehicle was first heard; empty once
+        an agent has set the mode again."""
         self._flight, self._runs, self._end = flight, runs, end
         self._by_agent = False
         """Whether an agent has set the mode since others did."""
@@ -63,6 +64,11 @@ class ControlAuthority:
         if mode_before < 0 or self._restarted:
             self._restarted = False
             self.overridden = vehicle.mode not in vehicle.modes.ordered
+            if (
+                self.overridden and vehicle.armed and mode_before < 0
+            ):  # in use before this bridge, by a pilot for all it knows
+                self.override, self._untold = vehicle.mode_name, True
+                self._tell_override()
         elif vehicle.mode != mode_before:
             ours = again and vehicle.mode == self._flight.asked_last
             self.overridden = not ours and not self._flight.expects(vehicle.mode)

@@ -71,6 +71,30 @@ def test_each_vehicle_of_a_shared_link_is_judged_by_its_own_state(fly: Fly) -> N
     assert outcome.nearest is not None, "of three vehicles"
 
 
-def test_an_agent_whose_restart_meets_a_bridge_that_dies_goes_on(fly: Fly) -> None:
+def test_an_agent_whose_restart_meets_a_bridge_that_dies_gives_up_instead_of_doing_nothing(fly: Fly) -> None:
     outcome = fly("single_uav", 278, BoardDown(at=20.0, board="local", seconds=30.2), Kill(at=51.35, daemon="bridged"))
-    assert outcome.success, outcome.why
+    assert outcome.why.startswith("uav believes mission_failed"), outcome.why
+
+
+@pytest.mark.parametrize("mission", ["single_uav", "three_uavs"])
+@pytest.mark.parametrize(
+    "faults",
+    [
+        [Vehicle(robot="uav1", fault="cut=18+9"), Vehicle(robot="uav1", fault="pilot=21+60")],
+        [Kill(at=16, daemon="bridged:uav1"), Vehicle(robot="uav1", fault="pilot=16.2+60")],
+        [Kill(at=16, daemon="agentd"), Vehicle(robot="uav1", fault="pilot=16.2+60")],
+        [Vehicle(robot="uav1", fault="cut=16+80"), Vehicle(robot="uav1", fault="pilot=17+3:lands")],
+        [Vehicle(robot="uav1", fault="reboot=18")],
+    ],
+    ids=[
+        "while its link is cut",
+        "while its bridge is dead",
+        "while its agent is dead",
+        "and lands it",
+        "none: it reboots",
+    ],
+)
+def test_no_program_takes_a_vehicle_from_a_pilot_who_took_over(fly: Fly, mission: str, faults: list[Fault]) -> None:
+    outcome = fly(mission, 1, *faults, until=150)
+    since = [line for line in outcome.journal if float(line.split()[0]) > 16.3]
+    assert not [line for line in since if line.endswith(("uav1: mode GUIDED", "uav1: mode RTL", "uav1: armed"))]

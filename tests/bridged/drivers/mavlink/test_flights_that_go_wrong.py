@@ -57,7 +57,7 @@ degrees_from(A, B, D) :- global_pos(C, E) & D = math.max(math.abs(A - C), math.a
 -!late[state(S), reason(R)] <- .print("late: ", S, ", ", R).
 """
 WING = """\
-+holder(uav) : not tried <- +tried; !try.
++altitude(A) : A > 5 & holder(uav) & not tried <- +tried; !try.    // between two actions nobody may hold it
 +!try <- set_mode("RTL").
 -!try[state(S), reason(R)] <- .print("try: ", S, ", ", R).
 +holder(wing) <- .print("mine"); .wait(1000); land; .print("landed").
