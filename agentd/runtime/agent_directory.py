@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AsyncExitStack, suppress
@@ -35,10 +36,11 @@ ASK_EVERY: Final = 30.0
 ASK_AGAIN: Final = 1.0
 """The same if it did not answer: its token may be here before its queryable."""
 ASK_TIMEOUT: Final = 5.0
-UNREPORTED: Final = 3
-"""Rounds in which all directories answer without the sender of a message until it counts as ended: the first follows
-its message, and a directory has queried those of other boards before the last.
-"""
+UNREPORTED: Final = 2 * ASK_EVERY
+"""Wall seconds after its last message from which the sender counts as ended, if all directories answer without it: they
+have queried each other meanwhile."""
+UNREPORTED_AWAY: Final = 10 * ASK_EVERY
+"""The same if only some directories answer: they know the agents of boards that are away."""
 PATIENCE: Final = 5.0
 """Wall seconds after which a request has failed, if the directory has answered no agent of this daemon meanwhile. A
 router restarts in less."""
@@ -57,22 +59,21 @@ log = logging.getLogger("agent_directory")
 class AgentDirectory:
     """The agents that can be sent to, in a fixed order: the mission's first, then the others as they joined."""
 
-    def __init__(self, bus: Bus, mission: Mapping[str, str]) -> None:
-        """`mission` has the receivers of mail that the mission names, and their boards."""
+    def __init__(self, bus: Bus, mission: Mapping[str, str], wall: Callable[[], float] = time.monotonic) -> None:
+        """`mission` has the receivers of mail that the mission names, and their boards; `wall` returns seconds."""
         self.mission = mission
         self.names: dict[str, str] = dict(mission)
         """All agents, online or not, and their boards. The dict is never replaced."""
         self.on_change: list[Callable[[], None]] = []
         """Called whenever names have changed."""
-        self._bus = bus
+        self._bus, self._wall = bus, wall
         self._said: dict[str, BoardServices] = {}
         self._here: dict[str, str] = {}
         """Agents created by this daemon, and their boards."""
         self._ended: set[str] = set()
         """Agents that this daemon has ended, until their board reports that."""
-        self._met: dict[str, int] = {}
-        """Senders of mail that no board has reported yet, and the rounds in which all directories have answered since.
-        """
+        self._met: dict[str, float] = {}
+        """Senders of mail that no board has reported yet, and when the last message of each came."""
         self._remembered: dict[str, None] = {}
         """Correspondents of former lives of agents, until a board's directory has answered."""
         self._ask = asyncio.Event()
@@ -98,11 +99,11 @@ class AgentDirectory:
         while True:
             await wait_at_most(self._ask, pause)
             self._ask.clear()
-            met = list(self._met)
+            begun = self._wall()
             answered = [await self._refresh(board) for board in boards]
             pause = ASK_EVERY if all(answered) else ASK_AGAIN
-            if all(answered):
-                self._forget_unreported(met)
+            if any(answered):
+                self._forget_unreported(begun - (UNREPORTED if all(answered) else UNREPORTED_AWAY))
 
     def add(self, name: str, board: str) -> None:
         """Add an agent of this daemon."""
@@ -120,9 +121,9 @@ class AgentDirectory:
     def met(self, name: str) -> None:
         """Add the sender of a message, in case the report of its board was lost."""
         if name in self._met:
-            self._met[name] = 0
+            self._met[name] = self._wall()
         elif name not in self.names and name not in self._ended and name not in RESERVED:
-            self._met[name] = 0
+            self._met[name] = self._wall()
             self._ask.set()
             self._settle()
 
@@ -147,7 +148,7 @@ class AgentDirectory:
             for name in said.agents:
                 homes.setdefault(name, board)
         self._ended &= homes.keys()
-        self._met = {name: rounds for name, rounds in self._met.items() if name not in homes}
+        self._met = {name: at for name, at in self._met.items() if name not in homes}
         homes = {name: board for name, board in homes.items() if name not in self._ended} | self._here
         homes = dict.fromkeys(self._remembered, "") | homes | dict.fromkeys(self._met, "") | dict(self.mission)
         if homes == self.names:
@@ -158,11 +159,9 @@ class AgentDirectory:
         for handler in self.on_change:
             handler()
 
-    def _forget_unreported(self, met: Iterable[str]) -> None:
-        """Count a round of answers for those of `met` that no board has reported; remove those that have ended."""
-        for name in set(met) & self._met.keys():
-            self._met[name] += 1
-        self._met = {name: rounds for name, rounds in self._met.items() if rounds < UNREPORTED}
+    def _forget_unreported(self, before: float) -> None:
+        """Remove those whose last message came before a time."""
+        self._met = {name: at for name, at in self._met.items() if at >= before}
         self._settle()
 
     def _ask_soon(self, there: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from argparse import Namespace
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -13,7 +13,7 @@ from typing import Any, cast
 import pytest
 
 from agentd.mind.data.inputs import SignalRaised
-from agentd.runtime.agent_directory import AT_ONCE, UNREPORTED, AgentDirectory, NotDone, Services
+from agentd.runtime.agent_directory import AT_ONCE, UNREPORTED, UNREPORTED_AWAY, AgentDirectory, NotDone, Services
 from agentd.runtime.agent_group import AgentGroup
 from agentd.runtime.program_loader import prepare
 from commd.bus.bus import Bus, Query
@@ -215,34 +215,50 @@ async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answer
     assert agents.names == {"a": "pi1", "planner": "pi1"}
 
 
-@bus_test
-async def test_a_sender_that_no_board_reports_is_forgotten_and_one_that_is_reported_late_is_not(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+class Answers:
+    """The bus to the directories of pi1 and pi2, which know `late` from the third query; those in `away` are silent."""
+
+    fleet = "test"
+
+    def __init__(self, away: Collection[str]) -> None:
+        self.away = away
+        self.asked = 0
+
+    async def ask_all(self, key: str, kind: Any, seconds: float, take: Callable[[str, BoardServices], None]) -> None:
+        self.asked += 1
+        board, agents = key.split("/")[-2], {"late": ()} if self.asked > 2 else {}
+        if board not in self.away:
+            take(key, BoardServices(board=board, version=self.asked, agents=agents))
+
+
+@pytest.mark.parametrize(("away", "ended_after"), [((), UNREPORTED), (("pi2",), UNREPORTED_AWAY)])
+@async_test
+async def test_a_sender_is_forgotten_that_no_board_reports_for_long_however_often_they_are_asked(
+    away: Collection[str], ended_after: float
 ) -> None:
-    monkeypatch.setattr("agentd.runtime.agent_directory.ASK_EVERY", 0.05)
-    bus, directory = await connect("a"), await connect("pi1", "commd")
-    agents, asked = AgentDirectory(bus, {"a": "pi1"}), 0
+    wall, bus = 0.0, Answers(away)
+    agents = AgentDirectory(cast(Bus, bus), {"a": "pi1"}, lambda: wall)
+    follow = asyncio.create_task(agents.follow(["pi1", "pi2"]))
 
-    async def serve(query: Query[BoardServices]) -> None:
-        nonlocal asked
-        asked += 1
-        header, late = directory.header("services", "pi1"), {"late": ()} if asked == UNREPORTED else {}
-        query.reply(BoardServices(header=header, board="pi1", version=asked, agents=late), keys.services(FLEET, "pi1"))
-
-    directory.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
-    await served(bus, keys.services(FLEET, "pi1"))
-    asked = 0
-    for name in ("killed", "late"):
+    async def asked_for(name: str) -> None:
+        before = bus.asked
         agents.met(name)
-    assert agents.names == {"a": "pi1", "killed": "", "late": ""}
-    seen = []
-    agents.on_change.append(lambda: seen.append((asked, dict(agents.names))))
-    follow = asyncio.create_task(agents.follow(["pi1"]))
-    await until(lambda: "killed" not in agents.names, "the killed sender is forgotten")
+        await until(lambda: bus.asked == before + 2, f"both boards are asked for {name}")
+
+    for name in ("killed", "late", "busy", "kept"):
+        await asked_for(name)
+    assert agents.names == {"a": "pi1", "killed": "", "late": "pi1", "busy": "", "kept": ""}
+    wall = ended_after
+    agents.met("busy")
+    await asked_for("one")
+    assert "killed" in agents.names
+    wall, bus.away = ended_after + 1, ("pi1", "pi2")
+    await asked_for("two")
+    assert "killed" in agents.names, "nobody has answered"
+    bus.away = away
+    await asked_for("three")
+    assert agents.names == {"a": "pi1", "late": "pi1", "busy": "", "one": "", "two": "", "three": ""}
     follow.cancel()
-    assert seen[0] == (UNREPORTED, {"a": "pi1", "killed": "", "late": "pi1"})
-    agents.met("killed")
-    assert "killed" in agents.names, "until it is known to have ended again"
 
 
 # --- services ---
