@@ -52,6 +52,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     after: int | None = None
     """Seq of the last percept before its end, of the run of the bridge that `boot` names."""
     boot: str = ""
+    """Of a line without an id: the boot of the machine in which `holder` was recorded."""
     holder: str = ""
     """Of a line without an id: which agent answers for the robot, since `at`."""
     free: bool = False
@@ -155,11 +156,15 @@ class ActionLog:
 
     def hold(self, agent: str, free: bool) -> None:
         """Record which agent answers for the robot, and whether another may take it. Raises OSError."""
-        self._append(replace(self._standing, at=self._wall(), holder=agent, free=free))
+        self._append(replace(self._standing, at=self._wall(), boot=machine_life(), holder=agent, free=free))
 
     def held(self) -> tuple[str, bool]:
-        """Return what `hold` recorded; if that is older than an hour, the agent whose action was begun last."""
-        if self._standing.at and self._standing.at >= self._wall() - KEEP:
+        """Return what `hold` recorded in this boot of the machine or within the last hour.
+
+        Else the agent whose action was begun last within that hour. A clock that is set does not end a boot.
+        """
+        same = self._standing.boot == machine_life() != ""
+        if same or (self._standing.at and self._standing.at >= self._wall() - KEEP):
             return self._standing.holder, self._standing.free
         recent = (one for one in reversed(self._entries.values()) if one.at >= self._wall() - KEEP)
         return next(((one.agent, False) for one in recent if one.state != "refused"), ("", False))

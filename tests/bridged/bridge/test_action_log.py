@@ -265,6 +265,23 @@ def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     again.close()
 
 
+def test_a_clock_that_is_set_takes_the_robot_from_nobody_in_the_same_boot_of_the_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ARGOSY_BOOT", "first")
+    wall, path = Wall(), tmp_path / "uav1.actions"
+    action_log = ActionLog(path, wall)
+    action_log.begin(begun("a:1"))
+    action_log.hold("a", free=True)
+    action_log.close()
+    wall.time += 24 * KEEP
+    again = ActionLog(path, wall)
+    assert again.held() == ("a", True)
+    monkeypatch.setenv("ARGOSY_BOOT", "second")
+    assert again.held() == ("", False)
+    again.close()
+
+
 def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_the_file_is_made_smaller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
