@@ -76,7 +76,7 @@ class PerceptPublisher:
         clock: Clock,
         wake: asyncio.Event | None = None,
     ) -> None:
-        """`wake` is set when a change is held back: a tick may be due earlier then."""
+        """`wake` is set when a change is held back, or may be for less long: a tick may be due earlier then."""
         self.expired = 0
         """Beliefs removed so far because their source fell silent."""
         self.dropped = 0
@@ -124,6 +124,8 @@ class PerceptPublisher:
             else:
                 slot.due += _period(now_declared) - _period(slot.entry)
                 slot.entry = now_declared
+                if slot.waiting is not None:
+                    self._wake.set()
         self._use(manifest)
         for reading, at in list(self._last.values()):
             self._read(reading, at, made)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import math
 from collections.abc import Mapping
@@ -71,6 +72,7 @@ class Board:
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
         self.clock = VirtualClock(speed)
         self.told: list[Perception] = []
+        self.wake = asyncio.Event()
         self.percepts = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
             ["uav", "ground"],
@@ -78,6 +80,7 @@ class Board:
             robot="r",
             boot="b1",
             clock=self.clock,
+            wake=self.wake,
         )
 
     def hear(self, source: str, **fields: object) -> None:
@@ -236,6 +239,15 @@ def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_ag
     assert board.taken() == []
     board.wait(4)
     assert board.taken() == [("remove", "altitude", (5.0,))], "it ages from when it was heard before the change"
+
+
+def test_what_another_manifest_holds_back_for_less_long_wakes_the_bridge(board: Board) -> None:
+    board.hear("POSITION", alt=0)
+    board.hear("POSITION", alt=100)
+    board.wake.clear()
+    board.percepts.adopt(read_manifest(MANIFEST.replace("rate = 10", "rate = 50"), "m.toml"))
+    assert board.wake.is_set()
+    assert board.percepts.tick() == pytest.approx(0.02)
 
 
 def test_a_percept_that_another_manifest_does_not_declare_is_withdrawn() -> None:
