@@ -179,6 +179,14 @@ def test_a_takeoff_goes_on_in_the_air_after_a_restart_of_the_bridge(sky: Sky, tm
     assert again.do("takeoff", 10).state == "refused", "what is above does not take off"
 
 
+def test_a_takeoff_is_done_where_it_hovers_a_little_above(sky: Sky) -> None:
+    position = sky.flying(10).driver.vehicle.position
+    assert position is not None
+    final = sky.do("takeoff", position.altitude - 0.2)
+    assert final.state == "succeeded", final.reason
+    assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1
+
+
 def test_a_target_that_no_stream_reports_is_requested(sky: Sky) -> None:
     """Of a vehicle that acknowledges nothing, the intervals of other messages are asked for first, one by one."""
     interval, target = dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT

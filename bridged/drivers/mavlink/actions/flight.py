@@ -78,14 +78,14 @@ def arm(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Ste
 def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """NAV_TAKEOFF: within the tolerance of the altitude above home.
 
-    One in the air below that climbs on: a takeoff was paused there, or its agent or bridge was restarted.
+    In the air and not above that it climbs on: a takeoff was paused there, or its agent or bridge was restarted.
     """
-    vehicle, wanted = flight.vehicle, action.parameters[6]
+    vehicle, wanted, near = flight.vehicle, action.parameters[6], action.tolerance or 0.3
     if broken := flight.too_high(wanted):
         return Outcome("refused", broken, "limits")
-    below = vehicle.position is not None and vehicle.placed and vehicle.position.altitude <= wanted
-    if (flight.goes_on(action) or below) and vehicle.aloft:
-        return (yield from _climb_on(flight, run, action))
+    not_above = vehicle.position is not None and vehicle.placed and vehicle.position.altitude <= wanted + near
+    if (flight.goes_on(action) or not_above) and vehicle.aloft:
+        return (yield from _climb_on(flight, run, action, near))
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 
@@ -96,7 +96,7 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
     asked = flight.now
     command = flight.submit(run, action, may_repeat=lambda: not rising())
     yield from acknowledged(flight, run, command, rising)
-    return (yield from _climb(flight, run, wanted, action.tolerance or 0.3, command.name, asked))
+    return (yield from _climb(flight, run, wanted, near, command.name, asked))
 
 
 def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -115,7 +115,7 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
     return (yield from _climb(flight, run, float(wanted), action.tolerance or 5.0, vehicle.modes.name(mode), asked))
 
 
-def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
+def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, near: float) -> Steps:
     """Continue a takeoff in the air, where NAV_TAKEOFF is refused: by a target above."""
     vehicle, wanted, asked = flight.vehicle, action.parameters[6], flight.now
     if vehicle.position is None:
@@ -123,7 +123,7 @@ def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) 
     above = replace(vehicle.position, altitude=wanted)
     target = replace(action, target=above, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     yield from target_taken(flight, run, target)
-    return (yield from _climb(flight, run, wanted, action.tolerance or 0.3, "the target above", asked))
+    return (yield from _climb(flight, run, wanted, near, "the target above", asked))
 
 
 def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: float, name: str, asked: float) -> Steps:
