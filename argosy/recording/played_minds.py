@@ -15,11 +15,21 @@ from agentd.conversion.introspection import BadParameter, Look
 from agentd.conversion.mind_view import MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
+from argosy.recording.reader import Recorded
 from commd.bus.bus import Bus, Query
+from schemas.wire.codec import BadRecord, codec
 from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, MindView
+from schemas.wire.records import Header, Record
 
 MOST_ACTIONS: Final = 60
 """Last actions and outcomes that a view has."""
+
+
+class _Which(Record, frozen=True, kw_only=True):
+    """What is decoded of a record of a mind that nobody may ask for."""
+
+    header: Header = Header()
+    number: int = 0
 
 
 class PlayedMind:
@@ -28,20 +38,27 @@ class PlayedMind:
     def __init__(self, bus: Bus, key: str) -> None:
         self.withdraw: Callable[[], None] = bus.serve(key, MindView, self._show, observers=True)
         self._bus, self._key, self._boot = bus, key, ""
-        self._waiting: dict[int, MindInputs] = {}
-        """The inputs that the mind has not lived, by number."""
+        self._waiting: dict[int, bytes] = {}
+        """The inputs that the mind has not lived, by number, as the recording has them."""
+        self._broken = ""
+        """Why no more can be replayed of this life; empty = it can."""
         self._actions: deque[ActivityEvent] = deque(maxlen=MOST_ACTIONS)
         self._lived: tuple[ReplayedMind, MindViews] | None = None
 
-    def take(self, record: MindInputs | MindActivity) -> None:
+    def take(self, message: Recorded) -> None:
         """Take what was published of the mind."""
-        if record.header.boot != self._boot:
-            self._boot, self._lived = record.header.boot, None
+        try:
+            which = codec(_Which).decode(message.data)
+        except BadRecord:
+            return  # a later batch shows that one is missing
+        if which.header.boot != self._boot:
+            self._boot, self._lived, self._broken = which.header.boot, None, ""
             self._waiting.clear()
             self._actions.clear()
-        if isinstance(record, MindInputs):
-            self._waiting[record.number] = record
-        else:
+        if message.name == MindInputs.__name__:
+            if self._lived is None or which.number > self._lived[0].number:
+                self._waiting[which.number] = message.data
+        elif isinstance(record := message.record, MindActivity):
             self._actions += [event for event in record.events if event.kind in ("action", "outcome")]
 
     async def _show(self, query: Query[MindView]) -> None:
@@ -58,9 +75,25 @@ class PlayedMind:
             if 0 not in self._waiting:
                 raise CannotReplay("the beginning of its life is not in the recording")
             discover()
-            lived = ReplayedMind(self._waiting[0])
+            lived = ReplayedMind(_inputs(self._waiting[0]))
             self._lived = lived, MindViews(lived.mind)
         lived, views = self._lived
-        while (batch := self._waiting.pop(lived.number + 1, None)) is not None:
-            lived.feed(batch)
+        if self._broken:
+            raise CannotReplay(self._broken)
+        try:
+            while (batch := self._waiting.pop(lived.number + 1, None)) is not None:
+                lived.feed(_inputs(batch))
+        except CannotReplay as bad:
+            self._broken = str(bad)
+            raise
+        if self._waiting:
+            lived.take(_inputs(self._waiting[min(self._waiting)]))  # raises: the batches before it are missing
         return replace(views.view(look, lived.now), actions=tuple(self._actions))
+
+
+def _inputs(batch: bytes) -> MindInputs:
+    """Decode a batch. Raises CannotReplay."""
+    try:
+        return codec(MindInputs).decode(batch)
+    except BadRecord as bad:
+        raise CannotReplay(f"a batch of its inputs cannot be read: {bad}") from None

@@ -148,12 +148,12 @@ class Player:
 
     def _mind(self, message: Recorded) -> None:
         """Give a mind what was published of it."""
-        parsed, record = keys.parse(self._renamed(message.key) or ""), message.record
-        if parsed is not None and isinstance(record, MindInputs | MindActivity):
+        parsed = keys.parse(self._renamed(message.key) or "")
+        if parsed is not None:
             key = keys.mind(*parsed[:2])
             if key not in self.minds:
                 self.minds[key] = PlayedMind(self.bus, key)
-            self.minds[key].take(record)
+            self.minds[key].take(message)
 
     def _token(self, message: Recorded) -> None:
         seen = message.record

@@ -17,19 +17,21 @@ from mcap.writer import Writer
 from argosy.__main__ import main
 from argosy.recording.metadata import BEGIN as BEGUN
 from argosy.recording.metadata import End
+from argosy.recording.played_minds import PlayedMind
+from argosy.recording.reader import open_recording
 from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
 from argosy.recording.write_queue import Heard
 from argosy.trial.single_run import Request
 from argosy.trial.workers import workers
 from commd.bus.bus import Bus
-from commd.bus.errors import BusError
+from commd.bus.errors import BusError, QueryFailed
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
 from tests.argosy.recording.recorders import argosy
-from tests.support.buses import FLEET, Connect, async_test, bus_test, session, until
+from tests.support.buses import FLEET, PATIENCE, Connect, async_test, bus_test, session, until
 from tests.support.forked import ROOT
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
@@ -176,6 +178,29 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(
     assert [one.text for one in view.actions if one.kind == "action"][-1] == "return_to_launch"
     assert view.plans
     assert 45 < view.time < 60
+
+
+@bus_test
+async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_was_before(
+    connect: Connect, tmp_path: Path
+) -> None:
+    eye, player = await connect("eye", "argosy"), await connect("player", "argosy")
+    inputs, key = keys.trace(FLEET, "uav", "inputs"), keys.mind(FLEET, "uav")
+    given = [heard(inputs, stretch(number), number) for number in range(5)]
+    other = given[1]._replace(payload=b'{"header": {"boot": "b1"}, "number": 1, "steps": "of another version"}')
+    for messages, refusal in (
+        ([given[0], given[1], given[4]], "batch 2 to 3 are missing: what went in then is not known"),
+        ([given[0], other], "a batch of its inputs cannot be read: MindInputs: "),
+    ):
+        mind = PlayedMind(player, key)
+        for number, message in enumerate(open_recording(recorded(tmp_path / "a.mcap", messages)).messages()):
+            mind.take(message)
+            if number == 0:
+                assert (await eye.ask_one(key, None, MindView, PATIENCE)).agent == "uav"
+        for _ in range(2):
+            with pytest.raises(QueryFailed, match=refusal):
+                await eye.ask_one(key, None, MindView, PATIENCE)
+        mind.withdraw()
 
 
 @bus_test
