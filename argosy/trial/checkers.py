@@ -8,6 +8,7 @@
 | `one holder` | running actions, and the percept `holder` |
 | `nobody alone` | processes of agents, their health records, and the vehicle |
 | `motion after stop` | orders of the operator that were confirmed, action statuses, and the vehicle |
+| `left to the pilot` | action statuses and percepts after a pilot took over, and the vehicle |
 | `limits`, `separation`, `on the ground` | vehicles |
 """
 
@@ -49,6 +50,8 @@ STILL: Final = 5.0
 """Metres by its own estimate for which a vehicle at rest may drift."""
 HANDING_OVER: Final = 3.0
 """Virtual seconds for which two agents may differ about who holds a robot."""
+AWARE: Final = 3.0
+"""Virtual seconds after which an agent that perceives a pilot's mode leaves the vehicle to him."""
 CALM: Final = 60.0
 """Virtual seconds after which mail has arrived, if nothing is wrong with boards, links and receiver meanwhile."""
 REGULAR: Final = 3.0
@@ -247,6 +250,14 @@ class Checkers:
         self._differ: dict[str, float] = {}
         """Since when several agents seem to hold a robot."""
         self._rests: dict[str, _Rest] = {}
+        self._known: set[str] = set()
+        """Actions that have begun, by id."""
+        self._aware: dict[str, float] = {}
+        """Since when each agent perceives the mode of the pilot who has its robot."""
+        self._orders: dict[str, str] = {}
+        """The last order of an agent that knew of the pilot who has the robot."""
+        self._put_down: set[str] = set()
+        """Vehicles that a pilot has landed and that were disarmed then."""
         self._past: dict[str, deque[_Look]] = {}
         """Each vehicle in the last seconds."""
         self._manifests = {name: _actions_of(mission, name) for name in mission.robots}
@@ -275,8 +286,16 @@ class Checkers:
                     self._idle[name] = health.idle is True
             case ("percept", "holder"):
                 self._holder(name, codec(Perception).decode(sample.payload.to_bytes(), sample.encoding))
+            case ("percept", _) if name not in self._aware and (mode := self._pilots_mode(name)):
+                if mode in codec(Perception).decode(sample.payload.to_bytes(), sample.encoding).parameters:
+                    self._aware[name] = self._world.network.loop.time()
             case _:
                 pass
+
+    def _pilots_mode(self, agent: str) -> str:
+        """Return the mode of the pilot who has an agent's robot; empty: none has it."""
+        seen = self._world.vehicles.get(self._robots.get(agent, ""))
+        return "" if seen is None else seen.pilots_mode
 
     def _holder(self, agent: str, told: Perception) -> None:
         if (robot := self._robots.get(agent)) is not None:
@@ -296,6 +315,9 @@ class Checkers:
                 actions.agents.pop(status.id, None)
             else:
                 actions.agents[status.id] = agent
+            if status.id not in self._known and (not status.final or status.state == "succeeded"):
+                self._known.add(status.id)
+                self._begins(robot, agent, status)
         if not status.final:
             return
         end = status.state, status.reason
@@ -305,6 +327,13 @@ class Checkers:
         if before != end:
             text = f"{status.name} {status.id} ended as {before[0]} ({before[1]}) and as {end[0]} ({end[1]})"
             self._tell("one final status", status.id, text)
+
+    def _begins(self, robot: str, agent: str, status: ActionStatus) -> None:
+        """Note an order of an agent that knows of the pilot who has the robot."""
+        action, now = self._manifests[robot].get(status.name), self._world.network.loop.time()
+        controls = action is not None and (action.motion or action.confirm in ("armed", "mode"))
+        if controls and now - self._aware.get(agent, now) > AWARE:
+            self._orders[robot] = f"{status.name} {status.id}"
 
     def _true_end(self, robot: str, status: ActionStatus) -> None:
         """Compare a success with the vehicle, by the state that confirms it in the manifest."""
@@ -338,6 +367,7 @@ class Checkers:
                 self._tell("limits", f"{name} radius", f"{name} was {seen.farthest:.0f} m from home")
             self._look_who_attends(name, seen, now)
             self._look_who_is_stopped(name, seen, now)
+            self._look_who_has_a_pilot(name, seen)
         for robot in self._mission.robots:
             self._look_who_holds(robot, now)
         if self._separation is not None and self._world.nearest < self._separation:
@@ -388,6 +418,20 @@ class Checkers:
             if distance(there[:2], here[:2]) > STILL or abs(there[2] - here[2]) > STILL:
                 text = f"{name} moves in {seen.mode} after the operator's {order} at {rest.since:.0f} s"
                 self._tell("motion after stop", name, text)
+
+    def _look_who_has_a_pilot(self, name: str, seen: Seen) -> None:
+        """Judge a vehicle that a pilot has, or has landed: no agent takes it from him, and nothing arms it again."""
+        if not seen.pilots_mode:
+            self._orders.pop(name, None)
+            for agent in self._mission.agents_of(name):
+                self._aware.pop(agent, None)
+        elif not seen.piloted and (order := self._orders.get(name)):
+            text = f"{order} took {name} from its pilot, from {seen.pilots_mode} to {seen.mode}"
+            self._tell("left to the pilot", name, text)
+        if seen.landed_by_pilot and not seen.armed:
+            self._put_down.add(name)
+        elif seen.armed and name in self._put_down:
+            self._tell("left to the pilot", name, f"{name} was armed again after its pilot had landed it")
 
     def _look_who_holds(self, robot: str, now: float) -> None:
         acting = set(self._actions[robot].agents.values())

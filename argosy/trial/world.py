@@ -55,9 +55,20 @@ class Seen:
         return bool(self.vehicle.copter.armed)
 
     @property
+    def pilots_mode(self) -> str:
+        """Flight mode that the pilot who has it has set; empty: no pilot has it."""
+        switch = self.vehicle.character.switch
+        return "" if switch is None else str(switch.name)
+
+    @property
     def piloted(self) -> bool:
-        """Whether a pilot has it."""
-        return bool(self.vehicle.character.piloted)
+        """Whether a pilot has it, and nobody has changed his mode."""
+        return self.pilots_mode == self.mode
+
+    @property
+    def landed_by_pilot(self) -> bool:
+        """Whether a pilot has landed it in this run."""
+        return bool(self.vehicle.character.landed)
 
     @property
     def height(self) -> float:

@@ -323,6 +323,10 @@ class Character:
         self._reboots = list(faults.reboots)
         self._has_it: tuple[PilotFault, int] | None = None
         """The pilot who has it, and the mode in which it was."""
+        self.switch: Mode | None = None
+        """The mode that the pilot who has it has set; None: no pilot has it."""
+        self.landed = False
+        """Whether a pilot has landed it."""
 
     def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
         """Return a lying vehicle's answer to a message that it ignores; None if it accepts the message."""
@@ -350,11 +354,6 @@ class Character:
         """Return the arming check that fails by a fault, in the vehicle's words; empty = none."""
         return next((said for until, said in self._faults.prearm if now < until), "")
 
-    @property
-    def piloted(self) -> bool:
-        """Whether a pilot has it."""
-        return self._has_it is not None
-
     def switched_mode(self, now: float, mode: int, *, airborne: bool) -> int | None:
         """Return the mode that a pilot sets by his switch at `now` vehicle seconds; `mode`: the present one."""
         if self._has_it is not None:
@@ -362,13 +361,15 @@ class Character:
             if pilot.covers(now):
                 return None
             if pilot.lands and airborne:
+                self.switch = Mode.LAND
                 return Mode.LAND
-            self._has_it = None
+            self._has_it = self.switch = None
+            self.landed |= pilot.lands
             return None if pilot.lands else before
         taking = next((one for one in self._faults.pilots if one.covers(now)), None)
         if taking is None or not airborne:
             return None
-        self._has_it = taking, mode
+        self._has_it, self.switch = (taking, mode), Mode.LOITER
         return Mode.LOITER
 
     def restarts(self, now: float) -> bool:

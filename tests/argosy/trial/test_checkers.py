@@ -8,12 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from argosy.trial.checkers import CALM, HANDING_OVER, SETTLED, STILL, UNATTENDED, Checkers, _Letter
+from argosy.trial.checkers import AWARE, CALM, HANDING_OVER, SETTLED, STILL, UNATTENDED, Checkers, _Letter
 from argosy.trial.event_loop import VirtualLoop
 from argosy.trial.faults import Fault, Kill, StopOrder
 from argosy.trial.network import Network, Query
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.position_estimate import PositionEstimate
 from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
@@ -77,7 +78,7 @@ class Run:
         self.network = Network(self.loop)
         self.world = World(self.network, {}, faults, list)
         self.copters = {name: Copter() for name in mission.robots}
-        self.pilot = SimpleNamespace(piloted=False)
+        self.pilot: SimpleNamespace = SimpleNamespace(switch=None, landed=False)
         self.world.vehicles = {
             name: Seen(SimpleNamespace(copter=one, character=self.pilot)) for name, one in self.copters.items()
         }
@@ -439,8 +440,8 @@ def test_a_vehicle_that_comes_home_needs_no_agent(run: Run) -> None:
 
 
 def test_a_vehicle_that_a_pilot_has_needs_no_agent(run: Run) -> None:
-    in_air(run)
-    run.served, run.pilot.piloted = False, True
+    in_air(run, "LOITER")
+    run.served, run.pilot.switch = False, Mode.LOITER
     run.after(2 * LOST)
     assert run.rules == []
 
@@ -565,14 +566,84 @@ def test_a_paused_vehicle_keeps_its_actions(run: Run) -> None:
 
 def test_a_vehicle_that_is_given_back_or_that_a_pilot_has_moves(run: Run) -> None:
     copter = stopped(run)
-    run.pilot.piloted = True
+    run.pilot.switch, copter.mode_name = Mode.LOITER, "LOITER"
     copter.up += 2 * STILL
     run.after(1)
-    run.pilot.piloted = False
+    run.pilot.switch = None
     del run.world.stopped["uav1"]
     copter.up += 2 * STILL
     run.after(60)
     assert run.rules == []
+
+
+# --- pilots ---
+
+
+def perceived(run: Run) -> Copter:
+    """A vehicle that a pilot has in LOITER, as its agent perceives."""
+    in_air(run, "LOITER")
+    run.pilot.switch = Mode.LOITER
+    run.put(keys.percept("fleet", "uav", "state"), Perception(name="state", parameters=("LOITER", True, True)))
+    run.after(AWARE + 1)
+    return run.copters["uav1"]
+
+
+def test_an_agent_that_takes_a_vehicle_from_its_pilot_is_reported(run: Run) -> None:
+    copter = perceived(run)
+    run.status("running", "set_mode", "GUIDED")
+    run.after(1)
+    assert run.rules == []
+    copter.mode_name = "GUIDED"
+    run.after(1)
+    assert run.rules == ["left to the pilot"]
+
+
+def test_a_vehicle_that_an_agent_has_taken_from_its_pilot_is_judged_by_the_other_rules(run: Run) -> None:
+    copter = perceived(run)
+    run.served, copter.mode_name = False, "GUIDED"
+    run.after(LOST + 3)
+    assert run.rules == ["nobody alone"]
+
+
+def test_an_order_that_a_pilot_overtakes_and_a_failsafe_are_no_agents_will(run: Run) -> None:
+    run.status("running", "set_mode", "RTL", number=1)
+    copter = perceived(run)
+    run.status("refused", "return_to_launch", number=2)
+    copter.mode_name = "RTL"
+    run.after(1)
+    assert run.rules == []
+
+
+def test_an_agent_that_does_not_perceive_the_pilot_is_not_reported(run: Run) -> None:
+    in_air(run, "LOITER")
+    run.pilot.switch = Mode.LOITER
+    run.after(AWARE + 1)
+    run.status("running", "set_mode", "GUIDED")
+    run.copters["uav1"].mode_name = "GUIDED"
+    run.after(1)
+    assert run.rules == []
+
+
+def test_an_agent_may_order_a_vehicle_that_is_given_back(run: Run) -> None:
+    copter = perceived(run)
+    run.pilot.switch, copter.mode_name = None, "GUIDED"
+    run.after(1)
+    run.status("running", "set_mode", "RTL")
+    copter.mode_name = "RTL"
+    run.after(1)
+    assert run.rules == []
+
+
+def test_a_vehicle_that_is_armed_after_its_pilot_has_landed_it_is_reported(run: Run) -> None:
+    in_air(run, "LAND")
+    run.pilot.landed = True
+    run.after(1)
+    run.copters["uav1"].armed = False
+    run.after(1)
+    assert run.rules == []
+    run.copters["uav1"].armed = True
+    run.after(1)
+    assert run.rules == ["left to the pilot"]
 
 
 # --- where vehicles are ---
@@ -633,8 +704,8 @@ def test_a_vehicle_that_is_armed_at_the_end_is_reported(run: Run) -> None:
 
 
 def test_a_vehicle_that_a_pilot_has_at_the_end_is_his(run: Run) -> None:
-    in_air(run)
-    run.pilot.piloted = True
+    in_air(run, "LOITER")
+    run.pilot.switch = Mode.LOITER
     assert run.checkers.finish() == []
 
 

@@ -5,12 +5,22 @@ from __future__ import annotations
 import math
 import random
 from itertools import combinations
+from pathlib import Path
 from typing import Any, cast
+
+import pytest
 
 from argosy.trial.faults import Fault, Kill, Operator, Vehicle
 from argosy.trial.world import World
 from schemas.geo import distance
-from tests.argosy.trial.conftest import Fly
+from tests.argosy.trial.conftest import MISSIONS, Fly
+
+PROGRAM = """
+!fly.
++!fly <- .wait(bridge(up), 120000); set_mode("GUIDED"); arm_motors(true); takeoff(5); goto(-27.603683, -48.518052, 40).
+-!fly.
+"""
+"""A mission that gives up when it fails."""
 
 
 class Flying:
@@ -56,6 +66,35 @@ def test_a_pilot_ends_the_action_that_runs(fly: Fly) -> None:
     outcome = fly("single_uav", 1, Vehicle(robot="uav1", fault="pilot=15+20:lands"))
     assert "LOITER" in outcome.why
     assert not outcome.violations
+
+
+@pytest.mark.parametrize(
+    ("fault", "program", "done"),
+    [
+        (
+            "pilot=15+20:lands",
+            """+override(_) <- .wait(state(_, _, false)); set_mode("GUIDED"); arm_motors(true).""",
+            "uav1 was armed again after its pilot had landed it",
+        ),
+        (
+            "pilot=15+60",
+            """+override(_) <- .wait(10000); set_mode("GUIDED").""",
+            "took uav1 from its pilot, from LOITER to GUIDED",
+        ),
+    ],
+    ids=["landed", "flown"],
+)
+def test_an_agent_that_takes_a_vehicle_from_its_pilot_breaks_a_rule(
+    fly: Fly, tmp_path: Path, fault: str, program: str, done: str
+) -> None:
+    (tmp_path / "uav.asl").write_text(f"{program}\n{PROGRAM}")
+    (tmp_path / "m.yaml").write_text(
+        (MISSIONS / "single_uav.yaml").read_text().replace("single_uav/uav.asl", "uav.asl")
+    )
+    outcome = fly(str(tmp_path / "m"), 1, Vehicle(robot="uav1", fault=fault), until=150)
+    found = [one.text for one in outcome.violations if one.rule == "left to the pilot"]
+    assert len(found) == 1
+    assert done in found[0]
 
 
 def test_what_the_operator_has_stopped_rests_until_it_is_given_back_also_when_its_bridge_dies(fly: Fly) -> None:
