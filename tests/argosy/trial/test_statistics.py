@@ -77,7 +77,7 @@ def test_numbers_and_ids_do_not_separate_causes() -> None:
 
 def test_words_separate_causes_and_a_violation_comes_before_the_end_of_the_mission() -> None:
     violation = Violation("limits", 3.0, "uav1 is at 70.0 m of 60 m")
-    outcomes = [Outcome(1, False, "timeout"), Outcome(2, False, "timeout", [violation]), Outcome(3, True)]
+    outcomes = [Outcome(1, False, "timeout"), Outcome(2, False, "timeout", violations=[violation]), Outcome(3, True)]
     assert {cause.text: cause.seeds for cause in causes(outcomes)} == {
         "timeout": [1],
         "limits: uav1 is at 70.0 m of 60 m": [2],
