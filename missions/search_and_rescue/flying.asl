@@ -4,7 +4,7 @@
 
 armed :- state(_, _, true).
 aloft :- armed & altitude(A) & A > 2.
-coming_home(Mode) :- armed & override(Mode) & .member(Mode, ["RTL", "SMART_RTL", "LAND"]).    // set by others
+theirs(Mode) :- armed & override(_) & state(Mode, _, _) & Mode \== "GUIDED".       // a pilot's, until he hands it over
 
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
 perceiving :- bridge(up) & state(_, true, _) & altitude(_) & global_pos(_, _) & battery(_, _, _).
@@ -20,8 +20,9 @@ metres(Lat1, Lon1, Lat2, Lon2, D)
 +!aloft(_) : aloft <- set_mode("GUIDED").               // on its way home, or held by the bridge
 +!aloft(Height) <- set_mode("GUIDED"); !armed; takeoff(Height).
 
-// Before all other steps: what a pilot, a ground station or its own failsafe sends home is not called back.
-+!step : coming_home(Mode) <- .print("coming home, others have set ", Mode); .wait(not coming_home(_), 900000, _).
+// Before all other steps: what a pilot, a ground station or its own failsafe has taken is left to them.
++!step : theirs(Mode) <- .print("left to those who have it, in ", Mode); .wait(not theirs(_), 900000, _).
++!step : override(_) <- set_mode("GUIDED").
 
 +!armed : armed.
 +!armed <- arm_motors(true).

@@ -186,11 +186,12 @@ lost(1200).
 +!what_others_send_home_is_not_called_back
   <- !company;
      be_flying(80);
+     set_mode("RTL");
      ++override("RTL");
      !!search;
      .wait(100000);
      ?did(Actions);
-     !assert_equals([], Actions);
+     !assert_equals([set_mode], Actions);
      --override("RTL");
      .wait(2000);
-     .wait(did([_ | _]), 20000).
+     .wait(did([_, _ | _]), 20000).

@@ -98,3 +98,12 @@ def test_no_program_takes_a_vehicle_from_a_pilot_who_took_over(fly: Fly, mission
     outcome = fly(mission, 1, *faults, until=150)
     since = [line for line in outcome.journal if float(line.split()[0]) > 16.3]
     assert not [line for line in since if line.endswith(("uav1: mode GUIDED", "uav1: mode RTL", "uav1: armed"))]
+
+
+def test_a_search_waits_until_pilots_hand_their_vehicles_over_and_goes_on(fly: Fly) -> None:
+    pilots = [Vehicle(robot="uav1", fault="pilot=31+40"), Vehicle(robot="uav2", fault="pilot=46+40")]
+    outcome = fly("search_and_rescue", 1, *pilots)
+    assert outcome.success, outcome.why
+    for agent, begin, end in (("scout", 31.5, 71), ("rescuer1", 46.5, 86)):
+        orders = [line.split() for line in outcome.journal if f" {agent}: set_mode(" in line]
+        assert not [line for line in orders if begin < float(line[0]) < end]
