@@ -143,7 +143,11 @@ def _delete(name: str) -> None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(int(pid), signal.SIGKILL)
         time.sleep(0.02)
-    _run("ip", "netns", "del", name)
+    while name in _namespaces():  # it may be busy, or be deleted by another run that tidies up
+        if time.monotonic() > until:
+            _run("ip", "netns", "del", name)
+        with contextlib.suppress(subprocess.CalledProcessError):
+            _run("ip", "netns", "del", name)
 
 
 def _run(*command: str) -> str:
