@@ -103,7 +103,6 @@ class Authority:
         in_utc = time.gmtime
         time.localtime = time.gmtime = lambda seconds=None: in_utc(time.time() if seconds is None else seconds)
         time.sleep = _never  # type: ignore[assignment]
-        os.fsync = lambda fd: None  # no power fails: a process that dies loses nothing that it has written
         resource.getrusage = _no_use
         os.urandom = random._urandom = lambda size: self.chance.randbytes(size)  # type: ignore[attr-defined]
         concurrent.futures.ThreadPoolExecutor = InlineExecutor  # type: ignore[assignment, misc]

@@ -8,7 +8,6 @@ run that is under way.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
 import select
@@ -22,7 +21,7 @@ from functools import cache
 from importlib import import_module
 from typing import Final, NoReturn
 
-from argosy.processes.launcher import PR_SET_PDEATHSIG
+from argosy.processes.launcher import end_with_parent
 from argosy.trial.edges import Authority
 
 IMPORTED: Final = ("agentd.daemon", "bridged.daemon", "bridged.drivers.mavlink.driver", "commd.daemon")
@@ -94,7 +93,7 @@ class _Forked:
         self._reading, writing = os.pipe()
         self._child = os.fork()
         if self._child == 0:
-            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)  # it does not outlive its worker
+            end_with_parent(signal.SIGKILL)  # its worker
             os.close(self._reading)
             _answer(answer, writing)
         os.close(writing)

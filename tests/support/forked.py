@@ -10,7 +10,6 @@ needs before it forks the first process for it. It ends with that process of pyt
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import json
 import os
@@ -29,11 +28,12 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
+from argosy.processes.launcher import end_with_parent
+
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ("agentd", "argosy", "bridged", "commd")
 LARGEST = 200_000
 """Bytes of arguments and environment of a process."""
-PR_SET_PDEATHSIG = 1
 _NUMBER = struct.Struct("i")
 _OPTIONS = tuple(signature(subprocess.Popen._execute_child).parameters)[1:]  # type: ignore[attr-defined]
 _LATER = ("agentd.extensions.plugins",)
@@ -170,7 +170,7 @@ def _begin(request: Mapping[str, Any], files: Sequence[int]) -> list[str]:
     """Make this process, which is forked, one of its own."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    end_with_parent(signal.SIGKILL)
     os.setsid()
     for number, file in enumerate(files):
         os.dup2(file, number)

@@ -156,9 +156,14 @@ def _one(field: str, value: object) -> dict[str, Any]:
     return {field: value}
 
 
-def _cut(faults: Faults, text: str) -> Faults:
+def _span(text: str) -> tuple[float, float]:
+    """Read AT+SECONDS. Raises ValueError."""
     at, _, seconds = text.partition("+")
-    return replace(faults, cuts=(*faults.cuts, Cut(_within(float(at)), _within(float(seconds)))))
+    return _within(float(at)), _within(float(seconds))
+
+
+def _cut(faults: Faults, text: str) -> Faults:
+    return replace(faults, cuts=(*faults.cuts, Cut(*_span(text))))
 
 
 def _wind(faults: Faults, text: str) -> Faults:
@@ -167,25 +172,19 @@ def _wind(faults: Faults, text: str) -> Faults:
 
 
 def _gps_loss(faults: Faults, text: str) -> Faults:
-    at, _, seconds = text.partition("+")
-    return replace(faults, gps=(*faults.gps, GpsFault(_within(float(at)), _within(float(seconds)))))
+    return replace(faults, gps=(*faults.gps, GpsFault(*_span(text))))
 
 
 def _gps_jump(faults: Faults, text: str) -> Faults:
-    at, _, rest = text.partition("+")
-    seconds, _, metres = rest.partition(":")
-    jump = GpsFault(_within(float(at)), _within(float(seconds)), _within(float(metres), 10_000))
-    return replace(faults, gps=(*faults.gps, jump))
+    span, _, metres = text.partition(":")
+    return replace(faults, gps=(*faults.gps, GpsFault(*_span(span), _within(float(metres), 10_000))))
 
 
 def _pilot(faults: Faults, text: str) -> Faults:
-    at, _, rest = text.partition("+")
-    seconds, colon, lands = rest.partition(":")
+    span, colon, lands = text.partition(":")
     if colon and lands != "lands":
         raise ValueError(text)
-    return replace(
-        faults, pilots=(*faults.pilots, PilotFault(_within(float(at)), _within(float(seconds)), bool(lands)))
-    )
+    return replace(faults, pilots=(*faults.pilots, PilotFault(*_span(span), bool(lands))))
 
 
 def _prearm(faults: Faults, text: str) -> Faults:
@@ -226,7 +225,7 @@ TABLE: dict[str, Row] = {
         "from AT a pilot has it in LOITER when it is in the air; after SECONDS he gives it back, or lands it",
         _pilot,
     ),
-    "camera": Row("camera=SHARE", "its camera sees so many of the victims that come into its range", _share("camera")),
+    "camera": Row("camera=SHARE", "share of the victims within its range that its camera sees", _share("camera")),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
     "prearm": Row(
         "prearm=[UNTIL:]TEXT",
