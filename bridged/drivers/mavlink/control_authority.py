@@ -1,6 +1,7 @@
 """Who controls the vehicle: agents and the bridge, or others (a pilot, a ground station, the vehicle's failsafe).
 
-A mode that nobody here asked for is theirs. It ends motions of agents, and lasts until an agent sets the mode.
+A mode that nobody here asked for is theirs. It ends motions of agents, and lasts until an agent sets the mode, or until
+they hand the vehicle over: they leave their mode for GUIDED, in which it obeys agents.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ class ControlAuthority:
         """Whether others set the present mode of the vehicle."""
         self.override = ""
         """The mode that others set while an agent had control, or in which an armed vehicle was first heard; empty once
-        an agent has set the mode again."""
+        an agent has set the mode again, or they have handed the vehicle over."""
         self._flight, self._runs, self._end = flight, runs, end
         self._by_agent = False
-        """Whether an agent has set the mode since others did."""
+        """Whether an agent has set the mode since others did, or was handed the vehicle over."""
         self._pending: _Override | None = None
         self._restarted = False
         """The mode of the next HEARTBEAT is one that the vehicle started with."""
@@ -70,10 +71,14 @@ class ControlAuthority:
                 self.override, self._untold = vehicle.mode_name, True
                 self._tell_override()
         elif vehicle.mode != mode_before:
-            ours = again and vehicle.mode == self._flight.asked_last
-            self.overridden = not ours and not self._flight.expects(vehicle.mode)
+            ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
+            handed_over = not ours and self.overridden and vehicle.mode == vehicle.modes.guided
+            self.overridden = not ours and not handed_over
             if self.overridden:
                 self._set_by_others()
+            elif handed_over and self.override:
+                self._by_agent = True
+                self._end_override()
 
     def doubts(self, mode_before: int, was_armed: bool, silence: float) -> bool:
         """Whether the HEARTBEAT that has just come may be of a vehicle that was restarted, so that its clock is asked.

@@ -100,6 +100,12 @@ def test_no_program_takes_a_vehicle_from_a_pilot_who_took_over(fly: Fly, mission
     assert not [line for line in since if line.endswith(("uav1: mode GUIDED", "uav1: mode RTL", "uav1: armed"))]
 
 
+def test_a_vehicle_that_its_pilot_hands_over_after_its_mission_failed_comes_home(fly: Fly) -> None:
+    outcome = fly("single_uav", 377, Vehicle(robot="uav1", fault="pilot=21.2+10.3"))
+    assert not outcome.violations, outcome.violations
+    assert any(line.endswith("uav1: mode RTL") and float(line.split()[0]) > 31 for line in outcome.journal)
+
+
 def test_a_search_waits_until_pilots_hand_their_vehicles_over_and_goes_on(fly: Fly) -> None:
     pilots = [Vehicle(robot="uav1", fault="pilot=31+40"), Vehicle(robot="uav2", fault="pilot=46+40")]
     outcome = fly("search_and_rescue", 1, *pilots)

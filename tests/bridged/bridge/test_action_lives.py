@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.bridge.running_action import MAX_FOLLOWERS
 from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
 from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
+from bridged.simulation.copter.flight_modes import Mode
 from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
@@ -406,6 +407,32 @@ def test_a_pilots_mode_change_fails_the_motion_and_is_a_percept_until_the_agent_
     assert sky.do("set_mode", "GUIDED").state == "succeeded"
     assert sky.belief("override") is None
     assert sky.do("goto", *GOAL).state == "succeeded"
+
+
+def test_a_pilot_who_leaves_his_mode_for_guided_hands_the_vehicle_over_until_he_takes_it_again(sky: Sky) -> None:
+    def pilot_sets(mode: Mode) -> None:
+        sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, mode)))
+
+    sky.flying()
+    for _ in range(2):
+        pilot_sets(Mode.LOITER)
+        sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)
+        assert sky.driver.overridden == "LOITER"
+        pilot_sets(Mode.GUIDED)
+        sky.forward(lambda: sky.belief("override") is None, "the end of the override", 3)
+        assert sky.driver.overridden == ""
+    assert sky.do("goto", *GOAL).state == "succeeded"
+
+
+def test_guided_that_a_ground_station_sets_while_an_agent_flies_home_is_its_own(sky: Sky) -> None:
+    sky.flying()
+    going = sky.begin("return_to_launch")
+    sky.forward(lambda: sky.vehicle.copter.mode is Mode.RTL, "RTL", 3)
+    sky.wait(2)
+    sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.GUIDED)))
+    sky.forward(lambda: going[-1].final, "the end of the way home", 3)
+    assert (going[-1].state, going[-1].cause) == ("failed", "pilot")
+    assert sky.belief("override") == ("GUIDED",)
 
 
 @pytest.mark.parametrize("action", [("goto", *GOAL), ("return_to_launch",), ("land",), ("arm_motors", False)])
