@@ -63,7 +63,10 @@ class RestartCounter:
 
     def _former(self) -> _Note | None:
         try:
-            return msgspec.json.decode(self._path.read_bytes(), type=_Note)
+            note = self._path.read_bytes().strip(b"\0")
+            return (
+                msgspec.json.decode(note, type=_Note) if note else None
+            )  # empty: a power failure came before the disk
         except FileNotFoundError:
             return None
         except msgspec.MsgspecError as error:

@@ -58,6 +58,16 @@ def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, capl
     assert RestartCounter(note, "one").restarts == 1
 
 
+@pytest.mark.parametrize("left", [b"", b"\0" * 40], ids=["nothing", "noughts"])
+def test_a_note_that_a_power_failure_kept_from_the_disk_is_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, left: bytes
+) -> None:
+    note = tmp_path / "pi1.commd.life"
+    note.write_bytes(left)
+    assert RestartCounter(note, "two").restarts == 0
+    assert not caplog.text
+
+
 def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "file").write_text("")
     life = RestartCounter(tmp_path / "file" / "pi1.commd.life", "one")
