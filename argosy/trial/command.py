@@ -145,17 +145,23 @@ def _refuse(outcome: Outcome) -> None:
 
 @dataclass
 class Progress:
-    """One line on a terminal: how many runs are done, and what has failed so far."""
+    """How many runs are done, and what has failed so far: one line on a terminal, elsewhere a line each minute."""
 
     wanted: int
     begun: float = field(default_factory=time.monotonic)
+    every: float = 60.0
+    """Seconds between two lines where there is no terminal."""
+    _lines: int = 0
 
     def show(self, outcomes: Sequence[Outcome]) -> None:
-        """Draw the line again; do nothing where there is no terminal."""
+        """Draw the line again, or print one if it is due."""
+        seconds = time.monotonic() - self.begun
         if sys.stderr.isatty():
             wide = shutil.get_terminal_size().columns - 1
-            line = self.line(outcomes, time.monotonic() - self.begun)
-            print(f"\r\x1b[K{line[:wide]}", end="", file=sys.stderr, flush=True)
+            print(f"\r\x1b[K{self.line(outcomes, seconds)[:wide]}", end="", file=sys.stderr, flush=True)
+        elif seconds >= (self._lines + 1) * self.every and len(outcomes) < self.wanted:
+            self._lines = int(seconds / self.every)
+            print(self.line(outcomes, seconds), file=sys.stderr, flush=True)
 
     def line(self, outcomes: Sequence[Outcome], seconds: float) -> str:
         """Return the line after some wall seconds."""

@@ -33,7 +33,7 @@ def test_twenty_runs_without_faults_all_succeed_and_are_reported(
     printed = capsys.readouterr()
     assert printed.out.startswith(f"{SINGLE}: 20 of 20 runs succeed: 1.000 (0.839 to 1.000), 95 % interval\n")
     assert "safety: 0 runs with a violation" in printed.out
-    assert printed.err == "", "no progress where there is no terminal"
+    assert printed.err == "", "no line where there is no terminal and it takes less than a minute"
     assert (out / "report.txt").read_text() == printed.out
     data = json.loads((out / "outcomes.json").read_text())
     assert (data["runs"], data["successes"], data["violations"], data["causes"]) == (20, 20, 0, [])
@@ -120,6 +120,14 @@ def test_two_missions_are_compared_seed_by_seed() -> None:
 def test_progress_says_what_has_failed_so_far() -> None:
     line = Progress(8).line([*BAD, *GOOD], 10.0)
     assert line == "4 of 8 runs, 10 s left, 2 failed: 2 x <late> by 1.5 s"
+
+
+def test_a_trial_without_a_terminal_prints_a_line_from_time_to_time(capsys: pytest.CaptureFixture[str]) -> None:
+    progress = Progress(5, begun=time.monotonic() - 130)
+    progress.show([*BAD])
+    progress.show([*BAD, *GOOD])
+    progress.end()
+    assert [line.partition(",")[0] for line in capsys.readouterr().err.splitlines()] == ["2 of 5 runs"]
 
 
 def test_shrinking_keeps_the_faults_that_a_failure_needs() -> None:
