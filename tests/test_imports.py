@@ -88,9 +88,9 @@ _BELONGS: Final = {
 }
 """Modules behind others, which the interpreter may name differently."""
 _SHOWS: Final = """
-import json, runpy, signal, sys
-def show(*_):
-    print("IMPORTED", json.dumps(sorted(sys.modules)), flush=True)
+import json, os, runpy, signal, sys
+def show(*_):  # it may come in the middle of a line that is being printed
+    os.write(1, f"\\nIMPORTED {json.dumps(sorted(sys.modules))}\\n".encode())
 signal.signal(signal.SIGUSR1, show)
 what, *arguments = sys.argv[1:]
 if what == "-m":

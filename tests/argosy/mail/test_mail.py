@@ -12,6 +12,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.mail.command import board_lines
+from commd.mail.inspection import mailboxes_of_file
 from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
@@ -112,9 +113,9 @@ async def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_ch
     connect: Connect, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "pi2.mail"
-    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
+    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path):
         await post(await connect("a"), *map(message, (1, 2, 3)))
-        await until(lambda: second.waiting == 3, "all wait")
+        await until(lambda: sum(one.messages for one in mailboxes_of_file(path).queues) == 3, "all are in the file")
         assert await argosy("mail", "--file", str(path)) == 0
     before = contents(tmp_path)
     assert await argosy("mail", "--file", str(path), "--json") == 0
