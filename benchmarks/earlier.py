@@ -34,8 +34,9 @@ PAIRS: Final = {"reasoner": 3, "loop": 3, "footprint": 2, "bridge": 3, "mail": 3
 LIMIT: Final = 1.05
 """Times the earlier cost that a cost may have."""
 REASONS: Final = {
-    "loop": "since 6d77f07 an agent that is kept on disk syncs each action before it starts, which a power failure had made "
-    "it forget; by that alone its p50 is 1.13 times that of the revision before; tried: the bridge syncs ends in a thread",
+    "loop": "since 6d77f07 an agent that is kept on disk syncs each action before it starts, which a power failure had "
+    "made it forget; by that alone its p50 is 1.13 times that of the revision before; tried: the bridge syncs ends in "
+    "a thread",
 }
 """What is known of why a probe costs more."""
 _PROBES: Final = "benchmarks/probes.py"
