@@ -35,6 +35,7 @@ soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/measurem
 	$(BIN)/python -m tests.soak
 	$(BIN)/python -m tests.soak.flights
 	$(BIN)/python -m tests.soak.agreement
+	nice $(BIN)/python -m tests.soak.trials
 	$(BIN)/python -m tests.soak.mail
 	$(BIN)/python -m tests.soak.rescue
 	$(BIN)/python -m tests.soak.units
