@@ -19,7 +19,7 @@ REFRESH = 0.25
 TOLD_EVERY = 10.0
 """Wall seconds between two lines of the countdown."""
 HEARD_WITHIN = 30.0
-"""Wall seconds that a restarted bridge has to hear its armed vehicles, before it is ordered to leave in any case."""
+"""Wall seconds that a restarted bridge has to hear its vehicles, before it is ordered to leave in any case."""
 NEEDED = ("commd", "bridged")
 """Daemons without which no vehicle comes home, or it is not seen."""
 
@@ -79,7 +79,7 @@ class Recovery:
             if not (away := [robot for robot in self.armed() if robot.name in self._bridged()]):
                 break
             for bridge in self._supervisor.of_kind("bridged"):
-                if bridge.alive and bridge not in told and self._knows_its_vehicles(bridge):
+                if bridge.alive and bridge not in told and not self._unheard(bridge):
                     told.add(bridge)
                     bridge.tell_to_leave()
             leaves = "ctrl-C again leaves" if interrupted() else "ctrl-C twice leaves"
@@ -99,9 +99,15 @@ class Recovery:
         return f"{', '.join(map(_where, alone))} left armed: {why}"
 
     def armed(self) -> list[FleetRobot]:
-        """Return the vehicles that are armed, or were when they fell silent, without those whose simulator is dead."""
+        """Return the vehicles that are armed, or may be, without those whose simulator is dead.
+
+        One that was armed when it fell silent counts, and one that its restarted bridge has not heard yet: it may have
+        been armed meanwhile.
+        """
+        unheard = {name for bridge in self._supervisor.of_kind("bridged") for name in self._unheard(bridge)}
         robots = self._status.robots.values()
-        return [robot for robot in robots if robot.seen.armed and not self.simulator_is_dead(robot.name)]
+        may_be = (robot for robot in robots if robot.seen.armed or robot.name in unheard)
+        return [robot for robot in may_be if not self.simulator_is_dead(robot.name)]
 
     def simulator_is_dead(self, robot: str) -> bool:
         """Whether the simulator of a robot is dead, and so the robot."""
@@ -126,12 +132,16 @@ class Recovery:
         bridges = [child for child in self._supervisor.of_kind("bridged") if child.alive or child.replaced]
         return {name for bridge in bridges for name in bridge.process.subject.split()}
 
-    def _knows_its_vehicles(self, bridge: Child) -> bool:
-        """Whether a bridge has heard its armed vehicles: it would leave unheard ones as if they were on the ground."""
-        age = time.monotonic() - bridge.started
-        since = self._status.model.now() - age
-        robots = [self._status.robots[name].seen for name in bridge.process.subject.split()]
-        return age > HEARD_WITHIN or all(robot.heard > since for robot in robots if robot.armed)
+    def _unheard(self, bridge: Child) -> list[str]:
+        """Return the vehicles that were heard before a bridge was started, and not since, for `HEARD_WITHIN`.
+
+        A bridge that is told to leave leaves unheard vehicles as if they were on the ground.
+        """
+        age = time.monotonic() - bridge.started if bridge.alive else 0.0
+        if age > HEARD_WITHIN or not (bridge.alive or bridge.replaced):
+            return []
+        since, robots = self._status.model.now() - age, self._status.robots
+        return [name for name in bridge.process.subject.split() if 0 < robots[name].seen.heard <= since]
 
 
 def _where(robot: FleetRobot) -> str:

@@ -337,9 +337,10 @@ class Checkers:
 
     def _true_end(self, robot: str, status: ActionStatus) -> None:
         """Compare a success with the vehicle, by the state that confirms it in the manifest."""
-        action, past = self._manifests[robot].get(status.name), self._past.get(robot)
-        if action is None or not past:
+        action, seen = self._manifests[robot].get(status.name), self._world.vehicles.get(robot)
+        if action is None or seen is None:
             return
+        past = [*self._past.get(robot, ()), _Look(seen.armed, seen.height)]
         match action.confirm, status.parameters:
             case "altitude", (int() | float() as altitude, *_):
                 true = any(abs(one.height - altitude) <= (action.tolerance or 0.0) + SLACK for one in past)
@@ -375,9 +376,13 @@ class Checkers:
             self._tell("separation", "", text)
 
     def _look_who_attends(self, name: str, seen: Seen, now: float) -> None:
-        """Judge how long a vehicle is in the air while its agents are gone, or intend nothing."""
+        """Judge how long a vehicle is in the air while its agents are gone, or intend nothing.
+
+        While its board has no power nobody can attend it.
+        """
         why: StepField | None = None
-        others = seen.piloted or name in self._world.stopped
+        dead = now < self._world.machine(self._mission.robots[name].board).down_until
+        others = dead or seen.piloted or name in self._world.stopped
         if seen.armed and seen.height > 1 and seen.mode not in HOME and not others:
             agents = self._mission.agents_of(name)
             if not self._served(name):
@@ -415,7 +420,7 @@ class Checkers:
             here = *seen.estimated, seen.height
             there = rest.place or here
             self._rests[name] = rest._replace(place=there)
-            if distance(there[:2], here[:2]) > STILL or abs(there[2] - here[2]) > STILL:
+            if distance(there[:2], here[:2]) > STILL + seen.misled or abs(there[2] - here[2]) > STILL:
                 text = f"{name} moves in {seen.mode} after the operator's {order} at {rest.since:.0f} s"
                 self._tell("motion after stop", name, text)
 

@@ -453,8 +453,11 @@ class SafetyOrders:
 
     @property
     def _piloted(self) -> bool:
-        """Whether others fly the robot, other than home or down: a failsafe is watched to the ground."""
-        return bool(self._driver.overridden) and self._driver.under_way not in COMING
+        """Whether others fly the robot, other than home or down: a failsafe is watched to the ground.
+
+        Of a robot that is silent it is not known, and it may be heard again before the bridge has to go.
+        """
+        return bool(self._driver.overridden) and self._driver.heard and self._driver.under_way not in COMING
 
     async def _leave_safe(self, order: Order) -> RobotLeft:
         """Give the order, or those of `FALLBACK` if it fails. Returns how the robot was left."""

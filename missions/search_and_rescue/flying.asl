@@ -4,7 +4,11 @@
 
 armed :- state(_, _, true).
 aloft :- armed & altitude(A) & A > 2.
-theirs(Mode) :- armed & override(_) & state(Mode, _, _) & Mode \== "GUIDED".       // a pilot's, until he hands it over
+
+/* Another's: a pilot's, until he hands it over by GUIDED; its failsafe's, until it stands on the ground. A silent vehicle
+   is still whose it was, and one that was landed elsewhere than by RTL waits for a person who sets GUIDED. */
+theirs(Mode) :- override(Mode) & not state("GUIDED", true, _) & not state(_, true, false).
+theirs(Mode) :- flown & state(Mode, true, _) & not .member(Mode, ["GUIDED", "RTL", "BRAKE", "STABILIZE"]).
 
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
 perceiving :- bridge(up) & state(_, true, _) & altitude(_) & global_pos(_, _) & battery(_, _, _).
@@ -25,4 +29,4 @@ metres(Lat1, Lon1, Lat2, Lon2, D)
 +!step : override(_) <- set_mode("GUIDED").
 
 +!armed : armed.
-+!armed <- arm_motors(true).
++!armed <- +flown; arm_motors(true).

@@ -484,6 +484,15 @@ def test_a_vehicle_that_the_operator_has_stopped_is_not_alone_before_it_is_given
     assert run.rules == ["nobody alone"]
 
 
+def test_a_vehicle_whose_board_has_no_power_is_not_alone_before_it_has_had_time_to_boot(run: Run) -> None:
+    in_air(run)
+    run.served, run.world.machine("local").down_until = False, 2 * LOST
+    run.after(2 * LOST)
+    assert run.rules == []
+    run.after(LOST + 5)
+    assert run.rules == ["nobody alone"]
+
+
 def test_a_mission_that_only_holds_lets_a_vehicle_stay_in_the_air() -> None:
     run = Run(read_mission(SINGLE.text.replace("[hold 5s, rtl]", "[hold]"), SINGLE.path))
     assert run.mission.robots["uav1"].on_agent_loss == ("hold",)

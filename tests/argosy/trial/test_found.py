@@ -106,6 +106,18 @@ def test_a_vehicle_that_its_pilot_hands_over_after_its_mission_failed_comes_home
     assert any(line.endswith("uav1: mode RTL") and float(line.split()[0]) > 31 for line in outcome.journal)
 
 
+def test_a_bridge_that_ends_waits_for_a_vehicle_that_falls_silent_on_the_way_home_its_pilot_chose(fly: Fly) -> None:
+    faults = [Vehicle(robot="uav1", fault="cut=54.1+18.8"), Vehicle(robot="uav1", fault="pilot=38.2+9.5")]
+    outcome = fly("single_uav", 517, *faults)
+    assert not outcome.violations, outcome.violations
+
+
+def test_a_vehicle_that_was_armed_while_its_bridge_was_dead_is_waited_for(fly: Fly) -> None:
+    kills = [Kill(at=at, daemon="bridged:uav1") for at in (25.7, 31.9)]
+    outcome = fly("single_uav", 829, BoardDown(at=2.7, board="local", seconds=20.8), *kills)
+    assert not outcome.violations, outcome.violations
+
+
 def test_a_search_waits_until_pilots_hand_their_vehicles_over_and_goes_on(fly: Fly) -> None:
     pilots = [Vehicle(robot="uav1", fault="pilot=31+40"), Vehicle(robot="uav2", fault="pilot=46+40")]
     outcome = fly("search_and_rescue", 1, *pilots)
