@@ -195,3 +195,13 @@ lost(1200).
      --override("RTL");
      .wait(2000);
      .wait(did([_, _ | _]), 20000).
+
+@what_a_pilot_has_landed_waits_for_a_person[test]
++!what_a_pilot_has_landed_waits_for_a_person
+  <- !company;
+     +flown;
+     set_mode("LAND");
+     !!search;
+     .wait(100000);
+     ?did(Actions);
+     !assert_equals([set_mode], Actions).

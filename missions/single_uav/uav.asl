@@ -14,7 +14,21 @@
      .print("mission done");
      +mission_done.
 
-// Whatever went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
+// What a silent link or a lost bridge cuts short goes on where the vehicle still waits for orders, in the air in GUIDED:
+// whoever took it meanwhile has set another mode. Neither the mode nor the motors are touched for that.
+-!fly_mission[cause(Cause), error_msg(Why)] : .member(Cause, [link, unreachable, restart, busy])
+  <- .print("interrupted: ", Why);
+     !resumed(Why).
+
++!resumed(Why) <- .wait(1000); !heard; !carried_on(Why).
+-!resumed(Why) <- .print("mission failed: ", Why); !given_up(Why).
+
++!carried_on(_) : aloft & state("GUIDED", _, _) & not override(_) <- !fly_mission.
++!carried_on(_) : homeward & (coming_home(_) | state(_, true, false))
+  <- .wait(not coming_home(_), 900000, _);
+     !fly_mission.
+
+// Whatever else went wrong, be it an action, a test or a plan: a flying vehicle comes home before the mission is given up.
 -!fly_mission[error_msg(Why)]
   <- .print("mission failed: ", Why);
      !given_up(Why).

@@ -30,6 +30,7 @@ Cause = Literal[
     "restart",
     "storage",
     "unreachable",
+    "link",
     "driver",
 ]
 """Cause of an action that did not succeed.
@@ -43,7 +44,7 @@ Cause = Literal[
 - `superseded`: another action took over; `busy`: another action runs.
 - `request`: the robot has no such action, or not with these arguments; `rights`: the asker may not ask.
 - `restart`: the bridge was restarted; `storage`: its id cannot be stored.
-- `unreachable`: its bridge gives no outcome.
+- `unreachable`: its bridge gives no outcome; `link`: the bridge does not hear the robot.
 - `driver`: the robot or its driver.
 """
 Order = Literal["hold", "land", "rtl"]

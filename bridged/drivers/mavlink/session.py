@@ -372,7 +372,7 @@ class VehicleSession:
         self._look_at_link()
         for run in list(self._runs):
             if run.procedure is not STAY:  # that one waits until the vehicle is heard again
-                self.stop(run, Outcome("failed", f"link lost: {lost}"))
+                self.stop(run, Outcome("failed", f"link lost: {lost}", "link"))
 
     def _hear_texts(self, message: dialect.MAVLink_message) -> None:
         """Pass on warnings and worse: new ones to the log, all to the agents.
