@@ -46,7 +46,8 @@ EXPLAINED = {
     HEARD: _LATE_START,
     "set_mode": _LATE_START,
     "arm_motors": _LATE_START,
-    "takeoff": "5.5 to 6.3 s in flights, 5.5 s in each trial; why is not known",
+    "takeoff": "the motors spool up for 3.3 s from arming on (`SPOOL_UP_S` of the simulated copter), and lift off no "
+    "sooner: the later arming is confirmed, the less of that is left for the takeoff",
 }
 """Why durations differ by more."""
 
