@@ -39,8 +39,8 @@ NEAR = 0.05
 """Share by which the medians of a duration may differ."""
 WHOLE, HEARD = "mission, from the first action to the end of the last", "vehicle heard first, to the first action"
 _LATE_START = (
-    "on a loaded machine daemons start slowly, and the copter has booted, which takes 4 s, before its agent acts. In a "
-    "trial each process starts in 0.3 s, and the first actions wait for the copter"
+    "a real process takes longer to start than the 0.3 s of a trial, so that the copter, which boots for 4 s, is "
+    "nearer to ready when its agent acts"
 )
 EXPLAINED = {
     HEARD: _LATE_START,
