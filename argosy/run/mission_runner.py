@@ -288,7 +288,7 @@ class MissionRunner:
         for bridge in bridges:
             if all(map(self._recovery.simulator_is_dead, bridge.process.subject.split())):
                 bridge.kill()
-        await self._stop(bridges, LEAVE if self._recovery.armed() else LEAVE_BRIDGE)
+        await self._stop(bridges, LEAVE if any(one.seen.armed for one in self._recovery.armed()) else LEAVE_BRIDGE)
         if self._observer is not None:
             await self._observer.stop()
         await self._stop(self._supervisor.of_kind("recorder"), LEAVE_RECORDER)

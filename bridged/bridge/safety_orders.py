@@ -430,8 +430,8 @@ class SafetyOrders:
     async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> RobotLeft:
         """Order what leaves the robot safe at the end of the bridge. Returns how it was left.
 
-        Stay for at most `stay` mission seconds until it is disarmed, a pilot has it, or `leave` is set. If an agent
-        answers for a robot that was not heard yet, wait up to `FIRST_HEARD` wall seconds for it.
+        Stay for at most `stay` mission seconds until it is disarmed, is heard in a pilot's mode, or `leave` is set. If
+        an agent answers for a robot that was not heard yet, wait up to `FIRST_HEARD` wall seconds for it.
         """
         left, until, leave = await self._leave_safe(order), self._clock.now() + stay, leave or asyncio.Event()
         hear_by = self._clock.wall() + FIRST_HEARD if self._server.lease.answers else 0.0

@@ -5,10 +5,11 @@
 armed :- state(_, _, true).
 aloft :- armed & altitude(A) & A > 2.
 
-/* Another's: a pilot's, until he hands it over by GUIDED; its failsafe's, until it stands on the ground. A silent vehicle
-   is still whose it was, and one that was landed elsewhere than by RTL waits for a person who sets GUIDED. */
-theirs(Mode) :- override(Mode) & not state("GUIDED", true, _) & not state(_, true, false).
-theirs(Mode) :- flown & state(Mode, true, _) & not .member(Mode, ["GUIDED", "RTL", "BRAKE", "STABILIZE"]).
+/* What a pilot, a ground station or its own failsafe has taken is theirs until a person sets GUIDED: in the air, while it is
+   silent, and on the ground, where people may stand beside it. */
+theirs(Mode) :- others_have(Mode) & not state("GUIDED", true, _).
++override(Mode) <- +others_have(Mode).
++state("GUIDED", true, _) : others_have(_) <- .abolish(others_have(_)).
 
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
 perceiving :- bridge(up) & state(_, true, _) & altitude(_) & global_pos(_, _) & battery(_, _, _).
@@ -29,4 +30,4 @@ metres(Lat1, Lon1, Lat2, Lon2, D)
 +!step : override(_) <- set_mode("GUIDED").
 
 +!armed : armed.
-+!armed <- +flown; arm_motors(true).
++!armed <- arm_motors(true).

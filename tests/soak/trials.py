@@ -73,7 +73,8 @@ def main() -> int:
             print("\n".join(lines))
             if args.runs >= RUNS:
                 write_section(f"Trials of {mission} with standard faults", lines)
-            broken |= trial.violations > 0
+            ended = ("hung: ", "died: ", "defect: ")
+            broken |= trial.violations > 0 or any(one.why.startswith(ended) for one in outcomes)
     return 1 if broken else 0
 
 

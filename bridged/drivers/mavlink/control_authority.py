@@ -72,7 +72,7 @@ class ControlAuthority:
                 self._tell_override()
         elif vehicle.mode != mode_before:
             ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
-            handed_over = not ours and self.overridden and vehicle.mode == vehicle.modes.guided
+            handed_over = self.overridden and vehicle.mode == vehicle.modes.guided
             self.overridden = not ours and not handed_over
             if self.overridden:
                 self._set_by_others()

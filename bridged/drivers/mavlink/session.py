@@ -311,11 +311,16 @@ class VehicleSession:
         self.streams.pace(now < self._idle_at, now)
 
     def _when_connected(self, run: ProcedureRun) -> Steps:
+        """Begin when the vehicle is heard; what an agent asked of a silent one does not take it from others."""
+        waited = not self.vehicle.connected
         while not self.vehicle.connected:
             run.waits_for = f"a heartbeat from system {self.identity.vehicle}"
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
+        if waited and run.by_agent and self.control.overridden and self.vehicle.armed:
+            said = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
+            return Outcome("failed", f"{said} (pilot, ground station or failsafe)", "pilot")
         return (yield from run.procedure.make_steps(self.flight, run, run.action))
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:

@@ -103,9 +103,9 @@ def test_a_bridge_that_stands_still_for_less_than_the_grace_does_not_end_a_missi
 +state(_, true, true) : mission_failed(_) & waypoint(Lat, Long, Height)
   <- .abolish(mission_failed(_)); set_mode("GUIDED"); goto(Lat, Long, Height); !home_again; +mission_done.
 """
-    gives_up = program[: program.index("// The bridge was lost in flight")].replace(
-        "unreachable, restart, busy", "busy"
-    )
+    passing = "unreachable, restart, busy"
+    assert passing in program
+    gives_up = program[: program.index("// The bridge was lost in flight")].replace(passing, "busy")
     (tmp_path / "uav.asl").write_text(gives_up + again)
     text = single_uav.read_text().replace(str(MISSIONS / "single_uav" / "uav.asl"), "uav.asl")
     single_uav.write_text(text)

@@ -421,7 +421,35 @@ def test_a_pilot_who_leaves_his_mode_for_guided_hands_the_vehicle_over_until_he_
         pilot_sets(Mode.GUIDED)
         sky.forward(lambda: sky.belief("override") is None, "the end of the override", 3)
         assert sky.driver.overridden == ""
+        sky.do("set_mode", "GUIDED")  # it is expected for some seconds: who leaves and returns meanwhile hands over too
     assert sky.do("goto", *GOAL).state == "succeeded"
+
+
+def test_an_order_to_a_silent_vehicle_does_not_take_it_from_a_pilot_who_has_it_when_it_is_heard(sky: Sky) -> None:
+    sky.flying()
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: sky.belief("state") == ("", False, False), "the silence", 10)
+    asked = sky.begin("set_mode", "GUIDED")
+    sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER))
+    sky.wait(2)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: asked[-1].final, "the end of the order", 5)
+    assert (asked[-1].state, asked[-1].cause) == ("failed", "pilot")
+    sky.forward(lambda: sky.belief("override") == ("LOITER",), "the pilot's mode, once a restart is ruled out", 3)
+    assert sky.vehicle.copter.mode is Mode.LOITER
+
+
+def test_who_sets_guided_while_the_vehicle_is_silent_hands_it_over(sky: Sky) -> None:
+    sky.flying()
+    sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER)))
+    sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: sky.belief("state") == ("", False, False), "the silence", 10)
+    sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.GUIDED))
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.belief("state") == ("GUIDED", True, True), "GUIDED", 5)
+    assert sky.belief("override") is None
+    assert sky.driver.overridden == ""
 
 
 def test_guided_that_a_ground_station_sets_while_an_agent_flies_home_is_its_own(sky: Sky) -> None:
