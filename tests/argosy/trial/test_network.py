@@ -103,7 +103,7 @@ async def test_puts_reach_each_subscriber_that_matches_in_their_order(stage: Sta
         "arm": [("argosy/test/uav/action/arm", "running", ""), ("argosy/test/uav/action/arm", "succeeded", "")],
         "first": "running",
         "land": ("QueryFailed", "uav cannot land"),
-        "hover": True,
+        "hover": [],
         "silent": ("QueryTimeout nobody", True),
         "nobody": ("QueryTimeout nobody", True),
         "all of nobody": {},
@@ -120,7 +120,8 @@ async def test_one_server_answers_fails_stays_silent_or_is_not_there(stage: Stag
         "arm": await replies(asker, f"{ACTION}/arm"),
         "first": (await asker.ask_one(f"{ACTION}/arm", Action(), ActionStatus, 30)).state,
         "land": (kind, text.rpartition(": ")[2]),
-        "hover": len(hover) == 1 and "no answer within 0.5 s" in hover[0][2],
+        # whose 0.5 s are over first, the asker's or the router's, is chance: a router ends the query without a reply
+        "hover": [text for _, _, text in hover if "no answer within 0.5 s" not in text],
         "silent": (silent[0], "nobody answers" in silent[1]),
         "nobody": (nobody[0], "nobody answers" in nobody[1]),
         "all of nobody": await asker.ask_all("argosy/test/nobody/*", ActionStatus, 30, lambda key, record: None),
