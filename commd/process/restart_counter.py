@@ -64,9 +64,8 @@ class RestartCounter:
     def _former(self) -> _Note | None:
         try:
             note = self._path.read_bytes().strip(b"\0")
-            return (
-                msgspec.json.decode(note, type=_Note) if note else None
-            )  # empty: a power failure came before the disk
+            # It is empty if the power failed before it reached the disk.
+            return msgspec.json.decode(note, type=_Note) if note else None
         except FileNotFoundError:
             return None
         except msgspec.MsgspecError as error:

@@ -9,7 +9,6 @@ Writes a section of docs/measurements/soak.md for each mission.
 from __future__ import annotations
 
 import argparse
-import subprocess
 import sys
 import tempfile
 from contextlib import suppress
@@ -22,6 +21,7 @@ from argosy.trial.faults import draw
 from argosy.trial.report import Trial, text
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
+from benchmarks.results import revision
 from schemas.mission.model import load_mission
 from tests.soak.report import ROOT, write_section
 
@@ -54,9 +54,6 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="keep the outcomes here")
     args = parser.parse_args()
-    revision = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True, cwd=ROOT
-    ).stdout.strip()
     broken = False
     with tempfile.TemporaryDirectory() as temporary:
         folder = (args.keep or Path(temporary)).resolve()
@@ -66,15 +63,14 @@ def main() -> int:
             trial = Trial(f"missions/{mission}.yaml", "standard", args.runs, outcomes)
             cpu = sum(one.cpu for one in outcomes) / max(1, len(outcomes))
             lines = [
-                f"`python -m tests.soak.trials --runs {args.runs} --jobs {args.jobs} {mission}`, at {revision}: "
+                f"`python -m tests.soak.trials --runs {args.runs} --jobs {args.jobs} {mission}`, at {revision()}: "
                 f"{cpu:.2f} s of processor time a run.",
                 *("", "```text", text(trial), "```"),
             ]
             print("\n".join(lines))
             if args.runs >= RUNS:
                 write_section(f"Trials of {mission} with standard faults", lines)
-            ended = ("hung: ", "died: ", "defect: ")
-            broken |= trial.violations > 0 or any(one.why.startswith(ended) for one in outcomes)
+            broken |= trial.violations > 0 or not all(one.digest for one in outcomes)  # one that hung or died has none
     return 1 if broken else 0
 
 
