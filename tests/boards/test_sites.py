@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -31,20 +32,24 @@ import asyncio, sys, time
 from commd.bus.bus import open_bus
 from schemas.wire import keys
 from schemas.wire.records import Perception
+from tests.support.buses import subscribed, until
 async def main(what, endpoint, count):
     key = keys.percept("letters", "uav1", "global_pos")
     async with open_bus(endpoint, fleet="letters", name=what, daemon="test", stamp=time.time_ns, patience=20) as bus:
-        if what == "put":
+        if what != "listen":
+            if what == "tell":
+                await subscribed(bus, key)
             for number in range(count):
                 bus.put(key, Perception(name="global_pos", parameters=(-27.6, -48.5 + number)))
                 await asyncio.sleep(0.002)
-            await asyncio.sleep(0.5)
+            assert await bus.round_trip(20)
         else:
             come = []
             bus.subscribe(key, Perception, lambda _, one: come.append(one))
-            await asyncio.sleep(1.5)
+            assert await bus.round_trip(20)
             print("listening", flush=True)
             await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)
+            await until(lambda: len(come) >= count, "all has come", 20)
             print(len(come), flush=True)
 asyncio.run(main(sys.argv[1], sys.argv[2], int(sys.argv[3])))
 """
@@ -117,19 +122,23 @@ def test_mail_crosses_the_sites_in_order_and_a_cut_of_their_link(sites: Fleet) -
 
 
 def test_percepts_cross_only_links_behind_which_somebody_listens(sites: Fleet) -> None:
-    time.sleep(2)  # the routers have found one another
+    behind = {"s1/commd", "s2/commd"}
+    sites.look("n2").until(lambda one: behind <= set(one.alive()), "the other site is seen")
     with _crossing(sites.network, "s1") as unheard:
         _put(sites.network)
-    with _listener(sites.network, "s1") as listener:
-        with _crossing(sites.network, "s1") as heard, _crossing(sites.network, "s2") as beyond:
-            _put(sites.network)
+    with (
+        _listener(sites.network, "s1") as listener,
+        _crossing(sites.network, "s1") as heard,
+        _crossing(sites.network, "s2") as beyond,
+    ):
+        _put(sites.network, "tell")
         assert listener() == PERCEPTS
     smallest = 60 * PERCEPTS
     assert heard() > smallest, "with a listener they come: the count can see them"
     assert unheard() < smallest / 5, "nobody listens at the other site: they stay at theirs"
     assert beyond() < smallest / 5, "they go no further than to the listener"
     with _listener(sites.network, "s2") as listener:
-        _put(sites.network)
+        _put(sites.network, "tell")
         assert listener() == PERCEPTS, "routers pass on what comes from a router: s2 hears n2 by way of n1 and s1"
 
 
@@ -143,21 +152,20 @@ def test_a_listener_hears_again_what_comes_by_way_of_a_board_that_was_lost(sites
         _commd(sites, "s1")
         sites.ready("s1", "commd")
         look.until(lambda one: "s2/commd" in one.alive(), "the board behind it is back")
-        time.sleep(2)  # what the listener wants has come along the routers too
-        _put(sites.network)
+        _put(sites.network, "tell")
         assert listener() == PERCEPTS, "what was told meanwhile is lost, what came after is heard"
 
 
-def _put(network: Network) -> None:
-    """Let a bridge of board n2 tell so many percepts."""
-    command = [*network.within("n2"), sys.executable, "-c", _BUS, "put", ROUTER, str(PERCEPTS)]
+def _put(network: Network, how: Literal["put", "tell"] = "put") -> None:
+    """Publish `PERCEPTS` percepts on board n2; `tell` waits until somebody listens."""
+    command = [*network.within("n2"), sys.executable, "-c", _BUS, how, ROUTER, str(PERCEPTS)]
     subprocess.run(command, check=True, cwd=ROOT, timeout=60)
 
 
 @contextmanager
 def _listener(network: Network, board: str) -> Iterator[Callable[[], int]]:
     """Listen on a board; yields what tells how many have come."""
-    command = [*network.within(board), sys.executable, "-c", _BUS, "listen", ROUTER, "0"]
+    command = [*network.within(board), sys.executable, "-c", _BUS, "listen", ROUTER, str(PERCEPTS)]
     process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def count() -> int:

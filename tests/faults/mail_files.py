@@ -10,11 +10,11 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from commd.bus.bus import Bus
+from commd.bus.bus import Bus, open_bus
 from commd.client import SendTimeout
 from commd.mail.age_clock import WENT_BACK
 from schemas.wire import keys
-from schemas.wire.records import BoardServices, MailSeen
+from schemas.wire.records import BoardServices, Health, MailSeen
 from tests.boards.disk import Disk
 from tests.faults.office import FLEET, Office, expect_all, grown, held, in_office, read, row_of, waits
 from tests.faults.real import resident
@@ -65,6 +65,23 @@ async def corrupt_mail(row: Row, office: Office) -> None:
         row.seen.append("the other board's mail and what came after is delivered")
     held(daemon)
     row.bound = "-"
+
+
+def _keep(endpoint: str) -> None:
+    """Wait until ann and bob have been saved."""
+
+    async def body() -> None:
+        saved = set[str]()
+
+        def heard(key: str, health: Health) -> None:
+            if health.counters.get("kept_saved"):
+                saved.add(key)
+
+        async with open_bus(endpoint, fleet=FLEET, name="observer", daemon="test", stamp=time.time_ns) as bus:
+            bus.subscribe(keys.health(FLEET, "*", "agentd"), Health, heard)
+            await until(lambda: len(saved) == 2, "both minds are on disk")
+
+    asyncio.run(body())
 
 
 def _noise(path: Path) -> None:
@@ -140,7 +157,7 @@ def corrupt_checkpoint(state: Path) -> Row:
     with running("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail")):
         with running(*agentd) as first:
             first.until(lambda text: text.count("begun") == 2, "both have begun")
-            time.sleep(2.0)  # what they believe is on disk by then: at the latest 0.5 s after a change
+            _keep(endpoint)
         _noise(next((state / "minds").rglob("ann/mind.sqlite")))
         with running(*agentd) as second:
             second.says("[bob] restarted 1, lives 2")
@@ -168,7 +185,7 @@ def newer_version(state: Path) -> Row:
     agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
     with running(*commd) as first, running(*agentd) as mind:
         mind.until(lambda text: text.count("begun") == 2, "both have begun")
-        time.sleep(1.0)
+        _keep(endpoint)
         first.says("router board=")
     files = [next((state / "mail").rglob("*.mail")), next((state / "minds").rglob("ann/mind.sqlite"))]
     for path, command in zip(files, (commd, agentd), strict=True):

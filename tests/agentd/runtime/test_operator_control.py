@@ -87,8 +87,9 @@ async def test_a_step_is_one_cycle(connect: Connect, tmp_path: Path) -> None:
         assert outcome.ok
         assert outcome.reason.startswith(f"cycle {cycle + step}")
     assert bob.agent.host.view().cycle == cycle + 3
-    await asyncio.sleep(0.1)
-    assert (await bob.order("step")).reason == f"cycle {cycle + 4}", "its timer was due"
+    host = bob.agent.host
+    await until(lambda: host._clock.now() > (host._mind.wake_at or 0), "its timer is due")
+    assert (await bob.order("step")).reason == f"cycle {cycle + 4}"
     cycle += 1
     together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
     assert all(outcome.ok for outcome in together)

@@ -143,7 +143,13 @@ async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(
 HANGS = """
 import sys, time
 from argosy.__main__ import main
+from argosy.recording.recorder import Recorder
 from argosy.recording.writer import RecordingWriter
+stop = Recorder.stop
+def stopping(recorder, why):
+    stop(recorder, why)
+    print("stopping", flush=True)
+Recorder.stop = stopping
 flush, flushed = RecordingWriter.flush, []
 def hang(writer):
     flushed.append(1)
@@ -163,7 +169,7 @@ async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(connect: Connect, endpoi
     try:
         await recorder.until("recording ")
         handle.send_signal(signal.SIGINT)
-        await asyncio.sleep(1)
+        await recorder.until("stopping")
         assert handle.returncode is None
         code, _, err = await recorder.end(signal.SIGINT)
     finally:

@@ -371,9 +371,11 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
 
         def __init__(self, loop: Loop) -> None:
             self._loop = loop
+            self.looked = asyncio.Event()
 
         async def run(self) -> None:
             self._loop.beat()
+            self.looked.set()
             await asyncio.Event().wait()
 
     async def body(manager: NotifySocket) -> None:
@@ -382,7 +384,7 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
         opens, works = member.loop(), member.loop()
         driver: Any = Slow(opens)
         running = asyncio.create_task(DriverSupervisor("r", "slow", driver, print, opens).keep_apart())
-        await asyncio.sleep(0.01)
+        await driver.looked.wait()
         before = len(manager.fields("WATCHDOG"))
         for _ in range(10):
             at += 2

@@ -334,7 +334,7 @@ async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch:
     for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
         for sample in some:
             queue.push(cast(zenoh.Sample, sample))
-        await asyncio.sleep(0.01)
+        await until(lambda: not queue._called, "what is kept is handled")
         assert queue.dropped == dropped
     assert told == samples[1:]
 
@@ -422,7 +422,9 @@ async def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> N
         with held.pop() as query:
             for _ in range(REPLIES + 5):
                 query.reply("lamp/blink", b"")
-            time.sleep(0.2)  # the event loop stands still, Zenoh's threads do not
+            end = time.monotonic() + 10
+            while pond.driver._bus.counters["dropped"] < 5 and time.monotonic() < end:
+                time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
         del query
         await until(lambda: execution.over, "the action ends")
         assert pond.driver._bus.counters["dropped"] == 5

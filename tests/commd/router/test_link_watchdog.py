@@ -83,16 +83,8 @@ async def boards() -> AsyncIterator[Fleet]:
         for one in (a, b, c):
             await one.claim(one.name)
         fleet = Fleet(a, b, *relays)
-        await _holds(fleet.hears, "b hears a")
+        await until(fleet.hears, "b hears a")
         yield fleet
-
-
-async def _holds(condition: Callable[[], Awaitable[bool]], wish: str) -> None:
-    for _ in range(1800):
-        if await condition():
-            return
-        await asyncio.sleep(0.05)
-    raise AssertionError(wish)
 
 
 @async_test
@@ -106,7 +98,7 @@ async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: 
             await fleet.become_deaf()
             deaf = await ask(fleet.b, "served", None, Receipt) == []
             async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
-                await _holds(fleet.hears, "b hears a again")
+                await until(fleet.hears, "b hears a again")
             assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
             if not watchdog.counters["links_renewed"]:
                 continue  # a busy machine was only late to hear it
@@ -193,16 +185,16 @@ def test_a_board_that_stood_still_for_longer_than_its_lease_takes_mail_again() -
             async with world.member("pi1", "a") as pi1, world.member("pi3", "c") as pi3, asyncio.timeout(150):
                 for _ in range(3):
                     for member, name in ((pi1, "a"), (pi3, "c")):
-                        await _holds(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b")
+                        await until(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b")
                     stopped.signal(signal.SIGSTOP)
                     try:
                         for member in (pi1, pi3):
-                            await _holds(_hides(member, "pi2"), "pi2 is given up")
+                            await until(_hides(member, "pi2"), "pi2 is given up")
                         await asyncio.sleep(1.5)  # in which they dial, and wait for it to answer
                     finally:
                         stopped.signal(signal.SIGCONT)
                 for member, name in ((pi1, "a"), (pi3, "c")):
-                    await _holds(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b at last")
+                    await until(_answers(member, keys.mail(NAME, "b", name)), f"{name} reaches b at last")
 
         asyncio.run(body())
 

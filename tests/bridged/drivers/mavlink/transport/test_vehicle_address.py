@@ -175,13 +175,11 @@ async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_an
 
         for _ in range(3):
             speak(191)
-            await asyncio.sleep(0.05)
         await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
         assert not two_told(driver)
         assert driver.refuses(MANIFEST.actions["arm_motors"]) is None
         for _ in range(3):
             speak(1)
-            await asyncio.sleep(0.05)
         await until(lambda: two_told(driver), "the warning")
         refusal = driver.refuses(MANIFEST.actions["arm_motors"])
         assert refusal is not None
