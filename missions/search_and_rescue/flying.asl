@@ -9,6 +9,7 @@ aloft :- armed & altitude(A) & A > 2.
    silent, and on the ground, where people may stand beside it. */
 theirs(Mode) :- others_have(Mode) & not state("GUIDED", true, _).
 +override(Mode) <- +others_have(Mode).
+-bridge(up) : out <- +unseen.                           // nobody tells of an override now
 +state("GUIDED", true, _) : others_have(_) <- .abolish(others_have(_)).
 
 // All that decisions are made by is perceived: after a start, and whenever the bridge was away.
@@ -22,12 +23,18 @@ metres(Lat1, Lon1, Lat2, Lon2, D)
 +!at(Lat, Lon, Height) <- !aloft(Height); goto(Lat, Lon, Height).
 
 +!aloft(_) : aloft & state("GUIDED", _, _).
-+!aloft(_) : aloft <- set_mode("GUIDED").               // on its way home, or held by the bridge
++!aloft(_) : aloft <- +out; set_mode("GUIDED").         // on its way home, or held by the bridge
 +!aloft(Height) <- set_mode("GUIDED"); !armed; takeoff(Height).
 
-// Before all other steps: what a pilot, a ground station or its own failsafe has taken is left to them.
+// Before all other steps. What was out when the bridge was lost and has landed meanwhile, others have landed.
++!step : unseen & perceiving & state(Mode, _, false) & Mode \== "GUIDED" <- -unseen; +others_have(Mode).
++!step : unseen & perceiving <- -unseen.
+
+// What a pilot, a ground station or its own failsafe has taken is left to them.
 +!step : theirs(Mode) <- .print("left to those who have it, in ", Mode); .wait(not theirs(_), 900000, _).
 +!step : override(_) <- set_mode("GUIDED").
 
 +!armed : armed.
-+!armed <- arm_motors(true).
++!armed <- +out; arm_motors(true).
+
++!homeward <- -out; return_to_launch.

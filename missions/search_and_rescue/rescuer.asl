@@ -46,7 +46,7 @@ bid(V, offer(Cost, Me))
 +!step : mine(V) & gone <- !report(V).
 +!step : mine(V) & spent <- !give_back(V).
 +!step : mine(V) <- !rescue(V).
-+!step : armed <- return_to_launch.
++!step : armed <- !homeward.
 +!step : not at_home <- !be_carried.
 +!step : gone <- .print("a new buoy"); load_buoy; .wait(aboard, 10000).
 +!step : done_with_all <- +resting.

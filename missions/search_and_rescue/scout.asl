@@ -31,7 +31,7 @@ open(V) :- missing(V) & not held(V, _).
 
 +!step : not perceiving <- .wait(perceiving, 60000, _).
 +!step : not swept & next_lane(K) <- !lane(K); -+next_lane(K + 1).
-+!step : armed <- .print("swept"); return_to_launch.
++!step : armed <- .print("swept"); !homeward.
 +!step : not search_over & rescuers(All) <- +search_over; .send(All, tell, search_over).
 +!step : missing(_) <- .wait(not missing(_), 60000, _).
 +!step : not mission_done <- .print("all are rescued"); +mission_done.

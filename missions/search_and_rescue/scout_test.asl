@@ -198,6 +198,33 @@ lost(1200).
      set_mode("GUIDED");
      .wait(did([_, _, _ | _]), 20000).
 
+@what_others_have_landed_while_the_bridge_was_away_waits_for_a_person[test]
++!what_others_have_landed_while_the_bridge_was_away_waits_for_a_person
+  <- !company;
+     !!search;
+     .wait(did([goto | _]), 60000);
+     lose_bridge;
+     .wait(20000);
+     be_landed("LAND");
+     ?did(Before);
+     .wait(100000);
+     !assert_true(did(Before));
+     set_mode("GUIDED");
+     .wait(did([goto | _]), 60000).
+
+@what_landed_at_home_while_the_bridge_was_away_goes_out_again[test]
++!what_landed_at_home_while_the_bridge_was_away_goes_out_again
+  <- +next_lane(4); -next_lane(0);
+     be_flying(80);
+     !company;
+     !!search;
+     .wait(5000);
+     lose_bridge;
+     .wait(20000);
+     be_landed("RTL");
+     .wait(1000);
+     !assert_false(others_have(_)).
+
 @what_others_have_landed_waits_for_a_person[test]
 +!what_others_have_landed_waits_for_a_person
   <- !company;

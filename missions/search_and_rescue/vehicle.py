@@ -46,6 +46,14 @@ class Vehicle(Environment):
                 self.latch = OPEN
             case "be_uncharged":  # for tests: nobody charges it at home
                 self.charger, self.battery = False, action.args[0]
+            case "lose_bridge":  # for tests: nothing is heard of the vehicle any more
+                self.broken = dict.fromkeys(SECONDS, "the bridge is lost")
+                self.clear_percepts()
+                return True
+            case "be_landed":  # for tests: the bridge is back, and others have landed the vehicle in this mode
+                self.broken = {}
+                self.mode, self.armed, self.altitude = action.args[0], False, 0.0
+                self.add_percept("bridge(up)")
             case "start_cold" | "find_home":  # for tests: it does not know yet where home is, or knows it now
                 self.homed = name == "find_home"
             case "see":  # for tests: its camera sees a victim, or no more

@@ -8,6 +8,7 @@
 
 +!fly_mission : takeoff_altitude(Altitude) & waypoint(Lat, Long, Height)
   <- .wait(bridge(up), 120000);
+     !heard;
      !airborne(Altitude);
      !visited(Lat, Long, Height);
      !home_again;
@@ -62,9 +63,11 @@ aloft :- state(_, _, true) & altitude(A) & A > 1.
      .print("taking off to ", Altitude, " m");
      +departed;
      takeoff(Altitude).
++!airborne(_) <- .fail(error_msg("others have it")).
 
 +!armed : state(_, _, true).
-+!armed : not departed <- arm_motors(true).      // once: whoever has landed a vehicle and stopped its motors had a reason
++!armed : not departed <- arm_motors(true).
++!armed <- .fail(error_msg("its motors were stopped after takeoff")).     // whoever did that had a reason
 
 +!visited(_, _, _) : homeward.
 +!visited(Lat, Long, Height)

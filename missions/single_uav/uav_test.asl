@@ -39,7 +39,7 @@ waypoint(-27.603683, -48.518052, 40).
 
 @what_a_bridge_cuts_short_goes_on_in_the_air[test]
 +!what_a_bridge_cuts_short_goes_on_in_the_air
-  <- +restarts(3); +altitude(5);
+  <- +restarts(3);
      !fly_mission;
      !assert_true(mission_done);
      ?did(Actions);
@@ -47,13 +47,23 @@ waypoint(-27.603683, -48.518052, 40).
 
 @what_others_took_meanwhile_does_not_go_on[test]
 +!what_others_took_meanwhile_does_not_go_on
-  <- +restarts(1); +altitude(5);
+  <- +restarts(1);
      !!fly_mission;
      .wait(8700);
      be_sent("LOITER");
      .wait(mission_failed("the bridge restarted"), 100000);
      ?did(Actions);
      !assert_not_contains(Actions, goto).
+
+@what_was_disarmed_after_takeoff_is_not_armed_again[test]
++!what_was_disarmed_after_takeoff_is_not_armed_again
+  <- !airborne(5);
+     land;
+     !fly_mission;
+     !assert_true(mission_failed("its motors were stopped after takeoff"));
+     ?did(Actions);
+     .count(.member(arm_motors, Actions), Times);
+     !assert_equals(1, Times).
 
 @a_vehicle_that_cannot_return_lands_where_it_is[test]
 +!a_vehicle_that_cannot_return_lands_where_it_is

@@ -17,7 +17,7 @@ class Vehicle(Environment):
     """Perceived as ``state(Mode, Connected, Armed)``; ``did(Actions)`` tells what it has done, last first."""
 
     def init(self, arguments: list[str]) -> None:
-        self.mode, self.armed = "STABILIZE", False
+        self.mode, self.armed, self.altitude = "STABILIZE", False, 0.0
         self.done: list[str] = []
         self.broken: dict[str, str] = {}
         self.add_percept("bridge(up)")
@@ -41,7 +41,7 @@ class Vehicle(Environment):
         return later
 
     def _land(self) -> None:
-        self.armed = False
+        self.armed, self.altitude = False, 0.0
         self._show()
 
     def _end(self, action: Literal, later: Deferred) -> None:
@@ -68,9 +68,14 @@ class Vehicle(Environment):
                 self.armed = True
             case "takeoff" | "goto" if not self.armed:
                 raise ActionFailed("the motors are not armed")
+            case "takeoff":
+                self.altitude = float(action.args[0])
+            case "goto":
+                self.altitude = float(action.args[2])
             case "return_to_launch" | "land":
-                self.armed = False
+                self._land()
 
     def _show(self) -> None:
         self.replace_percept(literal("state", self.mode, True, self.armed))
+        self.replace_percept(literal("altitude", self.altitude))
         self.replace_percept(literal("did", [literal(name) for name in self.done]))
