@@ -355,10 +355,12 @@ class MissionRunner:
         """End the mission; on a second signal, or when no vehicle flies, leave immediately."""
         self._signals.append(number)
         self._wake.set()
-        armed = [robot.name for robot in self._recovery.armed()]
+        armed = self._recovery.armed()
         if len(self._signals) == 1 and (self.finished is None or armed):
             if self.finished is not None:
-                told = f"{', '.join(armed)} is armed and brought home: ctrl-C again leaves at once"
+                be = "is" if all(robot.seen.armed for robot in armed) else "may be"
+                names = ", ".join(robot.name for robot in armed)
+                told = f"{names} {be} armed and is brought home: ctrl-C again leaves at once"
                 self._journal.add("argosy", told, "warning")
             return
         self._recovery.hurry.set()

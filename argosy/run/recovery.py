@@ -47,7 +47,8 @@ class Recovery:
         The grace stops while an operator has paused a robot: the run does not bring that home.
         """
         left, looked = self._mission.grace, time.monotonic()
-        told = f"{ending.text}; vehicles are armed: their programs have {left:g} wall seconds before the mission ends"
+        be = "are" if any(robot.seen.armed for robot in self.armed()) else "may be"
+        told = f"{ending.text}; vehicles {be} armed: their programs have {left:g} wall seconds before the mission ends"
         on = ", from `argosy stop continue` on" if self._paused() else ""
         self._journal.add("argosy", told + on, "warning")
         while self.armed() and not interrupted() and left > 0:

@@ -2,7 +2,8 @@
 
     python -m tests.soak.trials [--runs 1000] [--jobs 2] [--keep FOLDER] [MISSION ...]
 
-FOLDER keeps each outcome as a line of JSON: a seed that is there is not flown again. Ctrl-C ends with what is done.
+FOLDER keeps each outcome of a revision as a line of JSON: a seed that is there is not flown again. Ctrl-C ends with
+what is done.
 Writes a section of docs/measurements/soak.md for each mission.
 """
 
@@ -59,7 +60,7 @@ def main() -> int:
         folder = (args.keep or Path(temporary)).resolve()
         folder.mkdir(parents=True, exist_ok=True)
         for mission in args.missions:
-            outcomes = fly(mission, args.runs, args.jobs, folder / f"{mission}.jsonl")
+            outcomes = fly(mission, args.runs, args.jobs, folder / f"{mission}-{revision()}.jsonl")
             trial = Trial(f"missions/{mission}.yaml", "standard", args.runs, outcomes)
             cpu = sum(one.cpu for one in outcomes) / max(1, len(outcomes))
             lines = [
