@@ -578,7 +578,7 @@ def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> N
     folder = "missions/single_uav"
     done = agentd("test", "--env", f"{folder}/vehicle.py:Vehicle", folder, cwd=REPOSITORY)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.count("ok ") == 11
+    assert done.stdout.count("ok ") == (REPOSITORY / folder / "uav_test.asl").read_text().count("[test]") > 0
 
 
 def test_a_test_that_fails_as_no_plan_applied_to_an_event_says_why_each_did_not(run) -> None:
