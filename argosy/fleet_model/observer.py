@@ -135,10 +135,11 @@ class FleetObserver:
             at = self._due.setdefault(name, now + place % 16 / 16 * every)  # spread over the period
             if agent.there and at <= now and name not in self._asking:
                 due.append(name)
+        due = sorted(due, key=self._due.__getitem__)[: AT_ONCE - len(self._asking)]  # each has its turn
         summaries = [name for name in due if name not in self.looked_at]
         longest_ago = sorted(summaries, key=lambda name: self._beliefs_asked.get(name, 0.0))
         with_beliefs = longest_ago[: self.wanted.beliefs_per_tick]
-        for name in due[: AT_ONCE - len(self._asking)]:
+        for name in due:
             self._due[name] = now + (DETAIL if name in self.looked_at else every)
             query = "?last=0;beliefs=0"
             if name in self.looked_at:

@@ -8,9 +8,10 @@ from contextlib import AsyncExitStack
 
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.fleet_model.model import FleetModel
-from argosy.fleet_model.observer import FleetObserver
+from argosy.fleet_model.observer import AT_ONCE, FleetObserver, Wanted
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 from tests.argosy.beside import crowd_of
 from tests.argosy.fleet_model.crowd import FLEET
 from tests.support.buses import async_test, session, until
@@ -52,6 +53,22 @@ async def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(
         await until(lambda: model.mail_for("agent00") == 2, "the mail")
         await until(lambda: any(one.what == "sent" for one in model.timeline.entries), "the activity")
         assert any(one.name == "goto" for one in model.places.all.values())
+
+
+@async_test
+async def test_in_a_large_fleet_each_mind_has_its_turn(endpoint: str) -> None:
+    async with AsyncExitStack() as stack:
+        await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
+        agents = await stack.enter_async_context(session(endpoint, "crowd"))
+        model = FleetModel(steady_clock, fleet="test")
+        watcher = FleetObserver(await _observer(stack, endpoint), model, "test", Wanted(minds_every=0.01))
+        for name in (names := [f"agent{number}" for number in range(3 * AT_ONCE)]):
+            agents.serve(key := keys.mind("test", name), MindView, lambda query, key=key: query.reply(MindView(), key))  # type: ignore[misc]
+            agents.token(keys.alive("test", name, "agentd", "b"))
+        watcher.start()
+        stack.push_async_callback(watcher.stop)
+        await until(lambda: len(model.agents) == len(names), "all are there")
+        await until(lambda: all(one.mind is not None for one in model.agents.values()), "all are asked")
 
 
 @async_test
