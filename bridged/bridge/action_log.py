@@ -61,8 +61,6 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """The operator's order until `release`; in a line with an id: the order that overrode it."""
     paused: bool = False
     """Whether the operator has paused the robot."""
-    machine: str = ""
-    """The boot of the machine in which the operator ordered or paused last."""
 
     @property
     def final(self) -> ActionStatus | None:
@@ -179,11 +177,6 @@ class ActionLog:
         """Whether the operator has paused the robot, in this run of the bridge or one before."""
         return self._standing.paused
 
-    @property
-    def before_boot(self) -> bool:
-        """Whether the machine was started since the operator ordered or paused."""
-        return self._standing.machine != machine_life()
-
     def order(self, order: Order | None) -> None:
         """Record the operator's order, None = none. Raises OSError."""
         self._stand(replace(self._standing, order=order))
@@ -195,7 +188,7 @@ class ActionLog:
     def _stand(self, standing: Entry) -> None:
         """Record what the operator ordered, if it is new, and sync it."""
         if standing != self._standing:
-            self._append(replace(standing, machine=machine_life()))
+            self._append(standing)
             self._keep_through_power_loss()
 
     def close(self) -> None:

@@ -257,9 +257,6 @@ class SafetyOrders:
             return
         if server.paused:
             await self._confirmed(server.pause())
-        elif self._action_log.before_boot and driver.arms and not driver.active:
-            log.warning("robot=%s is not armed and the machine was started since: that ends the order", server.robot)
-            self.release()
         elif (order := self._action_log.ordered) and driver.active:
             await self.carry_out(order, by_operator(order), block=True)
 

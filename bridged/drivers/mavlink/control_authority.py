@@ -52,6 +52,11 @@ class ControlAuthority:
         """Until when a mode that the vehicle may have started with counts as nobody's."""
 
     @property
+    def in_doubt(self) -> bool:
+        """Whether others set the present mode, unless the vehicle has begun with it: its clock is being asked."""
+        return self.overridden and self._flight.now < self._doubt_until
+
+    @property
     def pending(self) -> bool:
         """Whether the runs that moved the vehicle only wait for their end."""
         return self._pending is not None

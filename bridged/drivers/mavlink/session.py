@@ -311,10 +311,12 @@ class VehicleSession:
         self.streams.pace(now < self._idle_at, now)
 
     def _when_connected(self, run: ProcedureRun) -> Steps:
-        """Begin when the vehicle is heard; what an agent asked of a silent one does not take it from others."""
-        waited = not self.vehicle.connected
-        while not self.vehicle.connected:
-            run.waits_for = f"a heartbeat from system {self.identity.vehicle}"
+        """Begin when the vehicle is heard; what an agent asked before it knew of others does not take it from them."""
+        waited = False
+        while not self.vehicle.connected or (run.by_agent and self.control.in_doubt):
+            waited = True
+            what = "the time since boot" if self.vehicle.connected else "a heartbeat"
+            run.waits_for = f"{what} from system {self.identity.vehicle}"
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)

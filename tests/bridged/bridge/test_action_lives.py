@@ -439,6 +439,22 @@ def test_an_order_to_a_silent_vehicle_does_not_take_it_from_a_pilot_who_has_it_w
     assert sky.vehicle.copter.mode is Mode.LOITER
 
 
+def test_an_order_does_not_take_a_vehicle_whose_pilot_the_agents_do_not_perceive_yet(sky: Sky) -> None:
+    sky.flying()
+    sky.we_hear = lambda message: False
+    sky.forward(lambda: sky.belief("state") == ("", False, False), "the silence", 10)
+    sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER))
+    sky.wait(2)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.belief("state") == ("LOITER", True, True), "the vehicle", 3)
+    assert sky.belief("override") is None, "it may have begun with this mode"
+    asked = sky.begin("set_mode", "GUIDED")
+    sky.forward(lambda: asked[-1].final, "the end of the order", 5)
+    assert (asked[-1].state, asked[-1].cause) == ("failed", "pilot")
+    sky.forward(lambda: sky.belief("override") == ("LOITER",), "the pilot's mode", 3)
+    assert sky.vehicle.copter.mode is Mode.LOITER
+
+
 def test_who_sets_guided_while_the_vehicle_is_silent_hands_it_over(sky: Sky) -> None:
     sky.flying()
     sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER)))

@@ -295,7 +295,7 @@ def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_
         action_log.begin(begun(f"a:{number}"))
     action_log.close()
     again = ActionLog(path, lambda: now[0])
-    assert (again.ordered, again.paused, again.before_boot) == ("hold", True, False)
+    assert (again.ordered, again.paused) == ("hold", True)
     again.order(None)
     again.pause(False)
     again.close()
