@@ -42,7 +42,7 @@ class ControlAuthority:
         an agent has set the mode again, or they have handed the vehicle over."""
         self._flight, self._runs, self._end = flight, runs, end
         self._by_agent = False
-        """Whether an agent has set the mode since others did, or was handed the vehicle over."""
+        """Whether an agent set the mode last, for all the bridge knows, or was handed the vehicle over."""
         self._pending: _Override | None = None
         self._restarted = False
         """The mode of the next HEARTBEAT is one that the vehicle started with."""
@@ -70,11 +70,12 @@ class ControlAuthority:
         if mode_before < 0 or self._restarted:
             self._restarted = False
             self.overridden = vehicle.mode not in vehicle.modes.ordered
-            if (
-                self.overridden and vehicle.armed and mode_before < 0
-            ):  # in use before this bridge, by a pilot for all it knows
-                self.override, self._untold = vehicle.mode_name, True
-                self._tell_override()
+            if vehicle.armed and mode_before < 0:  # in use before this bridge, by a pilot or an agent as its mode says
+                if self.overridden:
+                    self.override, self._untold = vehicle.mode_name, True
+                    self._tell_override()
+                else:
+                    self._by_agent = True
         elif vehicle.mode != mode_before:
             ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
             handed_over = self.overridden and vehicle.mode == vehicle.modes.guided

@@ -455,6 +455,15 @@ def test_an_order_does_not_take_a_vehicle_whose_pilot_the_agents_do_not_perceive
     assert sky.vehicle.copter.mode is Mode.LOITER
 
 
+def test_a_pilot_who_takes_a_vehicle_after_its_bridge_was_restarted_in_flight_is_perceived(
+    sky: Sky, tmp_path: Path
+) -> None:
+    again = Sky(tmp_path, vehicle=sky.flying().vehicle, clock=sky.clock)
+    again.forward(lambda: again.belief("state") == ("GUIDED", True, True), "the vehicle", 3)
+    again.downlink.extend(again.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER)))
+    again.forward(lambda: again.belief("override") == ("LOITER",), "the pilot's mode", 3)
+
+
 def test_who_sets_guided_while_the_vehicle_is_silent_hands_it_over(sky: Sky) -> None:
     sky.flying()
     sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.LOITER)))
