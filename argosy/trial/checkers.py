@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from argosy.trial.network import Query, Sample, Session
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.bridge.safety_orders import COMING, StepField, read_steps
 from bridged.drivers.registry import load_robot_manifest
+from bridged.simulation.turtle.turtle import Turtle
 from schemas.files.findings import Findings
 from schemas.geo import distance
 from schemas.manifest.model import ActionEntry
@@ -48,6 +50,8 @@ SETTLED: Final = 10.0
 """Virtual seconds after a confirmed order of the operator in which a vehicle comes to rest."""
 STILL: Final = 5.0
 """Metres by its own estimate for which a vehicle at rest may drift."""
+TURTLE_STILL: Final = 0.01
+"""Metres for which a turtle at rest may move."""
 HANDING_OVER: Final = 3.0
 """Virtual seconds for which two agents may differ about who holds a robot."""
 AWARE: Final = 3.0
@@ -250,6 +254,8 @@ class Checkers:
         self._differ: dict[str, float] = {}
         """Since when several agents seem to hold a robot."""
         self._rests: dict[str, _Rest] = {}
+        self._turtles: dict[str, tuple[float, tuple[float, float] | None]] = {}
+        """When each turtle was stopped by the operator, and where it rests, in metres."""
         self._known: set[str] = set()
         """Actions that have begun, by id."""
         self._aware: dict[str, float] = {}
@@ -369,6 +375,8 @@ class Checkers:
             self._look_who_attends(name, seen, now)
             self._look_who_is_stopped(name, seen, now)
             self._look_who_has_a_pilot(name, seen)
+        for name, turtle in self._world.turtles.items():
+            self._look_at_a_turtle(name, turtle, now)
         for robot in self._mission.robots:
             self._look_who_holds(robot, now)
         if self._separation is not None and self._world.nearest < self._separation:
@@ -423,6 +431,19 @@ class Checkers:
             if distance(there[:2], here[:2]) > STILL + seen.misled or abs(there[2] - here[2]) > STILL:
                 text = f"{name} moves in {seen.mode} after the operator's {order} at {rest.since:.0f} s"
                 self._tell("motion after stop", name, text)
+
+    def _look_at_a_turtle(self, name: str, turtle: Turtle, now: float) -> None:
+        """Judge a turtle that the operator has stopped: it stays where it has come to rest."""
+        if (order := self._world.stopped.get(name)) is None:
+            self._turtles.pop(name, None)
+            return
+        since, rest = self._turtles.setdefault(name, (now, None))
+        if now - since <= SETTLED:
+            return
+        here = turtle.x, turtle.y
+        self._turtles[name] = since, rest or here
+        if rest is not None and math.dist(rest, here) > TURTLE_STILL:
+            self._tell("motion after stop", name, f"{name} moves after the operator's {order} at {since:.0f} s")
 
     def _look_who_has_a_pilot(self, name: str, seen: Seen) -> None:
         """Judge a vehicle that a pilot has, or has landed: no agent takes it from him, and nothing arms it again."""

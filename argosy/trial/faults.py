@@ -165,7 +165,8 @@ Fault: TypeAlias = Operator | Kill | BoardDown | DiskFull | ClockStep | LinkCut 
 def draw(mission: Mission, seed: int) -> list[Fault]:
     """Draw the standard faults of one run, in the order of their times."""
     dice = random.Random(f"argosy faults {seed}")
-    boards, robots = mission.board_names, [name for name, one in mission.robots.items() if vehicle_of(one) == "copter"]
+    boards, robots = mission.board_names, [name for name, one in mission.robots.items() if vehicle_of(one)]
+    copters = [name for name in robots if vehicle_of(mission.robots[name]) == "copter"]
     found: list[Fault] = []
 
     def times() -> list[float]:
@@ -186,7 +187,7 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
             sender, receiver = dice.sample(boards, 2)
             seconds = round(min(60.0, dice.expovariate(1 / 8)), 1)
             found.append(LinkCut(at=at, sender=sender, receiver=receiver, seconds=seconds, both=dice.random() < 0.5))
-    for robot in robots:
+    for robot in copters:
         if dice.random() < SHARE:
             found.append(Vehicle(robot=robot, fault=f"loss={round(dice.uniform(0.01, 0.3), 2)}"))
         if dice.random() < SHARE / 2:
@@ -194,7 +195,7 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
         for at in times():
             found.append(Vehicle(robot=robot, fault=f"cut={at:g}+{round(dice.uniform(0.5, 20), 1):g}"))
         found.append(Vehicle(robot=robot, fault=f"seed={dice.randrange(1, 1 << 30)}"))
-    for robot in robots:
+    for robot in copters:
         if dice.random() < MUTE:
             found.append(Vehicle(robot=robot, fault="mute-acks"))
         simulate = mission.robots[robot].simulate
@@ -205,11 +206,11 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
         found.append(DiskFull(at=at, board=dice.choice(boards), seconds=round(dice.uniform(1, 20), 1)))
     if dice.random() < SHARE:
         speed, bearing = dice.uniform(2, 12), dice.uniform(0, 359)
-        for robot in robots:  # all of them are in one place
+        for robot in copters:  # all of them are in one place
             found.append(
                 Vehicle(robot=robot, fault=f"wind={speed:.1f}:{bearing:.0f}:{speed * dice.uniform(0.1, 0.4):.1f}")
             )
-    for robot in robots:
+    for robot in copters:
         metres, lands = f":{dice.uniform(1, 60):.0f}", dice.choice(("", ":lands"))
         for fault, more in (("gps-loss", ""), ("gps-jump", metres), ("pilot", lands)):
             if dice.random() < RARE:
@@ -217,9 +218,8 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
                 found.append(Vehicle(robot=robot, fault=f"{fault}={at:.1f}+{seconds:.1f}{more}"))
     if dice.random() < RARE:
         at, seconds = round(dice.uniform(2, STORM), 1), round(dice.uniform(5, 60), 1)
-        found.append(
-            Operator(at=at, order=dice.choice(get_args(StopOrder)), robot=dice.choice(["", *robots]), seconds=seconds)
-        )
+        orders: Sequence[StopOrder] = get_args(StopOrder) if copters else ("hold", "pause")
+        found.append(Operator(at=at, order=dice.choice(orders), robot=dice.choice(["", *robots]), seconds=seconds))
     for at in times():
         by = round(dice.choice((-1, 1)) * 10 ** dice.uniform(-1, 5), 1)
         found.append(ClockStep(at=at, board=dice.choice(boards), by=by))
@@ -231,7 +231,7 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
             found.append(
                 LinkNoise(at=at, sender=sender, receiver=receiver, seconds=seconds, delay=delay, bursts=bursts)
             )
-    for robot in robots:
+    for robot in copters:
         simulate = mission.robots[robot].simulate
         if simulate is not None and simulate.camera is not None and dice.random() < SHARE / 2:
             found.append(Vehicle(robot=robot, fault=f"camera={dice.uniform(0.5, 1):.2f}"))
@@ -267,7 +267,8 @@ def read(path: Path, mission: Mission) -> list[Fault]:
 
 def _check(fault: Fault, mission: Mission) -> None:
     """Raise ValueError if a fault names what the mission does not have."""
-    vehicles = [name for name, one in mission.robots.items() if one.simulate is not None]
+    robots = list(mission.robots)
+    copters = [name for name, one in mission.robots.items() if vehicle_of(one) == "copter"]
     match fault:
         case LinkCut() | LinkNoise():
             _expect(fault.sender, mission.board_names)
@@ -275,12 +276,12 @@ def _check(fault: Fault, mission: Mission) -> None:
         case BoardDown() | DiskFull() | ClockStep():
             _expect(fault.board, mission.board_names)
         case Vehicle():
-            _expect(fault.robot, vehicles)
+            _expect(fault.robot, copters)
             Faults.parse([fault.fault])
         case Battery():
-            _expect(fault.robot, vehicles)
+            _expect(fault.robot, copters)
         case Operator():
-            _expect(fault.robot or vehicles[0], vehicles)
+            _expect(fault.robot or robots[0], robots)
         case Kill():
             kind, subject = fault.parts
             _expect(kind, ("commd", "bridged", "agentd"))

@@ -36,6 +36,8 @@ FIRST_PID: Final = 1 << 30
 START: Final = 0.3
 """Virtual seconds from the start of a process to its first line: of the interpreter and the imports of a daemon, whose
 byte code is there (docs/measurements/benchmarks.md, Start)."""
+SIMULATED: Final = ("copter", "turtle")
+"""Vehicles of `bridged simulate` that a trial has in virtual time."""
 _LEVELS: Final[dict[str, Level]] = {"CRITICAL": "error", "ERROR": "error", "WARNING": "warning"}
 _DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd": "agentd.daemon"}
 
@@ -146,12 +148,11 @@ def main_of(argv: Sequence[str]) -> Coroutine[Any, Any, int]:
     if command == "serve":
         daemon = import_module(_DAEMONS[module])
         return _serve(daemon, _parsed(daemon, rest))
-    from bridged.simulation.copter import command as copter
-
     vehicle, *rest = rest
-    if (module, command, vehicle) != ("bridged", "simulate", "copter"):
+    if (module, command) != ("bridged", "simulate") or vehicle not in SIMULATED:
         raise ValueError(f"{' '.join(argv[:3])} cannot run in a trial")
-    return _fly(copter.simulation(_parsed(copter, rest)))
+    simulator = import_module(f"bridged.simulation.{vehicle}.command")
+    return _simulate(simulator, vehicle, _parsed(simulator, rest))
 
 
 def _parsed(module: Any, words: Sequence[str]) -> Namespace:
@@ -161,14 +162,22 @@ def _parsed(module: Any, words: Sequence[str]) -> Namespace:
 
 
 async def _serve(daemon: Any, args: Namespace) -> int:
+    return int(await daemon.serve(load_mission(args.mission), args, _stop()))
+
+
+async def _simulate(simulator: Any, vehicle: str, args: Namespace) -> int:
+    if vehicle == "turtle":
+        await simulator.simulation(args, simulator.Turtle(), _stop())
+    else:
+        await simulator.simulation(args)  # it handles its signals
+    return 0
+
+
+def _stop() -> asyncio.Event:
+    """Return an event that SIGTERM sets."""
     stop = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
-    return int(await daemon.serve(load_mission(args.mission), args, stop))
-
-
-async def _fly(simulation: Coroutine[Any, Any, None]) -> int:
-    await simulation
-    return 0
+    return stop
 
 
 class ProcessLog(logging.Handler):

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from argosy.processes.simulators import vehicle_of
+from argosy.trial.process import SIMULATED
 from bridged.bridge.robot_setup import prepare
 from schemas.files.findings import Finding
 from schemas.mission.model import Mission
@@ -30,17 +31,17 @@ def _refusals(mission: Mission) -> Iterator[Finding]:
     for name, robot in mission.robots.items():
         vehicle = vehicle_of(robot)
         if robot.simulate is None:
-            yield at(("robots", name), f"{name} has no `simulate`: a trial flies simulated copters alone")
+            yield at(("robots", name), f"{name} has no `simulate`: a trial has simulated robots alone")
             continue
         drivers = prepare(mission, name, None, 1.0)[1].manifest.drivers()
         if others := [one for one in drivers if one not in DRIVERS]:
             text = f"{name} uses driver {', '.join(others)}, which has its own clock; a trial has {', '.join(DRIVERS)}"
             yield at(("robots", name, "manifest"), text)
-        if vehicle != "copter":
+        if vehicle not in SIMULATED:
             yield at(
                 ("robots", name, "simulate"),
-                f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle: copter`, the one that a "
-                "trial has in virtual time",
+                f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle: copter` or `vehicle: "
+                "turtle`, which a trial has in virtual time",
             )
-        elif not robot.link.startswith("udp"):
+        elif vehicle == "copter" and not robot.link.startswith("udp"):
             yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")

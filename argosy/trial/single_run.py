@@ -20,6 +20,7 @@ from argosy.cli.journal import Journal
 from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
 from argosy.processes.resource_usage import Meter
+from argosy.processes.simulators import vehicle_of
 from argosy.run.command import telling
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
@@ -31,6 +32,8 @@ from argosy.trial.network import Network, Sample, Session
 from argosy.trial.process import ProcessLog, VirtualSupervisor
 from argosy.trial.world import Seen, World
 from bridged.simulation.copter import process as copter_process
+from bridged.simulation.turtle import command as turtle_command
+from bridged.simulation.turtle.turtle import Turtle
 from commd.common.clock import Clock
 from schemas.files.units import Duration
 from schemas.mission.model import Mission, load_mission
@@ -75,8 +78,8 @@ class Outcome(msgspec.Struct):
     """Hash over all that was published, and the end."""
     messages: int = 0
     """Records that were published."""
-    flown: float = 0.0
-    """Metres that all vehicles have flown."""
+    flown: float | None = None
+    """Metres that all vehicles have flown; None: the mission has none."""
     battery: float | None = None
     """Least share of a battery that was left, 0 to 1."""
     nearest: float | None = None
@@ -116,7 +119,9 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     status = Status(setup, model, journal, _NoMeter(), [], clock.now)
     logging.basicConfig(level=logging.INFO, handlers=[ProcessLog()], force=True)
     flight = MissionRunner(status, supervisor=VirtualSupervisor)
-    world = World(network, routers, request.faults, lambda: status.children, fleet=mission.fleet)
+    world = World(
+        network, routers, request.faults, lambda: status.children, fleet=mission.fleet, robots=tuple(mission.robots)
+    )
     world.dice = network.dice = random.Random(f"argosy world {request.seed}")
     checkers = Checkers(mission, world, lambda robot: _served(status, robot))
     checkers.watch_minds()
@@ -133,13 +138,18 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
 
     network.on_put.append(put)
     recording = _recording(request, mission, network, routers.values())
-    simulate = copter_process.simulate
+    fly_copter, drive_turtle = copter_process.simulate, turtle_command.simulate
 
-    async def simulated(vehicle: Any, *args: Any, **options: Any) -> None:
+    async def simulated_copter(vehicle: Any, *args: Any, **options: Any) -> None:
         world.vehicles[_robot_of(mission, args[0], vehicle.system)] = Seen(vehicle)
-        await simulate(vehicle, *args, **options)
+        await fly_copter(vehicle, *args, **options)
 
-    copter_process.simulate = simulated
+    async def simulated_turtle(turtle: Turtle, endpoint: str, prefix: str, *args: Any, **options: Any) -> None:
+        world.turtles[_turtle_of(mission, prefix)] = turtle
+        await drive_turtle(turtle, endpoint, prefix, *args, **options)
+
+    copter_process.simulate = simulated_copter
+    turtle_command.simulate = simulated_turtle
 
     async def whole() -> None:
         watching = asyncio.create_task(world.run())
@@ -158,7 +168,8 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     outcome.violations = checkers.found if outcome.stopped else checkers.finish()
     outcome.success = outcome.success and not outcome.violations
     outcome.seconds = round(flight.finished or loop.time(), 2)
-    outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)
+    if world.vehicles:
+        outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)
     outcome.battery = min((seen.charge for seen in world.vehicles.values()), default=None)
     outcome.nearest = round(world.nearest, 2) if isfinite(world.nearest) else None
     outcome.digest = digest.hexdigest()[:16]
@@ -201,6 +212,13 @@ def _robot_of(mission: Mission, addresses: Sequence[Any], system: int) -> str:
     ports = {str(address).rpartition(":")[2] for address in addresses}
     speaking = (name for name, one in mission.robots.items() if one.link.rpartition(":")[2] in ports)
     return next(name for name in speaking if mission.robots[name].sysid == system)
+
+
+def _turtle_of(mission: Mission, prefix: str) -> str:
+    """Return the robot whose turtle has its keys below `prefix`, such as `field2/turtle1/`."""
+    above = prefix.rstrip("/").rpartition("/")[0]
+    turtles = (name for name, one in mission.robots.items() if vehicle_of(one) == "turtle")
+    return next(name for name in turtles if mission.robots[name].prefix == above)
 
 
 class _NoMeter(Meter):

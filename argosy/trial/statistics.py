@@ -104,7 +104,7 @@ def distributions(outcomes: Sequence[Outcome]) -> list[Distribution]:
     good = [one for one in outcomes if one.success]
     found = (
         Distribution("duration", "s", [one.seconds for one in good]),
-        Distribution("distance flown", "m", [one.flown for one in good]),
+        Distribution("distance flown", "m", [one.flown for one in good if one.flown is not None]),
         Distribution("battery left", "%", [100 * one.battery for one in good if one.battery is not None]),
         Distribution("nearest approach", "m", [one.nearest for one in good if one.nearest is not None]),
         Distribution("messages", "", [float(one.messages) for one in good]),

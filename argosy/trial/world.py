@@ -1,4 +1,4 @@
-"""The world of a trial: the true state of its vehicles, and the faults that befall it."""
+"""The world of a trial: the true state of its vehicles and turtles, and the faults that befall it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from argosy.trial.faults import BoardDown, ClockStep, DiskFull, Fault, Kill, Lin
 from argosy.trial.network import LEASE, Network
 from argosy.trial.power_loss import lose_power
 from argosy.trial.process import Machine
+from bridged.simulation.turtle.turtle import Turtle
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
 from schemas.geo import EARTH_RADIUS, distance
@@ -108,14 +109,17 @@ class Seen:
 
 @dataclass
 class World:
-    """All vehicles, by robot, and what befalls them and their boards."""
+    """All vehicles and turtles, by robot, and what befalls them and their boards."""
 
     network: Network
     routers: dict[str, str]
     """Endpoint of each board's router."""
     faults: Iterable[Fault]
     children: Callable[[], list[Child]]
+    robots: tuple[str, ...] = ()
+    """All robots of the mission."""
     vehicles: dict[str, Seen] = field(default_factory=dict)
+    turtles: dict[str, Turtle] = field(default_factory=dict)
     nearest: float = float("inf")
     """Least distance of two vehicles in the air, in metres."""
     machines: dict[str, Machine] = field(default_factory=dict)
@@ -190,7 +194,7 @@ class World:
                 while bursts and (at := at + self.dice.expovariate(bursts / 60)) < fault.at + seconds:
                     self.network.loop.call_at(at, self.network.cut, (there, there[::-1]), self.dice.uniform(*BURST))
             case Operator(robot=robot):
-                for one in [robot] if robot else self.vehicles:
+                for one in [robot] if robot else self.robots:
                     self.operators.append(asyncio.create_task(self._stop(one, fault)))
             case _:
                 pass  # a vehicle's own, which it has from the start

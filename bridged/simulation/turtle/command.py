@@ -166,18 +166,13 @@ def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 for names that are no keys."""
     from bridged.drivers.zenoh.registration import key_problem
 
-    prefix = "/".join(part for part in (args.prefix, args.name) if part)
-    if problem := key_problem(prefix):
+    if problem := key_problem(_prefix(args)):
         print(f"bridged simulate: error: {problem}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    endpoint, turtle = args.router or DEFAULT_ROUTER, Turtle()
-    said = f"simulated turtle on {prefix}/*, router {endpoint}, speed {args.speed:g}"
+    turtle = Turtle()
 
     async def main(stop: asyncio.Event) -> int:
-        def started() -> None:
-            print(said, file=sys.stderr, flush=True)
-
-        await simulate(turtle, endpoint, f"{prefix}/", args.speed, stop, started)
+        await simulation(args, turtle, stop)
         return EXIT_DONE
 
     code = run_daemon("turtle", main)
@@ -188,3 +183,19 @@ def run(args: argparse.Namespace) -> int:
             print(f"bridged simulate: error: cannot write {args.draw}: {error.strerror}", file=sys.stderr)
             return EXIT_BAD_INPUT
     return code
+
+
+async def simulation(args: argparse.Namespace, turtle: Turtle, stop: asyncio.Event) -> None:
+    """Simulate a turtle until `stop` is set. Raises BusClosed if the router does not come before that."""
+    endpoint, prefix = args.router or DEFAULT_ROUTER, _prefix(args)
+    said = f"simulated turtle on {prefix}/*, router {endpoint}, speed {args.speed:g}"
+
+    def announce() -> None:
+        print(said, file=sys.stderr, flush=True)
+
+    await simulate(turtle, endpoint, f"{prefix}/", args.speed, stop, announce)
+
+
+def _prefix(args: argparse.Namespace) -> str:
+    """Return the first chunks of its keys."""
+    return "/".join(part for part in (args.prefix, args.name) if part)

@@ -16,6 +16,7 @@ from argosy.trial.world import SAMPLED, Seen, World
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.position_estimate import PositionEstimate
+from bridged.simulation.turtle.turtle import Turtle
 from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -571,6 +572,21 @@ def test_a_paused_vehicle_keeps_its_actions(run: Run) -> None:
     run.status("running", "goto", number=2)
     run.after(1)
     assert run.rules == []
+
+
+@pytest.mark.parametrize(
+    ("moves", "stopped", "rules"), [(1.0, True, ["motion after stop"]), (0.0, True, []), (1.0, False, [])]
+)
+def test_a_stopped_turtle_rests(moves: float, stopped: bool, rules: list[str]) -> None:
+    run = Run(load_mission("turtle"))
+    run.world.vehicles.clear()  # no copter
+    run.world.turtles = {"turtle": (turtle := Turtle())}
+    if stopped:
+        run.world.stopped["turtle"] = "hold"
+    run.after(SETTLED + 1)
+    turtle.x += moves
+    run.after(1)
+    assert run.rules == rules
 
 
 def test_a_vehicle_that_is_given_back_or_that_a_pilot_has_moves(run: Run) -> None:

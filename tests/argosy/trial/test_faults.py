@@ -146,6 +146,13 @@ def test_a_mission_on_one_machine_has_no_link_to_cut() -> None:
     assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, LinkCut | LinkNoise)]
 
 
+def test_a_turtle_has_the_faults_of_its_daemons_and_its_operator_alone() -> None:
+    mission = load_mission("turtle")
+    drawn = [fault for seed in SEEDS for fault in draw(mission, seed)]
+    assert {type(fault) for fault in drawn} == {Kill, BoardDown, DiskFull, ClockStep, Operator}
+    assert {fault.order for fault in of(Operator, drawn)} == {"hold", "pause"}
+
+
 def test_the_storm_is_over_when_the_last_fault_ends() -> None:
     faults: list[Fault] = [BoardDown(at=10, board="pi1", seconds=30), Kill(at=20, daemon="commd pi1")]
     assert last(faults) == 40

@@ -164,7 +164,6 @@ def test_a_replay_that_is_stopped_fails_only_by_what_was_wrong_until_then(
         ([SINGLE, "--shrink"], "--shrink: expected --replay SEED, too"),
         ([SINGLE, "--replay", "1", "--compare", RESCUE], "--compare: it compares many runs"),
         (["nothing"], "nothing: error: no such file, and no mission of that name ships"),
-        ([str(MISSIONS / "turtle.yaml")], "simulates turtle: expected `vehicle: copter`"),
     ],
 )
 def test_what_cannot_be_tried_is_refused_before_anything_starts(

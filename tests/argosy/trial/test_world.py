@@ -62,6 +62,19 @@ def test_a_mission_without_gps_lands_where_it_is(fly: Fly) -> None:
     assert not outcome.violations
 
 
+@pytest.mark.parametrize("mission", ["turtle", "paper_turtle"])
+def test_a_turtle_draws_in_virtual_time(fly: Fly, mission: str) -> None:
+    outcome = fly(mission, 1)
+    assert outcome.success, outcome.why
+    assert outcome.digest == fly(mission, 1).digest
+
+
+def test_a_turtle_that_the_operator_has_stopped_rests_until_it_is_given_back(fly: Fly) -> None:
+    outcome = fly("turtle", 1, Operator(at=6, order="hold", robot="turtle", seconds=60), until=80)
+    assert any("operator: hold" in line for line in outcome.journal)
+    assert not outcome.violations
+
+
 def test_a_pilot_ends_the_action_that_runs(fly: Fly) -> None:
     outcome = fly("single_uav", 1, Vehicle(robot="uav1", fault="pilot=15+20:lands"))
     assert "LOITER" in outcome.why
