@@ -33,11 +33,9 @@ index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter a
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
 	$(BIN)/python -m tests.soak
-	$(BIN)/python -m tests.soak.flights
 	$(BIN)/python -m tests.soak.agreement
 	nice $(BIN)/python -m tests.soak.trials
 	$(BIN)/python -m tests.soak.mail
-	$(BIN)/python -m tests.soak.rescue
 	$(BIN)/python -m tests.soak.units
 	$(BIN)/python -m tests.soak.secured
 	$(BIN)/python -m tests.soak.actions

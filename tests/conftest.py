@@ -55,16 +55,14 @@ LONGEST = (
     "tests/test_wheel.py",
     "tests/argosy/run/test_run.py",
     "tests/argosy/run/test_mission_runner.py",
-    "tests/argosy/test_killed_agents.py",
-    "tests/argosy/test_fleets.py",
+    "tests/argosy/trial/test_missions.py",
+    "tests/argosy/trial/test_rescue.py",
     "tests/conformance/test_conformance.py",
-    "tests/argosy/run/test_rescue.py",
     "tests/attacks/test_attacks.py",
     "tests/argosy/test_hostile_texts.py",
     "tests/argosy/watch/test_terminal.py",
     "tests/bridged/test_daemon.py",
     "tests/bridged/drivers/mavlink/test_ground_stations.py",
-    "tests/argosy/test_pause.py",
     "tests/argosy/recording/test_replay.py",
     "tests/agentd/mind/test_mind_depth.py",
     "tests/commd/test_mail_faults.py",
@@ -104,8 +102,6 @@ SPREAD = (
     "tests/docs/test_following.py",
     "tests/argosy/ui/test_page_truth.py",
     "tests/argosy/run/test_mission_runner.py",
-    "tests/argosy/test_killed_agents.py",
-    "tests/argosy/test_fleets.py",
 )
 """Files that take minutes and whose tests share nothing: of several files at a time, each of their tests is one."""
 

@@ -1,4 +1,4 @@
-"""Missions of robots that are no vehicles, by the real daemons: a package's own driver, and a turtle."""
+"""Missions of robots that are no vehicles, by the real daemons, with a package's own driver."""
 
 from __future__ import annotations
 
@@ -53,13 +53,6 @@ def test_without_the_package_the_mission_is_refused_with_what_there_is(start: St
     assert running.wait(60) == 2
     assert "lamp.toml:3: error: robot.driver: no driver `lamp`, there is mavlink, zenoh, python" in running.stderr
     assert running.stdout == ""
-
-
-def test_a_turtle_is_simulated_and_draws_its_square(start: Start) -> None:
-    running = start(MISSIONS / "turtle.yaml", "--speed", "10", real_daemons=True)
-    assert hurried(running) == 0, running.stdout + running.stderr
-    assert "simulator turtle: started" in running.stdout
-    assert "turtle: done" in running.stdout
 
 
 def written(folder: Path) -> Path:

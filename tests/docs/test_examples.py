@@ -13,11 +13,11 @@ RUN_IN = {
     "examples/lamp": "tests/argosy/test_robots.py",
     "examples/sprayer": "docs/guides/my-robot.md",
     "missions/paper_turtle.yaml": "tests/bridged/simulation/turtle/test_turtle.py",
-    "missions/paper_uav.yaml": "tests/argosy/test_paper_flight.py",
+    "missions/paper_uav.yaml": "tests/argosy/trial/test_missions.py",
     "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",
     "missions/single_uav.yaml": "tests/argosy/run/test_mission_runner.py",
-    "missions/three_uavs.yaml": "tests/argosy/run/test_mission_runner.py",
-    "missions/turtle.yaml": "tests/argosy/test_robots.py",
+    "missions/three_uavs.yaml": "tests/argosy/trial/test_missions.py",
+    "missions/turtle.yaml": "tests/argosy/trial/test_missions.py",
 }
 
 

@@ -15,7 +15,6 @@ from argosy.watch.app import WatchApp
 from argosy.watch.pages import AgentPage
 from tests.argosy.watch.shown import text_of
 from tests.docs.pages import ROOT
-from tests.soak.rescue import write_mission
 from tests.support.ports import free_port
 from tests.support.processes import running
 
@@ -30,11 +29,20 @@ FONTS = "ui-monospace, Menlo, Consolas, 'DejaVu Sans Mono', monospace"
 async def draw() -> dict[str, str]:
     """Fly the mission and return the screens by the names of their files."""
     with tempfile.TemporaryDirectory() as folder:
-        mission = write_mission(Path(folder), 1, [free_port() for _ in range(3)])
+        mission = _on_free_ports(Path(folder))
         router = f"tcp/127.0.0.1:{free_port()}"
         with running("argosy", "run", str(mission), "--plain", "--router", router) as flying:
             flying.says("commd pi1: up")
             return await _look(router)
+
+
+def _on_free_ports(folder: Path) -> Path:
+    """Copy the mission, with links to its vehicles that nobody uses."""
+    shipped = ROOT / "missions" / "search_and_rescue.yaml"
+    path = folder / shipped.name
+    path.write_text(re.sub(r"udpin:127.0.0.1:\d+", lambda _: f"udpin:127.0.0.1:{free_port()}", shipped.read_text()))
+    (folder / shipped.stem).symlink_to(shipped.with_suffix(""))
+    return path
 
 
 async def _look(router: str) -> dict[str, str]:

@@ -107,6 +107,7 @@ def _parent() -> socket.socket:
             [sys.executable, "-m", __name__, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
             cwd=ROOT,
+            env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},  # each child has its own
             pass_fds=[theirs.fileno()],
             start_new_session=True,
         )
