@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +29,14 @@ from commd.bus.bus import Bus, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
-from commd.process.process import report_health
+from commd.process.output import stdout
+from commd.process.process import Agents, report_health
 from commd.process.systemd import Member, Unit
 from schemas.mission.access_rules import MailRights
 from schemas.mission.model import RESERVED, Mission
 from schemas.wire import keys
 from schemas.wire.keys import check_name
-from schemas.wire.records import BoardServices
+from schemas.wire.records import BoardServices, Health
 
 MOST_MADE = 50
 """Agents created at run time that one daemon runs at a time."""
@@ -78,6 +80,7 @@ class AgentGroup:
         """The boards of the agents of this daemon."""
         self._ends: dict[str, asyncio.Event] = {}
         self._running: dict[asyncio.Task[None], str] = {}
+        self._reasoning: dict[str, AgentHost] = {}
         self._stop = asyncio.Event()
         self._services = Services(bus)
         self._presence_beliefs = PresenceBeliefs(bus, self.directory, clock)
@@ -121,13 +124,12 @@ class AgentGroup:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Run the agents until `stop` is set or a program stops the team. Raises AccessDenied."""
-        health = [keys.health(self._bus.fleet, name, self._bus.daemon) for name in self.hosts]
+        boards = sorted(set(self._homes.values()))
         try:
-            await self._bus.permitted(puts=health)
+            await self._bus.permitted(puts=[keys.health(self._bus.fleet, board, self._bus.daemon) for board in boards])
         except BusClosed:
             self._writer.shutdown(wait=False)
             raise
-        boards = sorted(set(self._homes.values()))
         await self.directory.watch(boards)
         self._work.spawn(self.directory.follow(boards))
         if any(host.part.presence for host in self.hosts.values()):
@@ -137,6 +139,8 @@ class AgentGroup:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._retry_mail(alive))
         for host in list(self.hosts.values()):
             self._begin(host)
+        for board in boards:
+            self._work.spawn(report_health(self._bus, board, self._clock, _health, partial(self._agents_of, board)))
         self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
         watch = asyncio.create_task(stop.wait())
         watch.add_done_callback(lambda _: self._end_all())
@@ -154,6 +158,10 @@ class AgentGroup:
             forget = self.stopped is not None
             await asyncio.gather(*(host.close_checkpoint(forget) for host in self.hosts.values()))
             self._writer.shutdown(wait=False)
+
+    def _agents_of(self, board: str) -> Agents:
+        """Return what returns the health of each agent of a board that reasons."""
+        return {name: host.health for name, host in self._reasoning.items() if self._homes[name] == board}
 
     def _report(self) -> None:
         """Report the agents and their warnings to the service manager."""
@@ -194,11 +202,11 @@ class AgentGroup:
     async def _live(self, host: AgentHost, end: asyncio.Event) -> None:
         """Run one agent. If its program stops the team, all agents of this daemon end."""
         name = host.part.name
-        report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
+        self._reasoning[name] = host
         try:
             await host.run(end, self._unit.loop())
         finally:
-            report.cancel()
+            del self._reasoning[name]
         if host.stopped is not None:
             log.info("agent=%s stops the team", name)
             self.stopped = self.stopped or host.stopped
@@ -361,3 +369,8 @@ class AgentGroup:
         """Subscribe: the board sends the providers by mail from `df`, now and later."""
         await self._ask(host.part.name, "subscribe", service)
         return EMPTY
+
+
+def _health() -> Health:
+    """Return what the agents of this process have in common."""
+    return Health(drops=stdout().dropped)

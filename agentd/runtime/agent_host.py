@@ -49,7 +49,7 @@ from commd.process.systemd import Loop
 from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
 from schemas.wire.mind_records import MindBirth, MindView
-from schemas.wire.records import Health, Note, Perception
+from schemas.wire.records import AgentHealth, Note, Perception
 
 log = logging.getLogger("agent")
 
@@ -438,7 +438,7 @@ class AgentHost:
         """Return the present beliefs and intentions of the agent."""
         return self._viewer.view()
 
-    def health(self) -> Health:
+    def health(self) -> AgentHealth:
         """Return the counters and warnings of the agent."""
         counters = Counter(self.counters)
         percepts = self._perceiving or self._by_hand
@@ -457,10 +457,11 @@ class AgentHost:
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         reasons = mind.ready and not self._control.paused
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
-        return Health(
-            drops=sum(mind.drops.counts.values()) + stdout().dropped,
+        counters["percepts_missed"] = missed
+        return AgentHealth(
+            drops=sum(mind.drops.counts.values()),
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
-            counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
+            counters={name: float(count) for name, count in sorted(counters.items()) if count},
             notes=self.notes(),
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),
             idle=self._idle,

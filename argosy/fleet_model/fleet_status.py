@@ -10,6 +10,7 @@ from typing import Literal
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission
 from schemas.wire import keys
+from schemas.wire.health import each_health
 from schemas.wire.records import Health, Note
 
 UNDER_WAY = 0.5
@@ -110,11 +111,21 @@ class FleetStatus:
             self._boots.setdefault(who, set()).add(boot)
             self._since.setdefault(who, self._now())
 
-    def heard(self, key: str, health: Health) -> None:
-        """Take the health record of a daemon."""
+    def heard(self, key: str, health: Health) -> list[tuple[Who, Health]]:
+        """Take the health record of a daemon. Returns whom it is about, and the health of each."""
         parsed = keys.parse(key)
-        if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[0], parsed[1], parsed[2][1])):
-            self._health[who] = (health, self._now())
+        if parsed is None or len(parsed[2]) != 2:
+            return []
+        fleet, name, (_, daemon) = parsed
+
+        def board_of(agent: str) -> str | None:
+            return self.expected.get((fleet, agent, "agentd"))
+
+        found = [((fleet, one, daemon), its) for one, its in each_health(name, health, board_of)]
+        for who, its in found:
+            if self._room_for(who):
+                self._health[who] = (its, self._now())
+        return found
 
     def rows(self) -> list[Row]:
         """Return all daemons: board by board as in the mission, then the others."""

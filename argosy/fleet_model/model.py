@@ -241,9 +241,11 @@ class FleetModel:
     def health(self, key: str, health: Health) -> None:
         """Take the health record of a daemon."""
         parsed = named(key)
-        if parsed is None or parsed[0] != self.fleet or len(parsed[2]) != 2:
-            return
-        name, daemon = parsed[1], parsed[2][1]
+        if parsed is not None and parsed[0] == self.fleet:
+            for (_, name, daemon), its in self._fleet_status.heard(key, health):
+                self._health_of(name, daemon, its)
+
+    def _health_of(self, name: str, daemon: str, health: Health) -> None:
         member = self._roster.member(name, daemon)
         before = member.health
         same_life = before is not None and before.header.boot == health.header.boot
@@ -251,7 +253,6 @@ class FleetModel:
         for note in health.notes:
             if note.identity not in known:
                 self._tell(name, note.text, level_of(note))
-        self._fleet_status.heard(key, health)
         member.health, member.told = health, self.now()
         if isinstance(member, FleetRobot):
             if health.percepts:

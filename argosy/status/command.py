@@ -74,7 +74,11 @@ def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
     """Subscribe to tokens and health of a fleet."""
     fleet_status = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
     bus.watch(keys.alive(fleet, "*", "*", "*"), fleet_status.token)
-    bus.subscribe(keys.health(fleet, "*", "*"), Health, fleet_status.heard)
+
+    def heard(key: str, health: Health) -> None:
+        fleet_status.heard(key, health)
+
+    bus.subscribe(keys.health(fleet, "*", "*"), Health, heard)
     return fleet_status
 
 

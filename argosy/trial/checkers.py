@@ -34,6 +34,7 @@ from schemas.manifest.model import ActionEntry
 from schemas.mission.model import NO_STEPS, Mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
+from schemas.wire.health import each_health
 from schemas.wire.records import ActionStatus, Health, Mail, Message, Perception, Receipt
 from schemas.wire.term_text import write
 
@@ -286,10 +287,11 @@ class Checkers:
             case ("status", *_):
                 self._status(name, codec(ActionStatus).decode(sample.payload.to_bytes(), sample.encoding))
             case ("health", daemon):
-                self.mail.healthy(name, daemon)
-                if daemon == "agentd":
-                    health = codec(Health).decode(sample.payload.to_bytes(), sample.encoding)
-                    self._idle[name] = health.idle is True
+                health = codec(Health).decode(sample.payload.to_bytes(), sample.encoding)
+                for one, its in each_health(name, health):
+                    self.mail.healthy(one, daemon)
+                    if daemon == "agentd":
+                        self._idle[one] = its.idle is True
             case ("percept", "holder"):
                 self._holder(name, codec(Perception).decode(sample.payload.to_bytes(), sample.encoding))
             case ("percept", _) if name not in self._aware and (mode := self._pilots_mode(name)):

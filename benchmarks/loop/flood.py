@@ -18,6 +18,7 @@ from benchmarks.loop.board import Board, board
 from benchmarks.processes import BenchmarkFailed
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
+from schemas.wire.health import each_health
 from schemas.wire.records import Health
 
 SECONDS: Final = 4.0
@@ -89,9 +90,10 @@ class _Counters:
             health = codec(Health).decode(sample.payload.to_bytes(), str(sample.encoding))
         except BadRecord:
             return
-        figures = {"drops": health.drops, "bad_input": health.bad_input, **health.counters}
-        who = f"{health.daemon} {health.header.source}"
-        self._of[who], self._at[who] = {name: figures.get(name, 0) for name in _LOST}, time.monotonic()
+        for name, its in each_health(health.header.source, health):
+            figures = {"drops": its.drops, "bad_input": its.bad_input, **its.counters}
+            who = f"{its.daemon} {name}"
+            self._of[who], self._at[who] = {one: figures.get(one, 0) for one in _LOST}, time.monotonic()
 
     def told_anew(self, since: float) -> bool:
         """Whether all daemons have told their figures so much later that what was until then is in them."""

@@ -15,6 +15,7 @@ import zenoh
 from commd.bus.session import session_config
 from schemas.wire import keys
 from schemas.wire.codec import codec
+from schemas.wire.health import each_health
 from schemas.wire.records import Health
 
 LATE: Final = 1.5
@@ -34,7 +35,8 @@ class Records:
         found: dict[Who, list[tuple[float, Health]]] = defaultdict(list)
         for at, key, payload, encoding in self.came:
             if (parsed := keys.parse(key)) is not None:
-                found[parsed[1], parsed[2][-1]].append((at, codec(Health).decode(payload, encoding)))
+                for name, health in each_health(parsed[1], codec(Health).decode(payload, encoding)):
+                    found[name, parsed[2][-1]].append((at, health))
         return found
 
 

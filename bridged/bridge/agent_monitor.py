@@ -14,6 +14,7 @@ from commd.common.tasks import wait_at_most
 from commd.liveness.presence import Presence, Silence
 from schemas.mission.model import Mission
 from schemas.wire import keys
+from schemas.wire.health import each_health
 from schemas.wire.records import Health
 
 LEAST = 3.0
@@ -85,10 +86,12 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
 
     def word(key: str, health: Health) -> None:
         if parsed := keys.parse(key):
-            silence.word(parsed[1], health.header.boot, clock.wall())
-            idleness.told(parsed[1], health.idle)
-            if parsed[1] in lost:
-                changed.set()
+            for name, its in each_health(parsed[1], health, boards.get):
+                if name in agents:
+                    silence.word(name, its.header.boot, clock.wall())
+                    idleness.told(name, its.idle)
+                    if name in lost:
+                        changed.set()
 
     def board(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
@@ -103,9 +106,9 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     bus.on_router(router)
     for name in sorted({boards[agent] for agent in agents if agent in boards}):
         bus.watch(keys.alive(bus.fleet, name, "commd", "*"), board)
+        bus.subscribe(keys.health(bus.fleet, name, "agentd"), Health, word)
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "*", "*"), token)  # of an agentd, or of a client that is its own daemon
-        bus.subscribe(keys.health(bus.fleet, agent, "agentd"), Health, word)
     lost: set[str] = set()
     while True:
         now_lost = presence.lost(clock.wall())

@@ -133,6 +133,10 @@ class LogHandler(logging.Handler):
         found = [one for name in (subject, "") if (one := self._errors.get(name)) is not None]
         return max(found, key=lambda one: one.at, default=None)
 
+    def error_about(self, subject: str) -> LastError | None:
+        """Return the newest error about an agent, robot or board alone."""
+        return self._errors.get(subject)
+
     def _remember(self, subject: str, record: logging.LogRecord) -> None:
         text = record.getMessage()
         if record.exc_info and (error := record.exc_info[1]) is not None:

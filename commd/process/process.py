@@ -11,10 +11,10 @@ import threading
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 from msgspec.structs import replace
@@ -33,10 +33,12 @@ from schemas.liveness import HEALTH_EVERY
 from schemas.version import RELEASE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
-from schemas.wire.records import VERSION, BoardServices, Health, Note
+from schemas.wire.records import VERSION, AgentHealth, BoardServices, Health, Note
 
 NOTES = 50
-"""Warnings of one health record; further ones are left out."""
+"""Warnings of one health record, or of one agent in it; further ones are left out."""
+ROOM = 20_000
+"""Counters and notes of all agents in one health record; further ones are left out and counted: about 500 kB."""
 GREETING = 2.0
 """Wall seconds for a board's commd to answer with its version."""
 LINGER = 1.0
@@ -200,15 +202,27 @@ def loop_lag() -> LoopLag:
     return found
 
 
-async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
-    """Publish the daemon's health once a second, for ever: others judge by it whether the daemon hangs."""
+Agents: TypeAlias = Mapping[str, Callable[[], AgentHealth]]
+"""What returns the health of each agent."""
+
+
+async def report_health(
+    bus: Bus,
+    name: str,
+    clock: Clock,
+    details: Callable[[], Health] = Health,
+    agents: Callable[[], Agents] = dict,
+) -> None:
+    """Publish the daemon's health once a second, for ever: others judge by it whether the daemon hangs.
+
+    `agents()` returns those of an `agentd` that live on the board `name`.
+    """
     loop = loop_lag()
     while True:
         try:
             health = details()
         except Exception as error:  # a defect in a figure must not end the health records
-            log.exception("defect in argosy: health of %s", name)
-            health = Health(notes=(Note("defect", f"defect in argosy: {type(error).__name__}: {error}", "health"),))
+            health = Health(notes=_defect_note(name, error))
         used = resource.getrusage(resource.RUSAGE_SELF)
         words, age, errors = _last_error(bus, name)
         unknown = bus.counters["unknown_fields"]  # of records of a newer sender
@@ -225,7 +239,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             counters={**health.counters, **({"unknown_fields": float(unknown)} if unknown else {})},
             percepts=health.percepts,
             ordered=health.ordered,
-            notes=tuple(replace(note, text=one_line(note.text), about=one_line(note.about)) for note in notes[:NOTES]),
+            notes=_printable(notes),
             version=RELEASE,
             restarts=bus.restarts,
             lag=round(max(loop.worst, health.lag), 3),
@@ -235,13 +249,48 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             idle=health.idle,
             paused=health.paused,
         )
+        told = _with_agents(told, agents())
         if bad := _unreadable(told, bus.wire):
             bus.counters["unsendable"] += 1
             log.error("health of %s cannot be sent: %s", name, bad)
             plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
-            told = Health(**plain, notes=(Note("health_unsendable", one_line(f"its health cannot be sent: {bad}")),))
+            bare = {agent: AgentHealth(idle=its.idle) for agent, its in told.agents.items()}
+            note = Note("health_unsendable", one_line(f"its health cannot be sent: {bad}"))
+            told = Health(**plain, notes=(note,), agents=bare)
         bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
         await asyncio.sleep(HEALTH_EVERY)
+
+
+def _with_agents(health: Health, agents: Agents) -> Health:
+    """Return the record of a daemon with the health of its agents, which is limited to `ROOM`."""
+    logs = handler_of_this_process()
+    found: dict[str, AgentHealth] = {}
+    room, left_out = ROOM, 0
+    for name, health_of in agents.items():
+        try:
+            its = health_of()
+        except Exception as error:  # must not end the health records of the others
+            its = AgentHealth(notes=_defect_note(name, error))
+        if its.notes:
+            its = replace(its, notes=_printable(its.notes))
+        if logs is not None and (newest := logs.error_about(name)) is not None:
+            its = replace(its, last_error=newest.text, last_error_age=round(time.monotonic() - newest.at, 1))
+        size = len(its.counters) + len(its.notes)
+        if size > room:
+            its, left_out = replace(its, counters={}, notes=()), left_out + size
+        else:
+            room -= size
+        found[name] = its
+    return replace(health, agents=found, left_out=left_out) if found else health
+
+
+def _defect_note(name: str, error: Exception) -> tuple[Note, ...]:
+    log.error("defect in argosy: health of %s", name, exc_info=error)
+    return (Note("defect", f"defect in argosy: {type(error).__name__}: {error}", "health"),)
+
+
+def _printable(notes: Sequence[Note]) -> tuple[Note, ...]:
+    return tuple(replace(note, text=one_line(note.text), about=one_line(note.about)) for note in notes[:NOTES])
 
 
 def _unreadable(health: Health, wire: Wire) -> str:

@@ -364,8 +364,28 @@ class Note(Record, frozen=True, kw_only=False):
         return self.code, self.about
 
 
+class AgentHealth(Record, frozen=True, kw_only=True):
+    """The health of one agent in that of its daemon; `schemas.wire.health` makes one record of both."""
+
+    drops: int = 0
+    """Items that its queues have dropped."""
+    bad_input: int = 0
+    """Records that could not be decoded for it."""
+    counters: dict[str, float] = {}
+    """Those that are not 0."""
+    notes: tuple[Note, ...] = ()
+    lag: float = 0.0
+    """Age of the oldest input that waits for it, in wall seconds."""
+    last_error: str = ""
+    """The newest error logged about it."""
+    last_error_age: float | None = None
+    """Seconds since then."""
+    idle: bool | None = None
+    """It has no intention, no input and nothing is due; none = not known."""
+
+
 class Health(Record, frozen=True, kw_only=True):
-    """The health of a daemon, once a second."""
+    """The health of a daemon, once a second; that of an `agentd` includes its agents of one board."""
 
     header: Header = Header()
     daemon: str = ""
@@ -402,6 +422,10 @@ class Health(Record, frozen=True, kw_only=True):
     """Seconds since then; none = not known, as it was before this process."""
     idle: bool | None = None
     """Of an agent: it has no intention, no input and nothing is due; none = not known."""
+    agents: dict[str, AgentHealth] = {}
+    """The agents of the board that this process runs (`agentd` only)."""
+    left_out: int = 0
+    """Counters and notes of agents for which the record has no room."""
 
 
 class Checkup(Record, frozen=True, kw_only=True):

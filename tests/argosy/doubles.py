@@ -19,11 +19,11 @@ from pathlib import Path
 from commd.bus.bus import Bus, Query, open_bus
 from commd.common.clock import Clock
 from commd.process.process import report_health
-from schemas.mission.model import load_mission
+from schemas.mission.model import THIS_MACHINE, load_mission
 from schemas.wire import keys, log_lines
 from schemas.wire.log_lines import LogLine, RobotLeft
 from schemas.wire.mind_records import IntentionView, MindView
-from schemas.wire.records import ActionStatus, Health, Outcome, Perception, StopOrder
+from schemas.wire.records import ActionStatus, AgentHealth, Outcome, Perception, StopOrder
 from schemas.wire.terms import Term
 
 HERE = str(Path(__file__).resolve())
@@ -139,7 +139,9 @@ async def daemon(kind: str, mission_file: str, router: str, speed: float) -> Non
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     name = {"bridged": "uav1", "agentd": "uav"}[kind]
     async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stamp=time.time_ns, stop=stop) as bus:
-        health = asyncio.create_task(report_health(bus, name, clock, lambda: Health(idle=FAULT == "aimless")))
+        agents = {"uav": lambda: AgentHealth(idle=FAULT == "aimless")} if kind == "agentd" else {}
+        named = THIS_MACHINE if agents else name
+        health = asyncio.create_task(report_health(bus, named, clock, agents=lambda: agents))
         await (bridge if kind == "bridged" else agent)(bus, clock, stop)
         health.cancel()
 

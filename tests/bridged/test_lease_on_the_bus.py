@@ -10,7 +10,9 @@ import pytest
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from commd.process.process import report_health
+from schemas.mission.model import THIS_MACHINE
 from schemas.wire import keys
+from schemas.wire.records import AgentHealth
 from schemas.wire.terms import Atom
 from tests.bridged.airfield import on_the_airfield, present, until, until_served
 from tests.bridged.sky import MISSION
@@ -63,6 +65,11 @@ async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_
         await daemon
 
 
+async def report_agents(bus: Bus) -> None:
+    """Publish the health of an agentd that runs the agent `uav`, for ever."""
+    await report_health(bus, THIS_MACHINE, Clock(), agents=lambda: {"uav": AgentHealth})
+
+
 @async_test
 async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_token_stays(
     endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -71,8 +78,8 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
     async with on_the_airfield(endpoint, tmp_path, mission=mission) as field, field.router(), field.client() as uav:
         await uav.claim("uav")
         daemon = field.start()
-        await subscribed(uav, keys.health("test", "uav", "agentd"))
-        speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+        await subscribed(uav, keys.health("test", THIS_MACHINE, "agentd"))
+        speaking = asyncio.create_task(report_agents(uav))
         await until_served(uav)
         await field.take_off(uav)
         await asyncio.sleep(3.5)
@@ -81,7 +88,7 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
         await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that hangs")
         refused = await field.do(uav, "land", agent="other")
         assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
-        speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+        speaking = asyncio.create_task(report_agents(uav))
 
         async def taken() -> bool:
             status = await field.do(uav, "set_mode", "GUIDED")

@@ -24,10 +24,10 @@ from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
 from commd.daemon import serve
 from commd.directory.service import Directory
-from commd.process.process import _run, report_health
+from commd.process.process import Agents, _run, report_health
 from schemas.mission.model import load_mission
 from schemas.wire import keys
-from schemas.wire.records import BoardServices, Health, Note, Receipt, Record, ServiceRequest
+from schemas.wire.records import AgentHealth, BoardServices, Health, Note, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
 from tests.support.buses import FLEET, Connect, async_test, bus_test, served, subscribed, until
 from tests.support.processes import running
@@ -49,13 +49,15 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
     assert kept(leaving, 1.0)
 
 
-async def health_of(connect: Connect, details: Callable[[], Health], count: int = 1) -> list[Health]:
+async def health_of(
+    connect: Connect, details: Callable[[], Health], count: int = 1, agents: Agents | None = None
+) -> list[Health]:
     """Return what an observer hears of a bridge that reports its health."""
     observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
     heard: list[Health] = []
     observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
     await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
+    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details, lambda: agents or {}))
     await until(lambda: len(heard) >= count, "health goes on")
     reporting.cancel()
     return heard
@@ -83,6 +85,30 @@ async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_li
     heard = await health_of(connect, lambda: UNTELLABLE[what])
     assert heard[0].pid == os.getpid()
     assert [note.code for note in heard[0].notes] == ["health_unsendable"]
+
+
+@bus_test
+async def test_a_figure_of_one_agent_that_cannot_be_made_or_told_hides_no_other_agent(connect: Connect) -> None:
+    agents: Agents = {"a": Mock(side_effect=KeyError("figure")), "b": lambda: AgentHealth(idle=True)}
+    (told,) = await health_of(connect, Health, agents=agents)
+    assert [note.identity for note in told.agents["a"].notes] == [("defect", "health")]
+    assert told.agents["b"] == AgentHealth(idle=True)
+    agents = {"a": lambda: AgentHealth(counters={"x": math.nan}, idle=False), "b": lambda: AgentHealth(idle=True)}
+    (told,) = await health_of(connect, Health, agents=agents)
+    assert [note.code for note in told.notes] == ["health_unsendable"]
+    assert told.agents == {"a": AgentHealth(idle=False), "b": AgentHealth(idle=True)}
+
+
+@bus_test
+async def test_the_health_of_many_agents_is_bounded_what_is_left_out_is_counted_and_each_agent_is_there(
+    connect: Connect,
+) -> None:
+    figures = {f"c{number}": 1.0 for number in range(100)}
+    agents: Agents = {f"a{n}": lambda: AgentHealth(counters=figures, idle=True) for n in range(300)}
+    (told,) = await health_of(connect, Health, agents=agents)
+    assert all(its.idle for its in told.agents.values())
+    assert [len(its.counters) for its in told.agents.values()] == [100] * 200 + [0] * 100
+    assert told.left_out == 100 * 100
 
 
 @bus_test

@@ -157,7 +157,7 @@ STAYS: Final[dict[Key, Stay]] = {
     ("docs/reference/bus-keys.md", "zenoh "): Stay(says='"daemon": "agentd"'),
     ("docs/guides/command-line-tools.md", "argosy run by-hand.yaml"): Stay(says="agentd uav: up", ends="itself"),
     ("docs/guides/command-line-tools.md", "zenoh --mode client --config look.json5 subscribe"): Stay(
-        says="argosy/by-hand/uav/health/agentd {"
+        says="argosy/by-hand/local/health/agentd {"
     ),
     ("docs/reference/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
     ("docs/guides/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),

@@ -278,7 +278,9 @@ def test_list_shows_who_serves_and_who_says_what(flying: Trial) -> None:
     assert "  query  argosy/trial/uav/action/takeoff  Action -> ActionStatus" in uav
     assert "  query  argosy/trial/uav/percept/**  nothing -> Perception" in uav
     assert "  query  argosy/trial/uav/mind  nothing -> MindView" in uav
-    assert any(re.fullmatch(r"  put    argosy/trial/uav/health/agentd  Health  [\d.]+ Hz, \d+ B", line) for line in uav)
+    assert any(
+        re.fullmatch(r"  put    argosy/trial/local/health/agentd  Health  [\d.]+ Hz, \d+ B", line) for line in lines
+    )
     base = lines[: lines.index("argosy/trial/local  board")]
     assert not any("action" in line for line in base), "it has no robot"
     assert "  query  argosy/trial/uav1/stop  StopOrder -> Outcome" in lines
