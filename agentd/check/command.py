@@ -120,8 +120,8 @@ def findings_of(
     findings += busy_loops(found, elsewhere)
     for look in _LOOKS:
         findings += look(found)
-    said = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
-    return sorted(one for one in set(findings) if one not in said)
+    unchecked = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
+    return sorted(one for one in set(findings) if one not in unchecked)
 
 
 _LOOKS = (

@@ -68,13 +68,13 @@ was given up, a restart and the actions that it interrupted."""
 def from_team(surveys: Iterable[Survey]) -> Elsewhere:
     """What agents with these programs, and nobody else, send to one another."""
     surveys = list(surveys)
-    told = {mention.indicator for each in surveys for mention in each.told}
+    sent = {mention.indicator for each in surveys for mention in each.sent}
     wanted = {mention.indicator for each in surveys for mention in (*each.wanted, *each.raised)}
     return Elsewhere(
-        frozenset(told | RAISED_BY_AGENTD),
+        frozenset(sent | RAISED_BY_AGENTD),
         frozenset(wanted | RAISED_BY_AGENTD),
         complete=True,
-        open_beliefs=any(each.open_told for each in surveys),
+        open_beliefs=any(each.open_sent for each in surveys),
         open_goals=any(each.open_wanted for each in surveys),
         open_plans=any(each.teaches for each in surveys),
         ends_goals=any(each.ends_others for each in surveys),

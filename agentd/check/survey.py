@@ -327,7 +327,7 @@ class _Walk:
         if action.name == ".include":
             self.found.open_plans = True
         else:
-            self.found.open_told = self.found.open_wanted = True
+            self.found.open_sent = self.found.open_wanted = True
 
     def _sent(self, performative: str, content: Term, namespace: str) -> None:
         self.found.teaches |= performative == "tellHow"
@@ -336,13 +336,13 @@ class _Walk:
         goal = performative in ("achieve", "askOne", "askIf", "askAll")
         for term in content.items if isinstance(content, ListTerm) else (content,):
             if isinstance(term, Structure):
-                self._mention(self.found.wanted if goal else self.found.told, term, namespace)
+                self._mention(self.found.wanted if goal else self.found.sent, term, namespace)
                 if performative in ("askOne", "askAll"):  # without a variable for the answer, that is believed
                     self._mention(self.found.added, term, namespace)
             elif isinstance(term, Variable) and goal:
                 self.found.open_wanted = True
             elif isinstance(term, Variable):
-                self.found.open_told = True
+                self.found.open_sent = True
 
     # --- bodies ------------------------------------------------------------------------------------------------------
 

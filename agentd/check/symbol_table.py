@@ -117,7 +117,7 @@ class Survey:
     added: list[Mention] = field(default_factory=list)
     raised: list[Mention] = field(default_factory=list)
     """The literals of triggers that are terms: ``.at("now +1 s", {+!g})`` raises such an event."""
-    told: list[Mention] = field(default_factory=list)
+    sent: list[Mention] = field(default_factory=list)
     """Beliefs that are sent to agents."""
     wanted: list[Mention] = field(default_factory=list)
     """Goals and questions that are sent to agents."""
@@ -133,7 +133,7 @@ class Survey:
     open_beliefs: bool = False
     open_plans: bool = False
     open_goals: bool = False
-    open_told: bool = False
+    open_sent: bool = False
     """Beliefs are sent that only the run knows."""
     late_files: list[InternalAction] = field(default_factory=list)
     """Calls of `.include` and `.create_agent` that name their file by what only the run knows."""

@@ -47,8 +47,8 @@ class Look(Struct, frozen=True):
                 case "about" if _NAME.fullmatch(value):
                     look = replace(look, about=value.partition("/")[0])
                 case _:
-                    said = f"{name}={value}" if value else name
-                    raise BadParameter(f"{said[:100]}: {_EXPECTED}")
+                    parameter = f"{name}={value}" if value else name
+                    raise BadParameter(f"{parameter[:100]}: {_EXPECTED}")
         return look
 
 

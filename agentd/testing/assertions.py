@@ -202,12 +202,12 @@ def ended(mind: MindState, trail: Trail) -> bool:
 
 @internal_action("agentd.test.failed", 5)
 def failed(mind: MindState, trail: Trail, error: Any, why: Any, formula: Any, line: Any, file: Any) -> bool:
-    said, number, source = deref(why), deref(line), deref(file)
+    reason, number, source = deref(why), deref(line), deref(file)
     _report(
         mind,
         TestEnded(
             _shown(error),
-            said if type(said) is str else _shown(said),
+            reason if type(reason) is str else _shown(reason),
             _shown(formula),
             source if type(source) is str else _shown(source),
             int(number) if type(number) is float else 0,

@@ -122,8 +122,8 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
         robot = named.agents[agent].robot
         manifest = manifests.get(robot) if robot is not None else None
         if robot is None or manifest is not None:  # against nothing, all would be unknown
-            told = elsewhere.beliefs | _declared(named.agents[agent].beliefs)
-            findings += _against(surveyed, manifest, replace(elsewhere, beliefs=told))
+            beliefs = elsewhere.beliefs | _declared(named.agents[agent].beliefs)
+            findings += _against(surveyed, manifest, replace(elsewhere, beliefs=beliefs))
     if mission is not None:
         of_programs = {name: one.survey for name, one in surveys.items()}
         findings += check_team(mission, of_programs, programs, restarts=restarts)
@@ -199,10 +199,10 @@ def _elsewhere(
     """Return what the team, itself included, and members without a program here may send to an agent."""
     team = from_team(surveyed.survey for surveyed in surveys.values())
     unseen = None in programs.values() or any(surveyed.created for surveyed in surveys.values())
-    return replace(team, complete=False, open_beliefs=team.open_beliefs or unseen or _told_by_hand(mission))
+    return replace(team, complete=False, open_beliefs=team.open_beliefs or unseen or _sends_by_hand(mission))
 
 
-def _told_by_hand(mission: Mission | None) -> bool:
+def _sends_by_hand(mission: Mission | None) -> bool:
     """Whether programs of the mission's clients, old nodes or people may send an agent any belief."""
     return mission is None or bool(mission.clients or mission.inject or mission.gateway)
 
@@ -227,7 +227,7 @@ def _endings(
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():
         known |= set(manifest.percept_arities().items()) if manifest is not None else set()
-    anything = None in programs.values() or None in manifests.values() or _told_by_hand(mission)
+    anything = None in programs.values() or None in manifests.values() or _sends_by_hand(mission)
     for field in _FIELDS:
         for index, one in enumerate(mission.done if field == "done" else mission.failed):
             beliefs = beliefs_of(_formula(mission, one, field, findings))
@@ -236,8 +236,8 @@ def _endings(
                 near = nearest(belief, others)
                 hint = "" if near is None else f", did you mean `{near}`?"
                 where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
-                told = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
-                findings.append(replace(told, severity="warning"))
+                finding = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
+                findings.append(replace(finding, severity="warning"))
     return findings
 
 

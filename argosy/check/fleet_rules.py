@@ -59,9 +59,9 @@ def check_boards(mission: Mission) -> list[Finding]:
     findings: list[Finding] = []
     lonely = [name for name, board in mission.boards.items() if not board.address]
     if len(lonely) > 1:
-        told = f"{' and '.join(lonely)} have no `address`: their routers find one another only "
+        problem = f"{' and '.join(lonely)} have no `address`: their routers find one another only "
         how = "under `argosy run`" if len(lonely) == len(mission.boards) else "through those of other boards"
-        findings.append(mission.positions.finding(("boards", lonely[1]), told + how, at_key=True))
+        findings.append(mission.positions.finding(("boards", lonely[1]), problem + how, at_key=True))
     for name, robot in mission.robots.items():
         if (link := address_of(robot)) is None or not vehicle_of(robot) or machine_of(robot) == robot.board:
             continue
@@ -125,7 +125,7 @@ def _presence(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]
     """Only agents with `presence: true` get `online(_)`."""
     if mission.agents[agent].presence:
         return
-    added = {mention.indicator for mention in (*survey.added, *survey.told)}
+    added = {mention.indicator for mention in (*survey.added, *survey.sent)}
     if ONLINE in added or any(belief.literal.functor == ONLINE[0] for belief in survey.beliefs):
         return
     events = [placed.plan.trigger.literal.position for placed in survey.plans if placed.indicator == ONLINE]

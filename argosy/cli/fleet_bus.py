@@ -102,7 +102,7 @@ class FleetBus(Bus):
         """Like `Bus.watch`: a token exists as long as one board has it."""
         seen_by: dict[str, set[str]] = {}
 
-        def told(board: str, token: str, alive: bool) -> None:
+        def changed(board: str, token: str, alive: bool) -> None:
             boards = seen_by.setdefault(token, set())
             was = bool(boards)
             (boards.add if alive else boards.discard)(board)
@@ -111,14 +111,14 @@ class FleetBus(Bus):
             if was != bool(boards):
                 handler(token, alive)
 
-        self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(told, board)))
+        self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(changed, board)))
 
     def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
         """Like `Bus.subscribe`: a record that arrives by several boards is delivered once."""
         newest: dict[str, tuple[str, int]] = {}
 
-        def told(name: str, said: R) -> None:
-            header = getattr(said, "header", None)
+        def deliver(name: str, sample: R) -> None:
+            header = getattr(sample, "header", None)
             if isinstance(header, Header) and header.boot:
                 boot, seq = newest.get(name, ("", -1))
                 if header.boot == boot and header.seq <= seq:
@@ -126,9 +126,9 @@ class FleetBus(Bus):
                 if len(newest) >= MOST_STREAMS:
                     newest.clear()
                 newest[name] = (header.boot, header.seq)
-            handler(name, said)
+            handler(name, sample)
 
-        self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, told))
+        self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, deliver))
 
     async def query(
         self,
@@ -226,12 +226,14 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
 
 async def _first(opening: Sequence[asyncio.Task[FleetBus]]) -> FleetBus:
     """Return the first open session. Raises BusClosed with the error of each attempt."""
-    said, waiting = list[str](), set(opening)
+    reasons, waiting = list[str](), set(opening)
     while waiting:
         done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
             try:
                 return task.result()
             except BusClosed as closed:
-                said.append(str(closed))
-    raise BusClosed("\n  ".join(("no board of the fleet is reached:", *sorted(said))) if len(said) > 1 else said[0])
+                reasons.append(str(closed))
+    raise BusClosed(
+        "\n  ".join(("no board of the fleet is reached:", *sorted(reasons))) if len(reasons) > 1 else reasons[0]
+    )

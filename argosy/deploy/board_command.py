@@ -115,17 +115,17 @@ class Parts:
         Bridge and agents end together, then the router: a vehicle in flight does not wait for the agents.
         """
         router, *others = self._daemons
-        told = asyncio.create_task(stop.wait())
+        ending = asyncio.create_task(stop.wait())
         self._start(router)
-        while not self.members[router].is_ready and self._goes_on(told):
-            await asyncio.wait((told, *self._running), timeout=LOOK, return_when=asyncio.FIRST_COMPLETED)
-            self._look(told.done())
-        for name in others if self._goes_on(told) else ():
+        while not self.members[router].is_ready and self._goes_on(ending):
+            await asyncio.wait((ending, *self._running), timeout=LOOK, return_when=asyncio.FIRST_COMPLETED)
+            self._look(ending.done())
+        for name in others if self._goes_on(ending) else ():
             self._start(name)
-        while self._goes_on(told):
-            await asyncio.wait((told, *self._running), return_when=asyncio.FIRST_COMPLETED)
-            self._look(told.done())
-        told.cancel()
+        while self._goes_on(ending):
+            await asyncio.wait((ending, *self._running), return_when=asyncio.FIRST_COMPLETED)
+            self._look(ending.done())
+        ending.cancel()
         await self._end(others)
         await self._end([router])
         return self._code
@@ -136,18 +136,18 @@ class Parts:
 
         self._running[asyncio.create_task(live(), name=name)] = name
 
-    def _goes_on(self, told: asyncio.Task[Literal[True]]) -> bool:
-        return bool(self._running) and not told.done() and self._code == EXIT_DONE
+    def _goes_on(self, ending: asyncio.Task[Literal[True]]) -> bool:
+        return bool(self._running) and not ending.done() and self._code == EXIT_DONE
 
-    def _look(self, told: bool) -> None:
+    def _look(self, ending: bool) -> None:
         """Handle parts that have ended. Agents may end by `.stopMAS`; the others only on request."""
         for task in [task for task in self._running if task.done()]:
             name = self._running.pop(task)
             code, why = _outcome(task)
-            if code == EXIT_DONE and not told and name == "agentd":
+            if code == EXIT_DONE and not ending and name == "agentd":
                 log.info("agentd has ended: a program has stopped its team; the board goes on without agents")
                 continue
-            if code == EXIT_DONE and not told and not self._stops[name].is_set():
+            if code == EXIT_DONE and not ending and not self._stops[name].is_set():
                 code, why = EXIT_FAILED, "it ended although nobody had told it to"
             if code != EXIT_DONE:
                 log.error("%s has failed, the board ends: %s", name, why)

@@ -16,7 +16,7 @@ from typing import Any
 
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.remedies import target_of
-from argosy.doctor.findings import Check, Facts, RobotFacts, Said
+from argosy.doctor.findings import Check, Diagnosis, Facts, RobotFacts
 from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
 from argosy.doctor.security_checks import certificates
 from argosy.doctor.security_checks import findings as access
@@ -52,15 +52,15 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Print the findings. Returns 1 if one is an error, else 0."""
     mission, place = load_mission(args.mission), where(args)
-    said = certificates(mission, args.keys)
+    diagnoses = certificates(mission, args.keys)
     try:
         with _quiet():
-            said += asyncio.run(examine(mission, place))
+            diagnoses += asyncio.run(examine(mission, place))
     except BusClosed as closed:
         do = f"is the fleet there? {target_of(mission, 'start', 'its boards')}; or name another router by --router"
-        said.append(Said("error", "router", str(closed), do))
-    show(said, as_json=args.json)
-    return EXIT_FAILED if any(one.level == "error" for one in said) else EXIT_DONE
+        diagnoses.append(Diagnosis("error", "router", str(closed), do))
+    show(diagnoses, as_json=args.json)
+    return EXIT_FAILED if any(one.level == "error" for one in diagnoses) else EXIT_DONE
 
 
 @contextmanager
@@ -75,12 +75,12 @@ def _quiet() -> Iterator[None]:
         log.setLevel(level)
 
 
-async def examine(mission: Mission, place: Where) -> list[Said]:
+async def examine(mission: Mission, place: Where) -> list[Diagnosis]:
     """Gather the facts and run all checks. Raises BusClosed."""
     async with operator_bus(place) as bus:
         facts = await gather(bus, mission)
-        said = [one for check in CHECKS for one in check(facts)]
-        return said + await access(bus, mission)
+        diagnoses = [one for check in CHECKS for one in check(facts)]
+        return diagnoses + await access(bus, mission)
 
 
 async def gather(bus: Bus, mission: Mission) -> Facts:
@@ -105,7 +105,7 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
             now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
     boxes: dict[str, Mailboxes] = {}
     key = keys.mailboxes(bus.fleet, "*")
-    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, told: boxes.update({told.board: told}))
+    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, mailboxes: boxes.update({mailboxes.board: mailboxes}))
     await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
     links_by_board = {link.board: link for link in from_here}
     return Facts(mission, fleet_status.rows(), earlier, boards, links_by_board, robots, boxes, now)
@@ -113,10 +113,10 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
 
 async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
     agent = mission.agents_of(robot)[0]
-    told: dict[str, int] = {}
+    percepts: dict[str, int] = {}
 
     def note(_: str, percept: Perception) -> None:
-        told[percept.name] = max(told.get(percept.name, 0), percept.header.stamp)
+        percepts[percept.name] = max(percepts.get(percept.name, 0), percept.header.stamp)
 
     declared: dict[str, Any] | None
     try:
@@ -124,12 +124,12 @@ async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
         answer = await bus.ask_one(keys.manifest(bus.fleet, robot), None, LiveManifest, ANSWER_TIMEOUT)
         declared = answer.manifest.get("percepts", {})
     except BusClosed as closed:
-        return RobotFacts(told, {}, str(closed))
+        return RobotFacts(percepts, {}, str(closed))
     except QueryFailed:
         declared = _of_the_file(mission, robot)
     if declared is None:
-        return RobotFacts(told, {}, "its bridge does not answer with its manifest")
-    return RobotFacts(told, declared)
+        return RobotFacts(percepts, {}, "its bridge does not answer with its manifest")
+    return RobotFacts(percepts, declared)
 
 
 def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
@@ -144,18 +144,23 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
     return {name: {"source": entry.source, "ttl": entry.ttl} for name, entry in manifest.percepts.items()}
 
 
-def show(said: Sequence[Said], *, as_json: bool) -> None:
+def show(diagnoses: Sequence[Diagnosis], *, as_json: bool) -> None:
     """Print the findings, and the number of errors and warnings."""
-    errors = sum(one.level == "error" for one in said)
-    warnings = sum(one.level == "warning" for one in said)
+    errors = sum(one.level == "error" for one in diagnoses)
+    warnings = sum(one.level == "warning" for one in diagnoses)
     if as_json:
-        told = {"well": not errors, "errors": errors, "warnings": warnings, "findings": [asdict(one) for one in said]}
-        print(json.dumps(told, ensure_ascii=False, indent=2))
+        report = {
+            "well": not errors,
+            "errors": errors,
+            "warnings": warnings,
+            "findings": [asdict(one) for one in diagnoses],
+        }
+        print(json.dumps(report, ensure_ascii=False, indent=2))
         return
     terminal = sys.stdout.isatty()
-    width = max((len(one.what) for one in said), default=0)
+    width = max((len(one.what) for one in diagnoses), default=0)
     columns = max(40, shutil.get_terminal_size().columns - width - 11) if terminal else sys.maxsize
-    for one in said:
+    for one in diagnoses:
         level = f"{STYLES[one.level]}{one.level:7}\x1b[0m" if terminal else f"{one.level:7}"
         lines = [*wrap(printable(one.text), columns), *(wrap(f"do: {one.do}", columns) if one.do else [])]
         print(f"{level}  {one.what:{width}}  {lines[0]}")

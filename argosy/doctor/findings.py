@@ -15,7 +15,7 @@ Level: TypeAlias = Literal["ok", "warning", "error"]
 
 
 @dataclass(frozen=True)
-class Said:
+class Diagnosis:
     """A finding."""
 
     level: Level
@@ -61,4 +61,4 @@ class Facts:
         return {name: one for name, one in self.boards.items() if isinstance(one, BoardReport)}
 
 
-Check: TypeAlias = Callable[[Facts], list[Said]]
+Check: TypeAlias = Callable[[Facts], list[Diagnosis]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from argosy.cli.remedies import REMEDIES, level_of, logs_of, target_of
-from argosy.doctor.findings import Facts, RobotFacts, Said
+from argosy.doctor.findings import Diagnosis, Facts, RobotFacts
 from argosy.fleet_model.fleet_status import MEANING, Row
 from schemas.humanize import count, latency, span
 from schemas.liveness import LAG_LATE
@@ -24,23 +24,23 @@ MAIL_WAITS = 60.0
 """Wall seconds in a queue after which mail is reported."""
 
 
-def daemons(facts: Facts) -> list[Said]:
+def daemons(facts: Facts) -> list[Diagnosis]:
     """Report daemons that are missing or hang, and the health notes of the others."""
     if not facts.rows:
-        return [Said("error", "daemons", "no daemon is running", logs_of("commd", facts.mission, "each board"))]
+        return [Diagnosis("error", "daemons", "no daemon is running", logs_of("commd", facts.mission, "each board"))]
     dark = _dark(facts)
-    said = [_nothing_of(facts, board) for board in dark]
-    said += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
+    diagnoses = [_nothing_of(facts, board) for board in dark]
+    diagnoses += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
     for row in facts.rows:
-        said += _complaints(facts, row)
+        diagnoses += _complaints(facts, row)
     strangers = [f"{row.daemon} {row.name}" for row in facts.rows if not row.in_mission and row.daemon != "agentd"]
     if strangers:
         do = "if it belongs to another mission, give that another `fleet:`; else end it"
-        said.append(Said("warning", "daemons", f"not in the mission: {', '.join(strangers)}", do))
+        diagnoses.append(Diagnosis("warning", "daemons", f"not in the mission: {', '.join(strangers)}", do))
     if all(row.well for row in facts.rows):
         oldest = max((row.age or 0.0 for row in facts.rows), default=0.0)
-        said.insert(0, Said("ok", "daemons", f"all {len(facts.rows)} are up, heard within {oldest:.1f} s"))
-    return said
+        diagnoses.insert(0, Diagnosis("ok", "daemons", f"all {len(facts.rows)} are up, heard within {oldest:.1f} s"))
+    return diagnoses
 
 
 def _dark(facts: Facts) -> list[str]:
@@ -51,20 +51,20 @@ def _dark(facts: Facts) -> list[str]:
     return [b for b, rows in by_board.items() if len(rows) > 1 and all(row.standing == "missing" for row in rows)]
 
 
-def _nothing_of(facts: Facts, board: str) -> Said:
+def _nothing_of(facts: Facts, board: str) -> Diagnosis:
     its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
     do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
-    return Said("error", "daemons", f"all daemons of {board} are missing: {its}", do)
+    return Diagnosis("error", "daemons", f"all daemons of {board} are missing: {its}", do)
 
 
-def _absent(facts: Facts, row: Row) -> Said:
+def _absent(facts: Facts, row: Row) -> Diagnosis:
     do = {
         "silent": "it hangs, or its health is denied: restart it; ",
         "twice": "stop one of them: one runs on a board that the mission does not name; ",
         "unclaimed": "the access rules deny its token: write them again with `argosy units`; ",
     }.get(row.standing, "")
     place = row.board or "its board"
-    return Said(
+    return Diagnosis(
         "error",
         "daemons",
         f"{row.daemon} {row.name} on {place} is {row.standing}: {MEANING[row.standing]}",
@@ -72,31 +72,31 @@ def _absent(facts: Facts, row: Row) -> Said:
     )
 
 
-def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
+def _complaints(facts: Facts, row: Row) -> Iterator[Diagnosis]:
     health = row.now
     if health is None:
         return
     who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
     for note in health.notes:
-        yield Said(level_of(note), "daemons", f"{who}: {note.text}", REMEDIES.get(note.code, logs))
+        yield Diagnosis(level_of(note), "daemons", f"{who}: {note.text}", REMEDIES.get(note.code, logs))
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
         text = f"{who} was restarted {count(health.restarts, 'time')} since its board started{was}"
-        yield Said("warning", "daemons", text, logs)
+        yield Diagnosis("warning", "daemons", text, logs)
     if health.last_error and health.last_error_age is not None:
         text = f"{who}: {count(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
-        yield Said("warning", "daemons", text + health.last_error, logs)
+        yield Diagnosis("warning", "daemons", text + health.last_error, logs)
     before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
     if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
         text = f"{who} dropped {health.drops - before.drops} messages within {health.uptime - before.uptime:.0f} s"
         do = "it is overloaded: declare fewer percepts or a lower `rate` in the manifest"
-        yield Said("warning", "daemons", text, do)
+        yield Diagnosis("warning", "daemons", text, do)
     if health.lag >= LAG_LATE:
         do = "reduce the load of the board: fewer agents, lower rates, no endless plans; `top` shows the processes"
-        yield Said("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
+        yield Diagnosis("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
 
 
-def versions(facts: Facts) -> list[Said]:
+def versions(facts: Facts) -> list[Diagnosis]:
     """Report daemons with another version of Argosy than this machine's."""
     found: dict[str, list[str]] = {}
     for row in facts.rows:
@@ -105,104 +105,108 @@ def versions(facts: Facts) -> list[Said]:
     if not found:
         return []
     if list(found) == [RELEASE]:
-        return [Said("ok", "versions", f"all run {RELEASE}, like this machine")]
-    told = "; ".join(f"{version}: {', '.join(sorted(set(names)))}" for version, names in sorted(found.items()))
+        return [Diagnosis("ok", "versions", f"all run {RELEASE}, like this machine")]
+    running = "; ".join(f"{version}: {', '.join(sorted(set(names)))}" for version, names in sorted(found.items()))
     majors = {version.partition(".")[0] for version in found if version[:1].isdigit()} | {RELEASE.partition(".")[0]}
     do = "install one version on all boards, one after the other (docs/guides/operations.md)"
-    return [Said("error" if len(majors) > 1 else "warning", "versions", f"{told}; this machine: {RELEASE}", do)]
+    return [Diagnosis("error" if len(majors) > 1 else "warning", "versions", f"{running}; this machine: {RELEASE}", do)]
 
 
-def clocks(facts: Facts) -> list[Said]:
+def clocks(facts: Facts) -> list[Diagnosis]:
     """Report clock skew between boards and this machine, measured by round trips."""
     seen = {board: link for board, link in facts.from_here.items() if link.ahead is not None}
     if not seen:
         return []
-    told = [(link.ahead or 0.0, board, (link.round_trip or 0.0) / 2) for board, link in seen.items()]
-    told.append((0.0, "this machine", 0.0))
-    (low, behind, one), (high, ahead, other) = min(told), max(told)
+    offsets = [(link.ahead or 0.0, board, (link.round_trip or 0.0) / 2) for board, link in seen.items()]
+    offsets.append((0.0, "this machine", 0.0))
+    (low, behind, one), (high, ahead, other) = min(offsets), max(offsets)
     skew, unsure = high - low, one + other
     everybody = f"{count(len(seen), 'board')} and this machine"
     if skew - unsure < CLOCK_WARNING:
-        return [Said("ok", "clocks", f"{everybody} agree within {latency(skew)} (measured to {latency(unsure)})")]
+        return [Diagnosis("ok", "clocks", f"{everybody} agree within {latency(skew)} (measured to {latency(unsure)})")]
     level, why = ("warning", "times in logs and records do not fit together")
     if skew - unsure >= CLOCK_ERROR:
         level, why = ("error", "certificates seem expired or not yet valid")
     text = f"{ahead} is {latency(skew)} ahead of {behind} (measured to {latency(unsure)}): {why}"
     do = "let one board serve the time to the others (chrony or systemd-timesyncd); `timedatectl` shows the state"
-    return [Said(level, "clocks", text, do)]  # type: ignore[arg-type]
+    return [Diagnosis(level, "clocks", text, do)]  # type: ignore[arg-type]
 
 
-def disks(facts: Facts) -> list[Said]:
+def disks(facts: Facts) -> list[Diagnosis]:
     """Report disks with little space for mail, checkpoints and action logs."""
-    said: list[Said] = []
+    diagnoses: list[Diagnosis] = []
     least: tuple[int, str] | None = None
     for board, report in facts.reports.items():
         free, size = report.disk_free, report.disk_size
         if free is None or size is None:
-            said.append(Said("error", "disks", f"{board}: {report.state} cannot be read", f"on {board}: `df -h`"))
+            diagnoses.append(
+                Diagnosis("error", "disks", f"{board}: {report.state} cannot be read", f"on {board}: `df -h`")
+            )
             continue
         least = min(least or (free, board), (free, board))
         if free < DISK_WARNING:
             text = f"{board}: {free / 1e6:.0f} MB of {size / 1e9:.1f} GB are free at {report.state}"
             level = "error" if free < DISK_ERROR else "warning"
             do = f"on {board}: `journalctl --vacuum-size=100M`; a full disk refuses mail"
-            said.append(Said(level, "disks", text, do))  # type: ignore[arg-type]
-    if least is not None and not said:
-        said.append(Said("ok", "disks", f"at least {least[0] / 1e9:.1f} GB are free for state ({least[1]})"))
-    return said
+            diagnoses.append(Diagnosis(level, "disks", text, do))  # type: ignore[arg-type]
+    if least is not None and not diagnoses:
+        diagnoses.append(Diagnosis("ok", "disks", f"at least {least[0] / 1e9:.1f} GB are free for state ({least[1]})"))
+    return diagnoses
 
 
-def links(facts: Facts) -> list[Said]:
+def links(facts: Facts) -> list[Diagnosis]:
     """Report links between boards, and from this machine, that are broken, late or slow."""
-    said: list[Said] = []
+    diagnoses: list[Diagnosis] = []
     fine: list[LinkReport] = []
     there = {row.name for row in facts.rows if row.daemon == "commd" and row.well}
     for board, why in facts.boards.items():
         if isinstance(why, str) and board in there:
             text = f"{board} runs but answers no checkup: clock, disk and links are unknown ({why})"
             do = "use an operator's keys, not an observer's; Argosy before 0.2 does not answer checkups"
-            said.append(Said("warning", "links", text, do))
+            diagnoses.append(Diagnosis("warning", "links", text, do))
         elif isinstance(why, str):
             do = f"is it switched on and in the network? {logs_of('commd', facts.mission, board)}"
-            said.append(Said("error", "links", f"{board} is not reached from here: {why}", do))
+            diagnoses.append(Diagnosis("error", "links", f"{board} is not reached from here: {why}", do))
     pairs = [(board, link) for board, report in facts.reports.items() for link in report.links]
     pairs += [("this machine", link) for board, link in facts.from_here.items() if board in facts.reports]
     for board, link in pairs:
         found = _link(board, link)
-        said += found
+        diagnoses += found
         if not found:
             fine.append(link)
-    if fine and not said:
+    if fine and not diagnoses:
         slowest = max(link.round_trip or 0.0 for link in fine)
         rates = [link.rate for link in fine if link.rate is not None]
         rate = f", {min(rates) / 1000:.0f} kB/s at least" if rates else ""
-        said.append(Said("ok", "links", f"{count(len(fine), 'way')} measured: {latency(slowest)} at most{rate}"))
-    return said
+        diagnoses.append(
+            Diagnosis("ok", "links", f"{count(len(fine), 'way')} measured: {latency(slowest)} at most{rate}")
+        )
+    return diagnoses
 
 
-def _link(board: str, link: LinkReport) -> list[Said]:
+def _link(board: str, link: LinkReport) -> list[Diagnosis]:
     way = f"{board} > {link.board}"
     look = f"is {link.board} in the network? `ping` its address from {board}; radio: distance, antennas, channel"
     if not link.answered:
-        return [Said("error", "links", f"{way}: {link.problem}", look)]
+        return [Diagnosis("error", "links", f"{way}: {link.problem}", look)]
     if link.answered < link.asked:
         text = f"{way}: {link.asked - link.answered} of {link.asked} round trips had no answer"
-        return [Said("warning", "links", text, look)]
+        return [Diagnosis("warning", "links", text, look)]
     if link.problem:
-        return [Said("warning", "links", f"{way}: {link.problem}", look)]
+        return [Diagnosis("warning", "links", f"{way}: {link.problem}", look)]
     if link.round_trip is not None and link.round_trip > SLOW_TRIP:
         text = f"{way}: {latency(link.round_trip)} for a round trip at best, {latency(link.slowest or 0.0)} at worst"
-        return [Said("warning", "links", text, look)]
+        return [Diagnosis("warning", "links", text, look)]
     if link.rate is not None and link.rate < SLOW_RATE:
         text = f"{way}: {link.rate / 1000:.1f} kB/s"
         do = "send less: lower `rate` in the manifests, `wire: msgpack` in the mission; or improve the link"
-        return [Said("warning", "links", text, do)]
+        return [Diagnosis("warning", "links", text, do)]
     return []
 
 
-def mail(facts: Facts) -> list[Said]:
+def mail(facts: Facts) -> list[Diagnosis]:
     """Report mail that waits for long, and dead letters."""
-    said: list[Said] = []
+    diagnoses: list[Diagnosis] = []
     for board, boxes in facts.mail.items():
         for queue in boxes.queues:
             if queue.oldest > MAIL_WAITS:
@@ -210,13 +214,13 @@ def mail(facts: Facts) -> list[Said]:
                 text = f"{board}: {count(queue.messages, 'message')} {who} wait, the oldest for {span(queue.oldest)}"
                 text += f": {queue.state}" if queue.state else ""
                 do = "delivery continues when the receiver is back: see `daemons` and `links`"
-                said.append(Said("warning", "mail", text, do))
+                diagnoses.append(Diagnosis("warning", "mail", text, do))
         if boxes.dead_count:
             text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered"
-            said.append(Said("warning", "mail", text, f"see `argosy mail {facts.mission.path} --dead`"))
-    if facts.mail and not said:
-        said.append(Said("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
-    return said
+            diagnoses.append(Diagnosis("warning", "mail", text, f"see `argosy mail {facts.mission.path} --dead`"))
+    if facts.mail and not diagnoses:
+        diagnoses.append(Diagnosis("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
+    return diagnoses
 
 
 FEW = 5.0
@@ -225,9 +229,9 @@ NOISE = 0.01
 """Tolerated share of damaged packets."""
 
 
-def vehicles(facts: Facts) -> list[Said]:
+def vehicles(facts: Facts) -> list[Diagnosis]:
     """Report vehicles that send few messages, or damaged ones."""
-    said: list[Said] = []
+    diagnoses: list[Diagnosis] = []
     for name, before, after in _bridges(facts):
         took = after.uptime - before.uptime
         if "messages" not in after.counters or took <= 0 or before.header.boot != after.header.boot:
@@ -237,44 +241,46 @@ def vehicles(facts: Facts) -> list[Said]:
         bad = (after.counters.get("bad_checksums", 0) - before.counters.get("bad_checksums", 0)) / took
         do = f"is the vehicle on, and does it send to `{link}`? baud rate, cable, SRn_ parameters of the port"
         if came == 0:
-            said.append(Said("error", "vehicles", f"{name}: nothing is received on {link}", do))
+            diagnoses.append(Diagnosis("error", "vehicles", f"{name}: nothing is received on {link}", do))
         elif came < FEW:
-            said.append(Said("warning", "vehicles", f"{name}: only {came:.1f} messages/s on {link}", do))
+            diagnoses.append(Diagnosis("warning", "vehicles", f"{name}: only {came:.1f} messages/s on {link}", do))
         elif bad > NOISE * came:
             text = f"{name}: {bad:.1f} of {came + bad:.0f} packets/s on {link} are damaged"
-            said.append(
-                Said("warning", "vehicles", text, "baud rate, cable, grounding; for a radio: distance and antennas")
+            diagnoses.append(
+                Diagnosis(
+                    "warning", "vehicles", text, "baud rate, cable, grounding; for a radio: distance and antennas"
+                )
             )
         else:
-            said.append(Said("ok", "vehicles", f"{name}: {came:.0f} messages/s on {link}"))
-    return said
+            diagnoses.append(Diagnosis("ok", "vehicles", f"{name}: {came:.0f} messages/s on {link}"))
+    return diagnoses
 
 
-def failsafes(facts: Facts) -> list[Said]:
+def failsafes(facts: Facts) -> list[Diagnosis]:
     """Report whose heartbeats the vehicles' own failsafes monitor; undeclared ones in one finding."""
     vehicles = {
         name: facts.mission.robots[name].failsafe.gcs for name, _, now in _bridges(facts) if "messages" in now.counters
     }
-    said = [
-        Said("ok", "failsafe", f"{name}: monitors heartbeats of `{gcs}`")
+    diagnoses = [
+        Diagnosis("ok", "failsafe", f"{name}: monitors heartbeats of `{gcs}`")
         for name, gcs in vehicles.items()
         if gcs not in (None, "none")
     ]
     if undeclared := [name for name, gcs in vehicles.items() if gcs is None]:
         text = f"{', '.join(undeclared)}: none declared: the vehicle does not return if its bridge dies"
-        said.append(Said("warning", "failsafe", text, REMEDIES["failsafe_none"]))
-    return said
+        diagnoses.append(Diagnosis("warning", "failsafe", text, REMEDIES["failsafe_none"]))
+    return diagnoses
 
 
-def percepts(facts: Facts) -> list[Said]:
+def percepts(facts: Facts) -> list[Diagnosis]:
     """Report percepts of the running manifests that are missing.
 
     Only those with a `ttl` are expected: events and overrides, which have none, may be absent.
     """
-    said: list[Said] = []
+    diagnoses: list[Diagnosis] = []
     for robot, found in facts.robots.items():
         if found.problem:
-            said.append(Said("warning", "percepts", f"{robot}: {found.problem}", "see `daemons`"))
+            diagnoses.append(Diagnosis("warning", "percepts", f"{robot}: {found.problem}", "see `daemons`"))
             continue
         live = {name for name, entry in found.declared.items() if entry.get("ttl") is not None}
         missing = sorted(live - found.percepts.keys())
@@ -282,12 +288,12 @@ def percepts(facts: Facts) -> list[Said]:
             sources = sorted({str(found.declared[name].get("source", "?")) for name in missing})
             text = f"{robot}: missing: {', '.join(missing)} (from {', '.join(sources)})"
             do = "does the robot send it? For ArduPilot: SRn_ parameters of the port; else remove it from the manifest"
-            said.append(Said("warning", "percepts", text, do))
+            diagnoses.append(Diagnosis("warning", "percepts", text, do))
         else:
             age = _newest(facts, robot, found)
             when = f", the newest {max(0.0, age):.1f} s old" if age is not None else ""
-            said.append(Said("ok", "percepts", f"{robot}: {count(len(found.percepts), 'percept')}{when}"))
-    return said
+            diagnoses.append(Diagnosis("ok", "percepts", f"{robot}: {count(len(found.percepts), 'percept')}{when}"))
+    return diagnoses
 
 
 def _newest(facts: Facts, robot: str, found: RobotFacts) -> float | None:
@@ -302,8 +308,8 @@ def _newest(facts: Facts, robot: str, found: RobotFacts) -> float | None:
 def _bridges(facts: Facts) -> list[tuple[str, Health, Health]]:
     """Return the robots whose bridge reported its health at both times, with the reports."""
 
-    def told(rows: list[Row]) -> dict[str, Health]:
+    def health_by_board(rows: list[Row]) -> dict[str, Health]:
         return {row.name: row.now for row in rows if row.daemon == "bridged" and row.well and row.now is not None}
 
-    before, after = told(list(facts.earlier)), told(list(facts.rows))
+    before, after = health_by_board(list(facts.earlier)), health_by_board(list(facts.rows))
     return [(name, before[name], after[name]) for name in facts.mission.robots if name in before and name in after]

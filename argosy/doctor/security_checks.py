@@ -19,7 +19,7 @@ from pathlib import Path
 import zenoh
 
 from argosy.cli.operator_bus import names_there
-from argosy.doctor.findings import Said
+from argosy.doctor.findings import Diagnosis
 from commd.bus.access_probe import router_name, which_are_answered, which_come_through
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
@@ -53,16 +53,18 @@ class Trial:
         return f"{RIGHTS[self.right]} {self.key}"
 
 
-async def findings(bus: Bus, mission: Mission) -> list[Said]:
+async def findings(bus: Bus, mission: Mission) -> list[Diagnosis]:
     """Compare the rights of this machine with what each reachable router allows."""
     if bus.endpoint.startswith("tcp/"):
         text = "the router accepts plain TCP: everybody who reaches it has all rights"
         do = "for boards in the field: `argosy keys init`, `argosy units` (docs/guides/security.md)"
-        return [Said("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
+        return [Diagnosis("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
     try:
         name, rights, routers = await _who(bus, mission)
     except Findings as problems:
-        return [Said("error", WHAT, str(problems), "give the names of the mission's boards, operators or observers")]
+        return [
+            Diagnosis("error", WHAT, str(problems), "give the names of the mission's boards, operators or observers")
+        ]
     found = await asyncio.gather(*(_at(bus, mission, name, rights, *router) for router in routers.items()))
     return [one for several in found for one in several]
 
@@ -91,7 +93,7 @@ async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]
     return f"`{name}` (not in the mission)", Rights(), routers
 
 
-async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str, endpoint: str) -> list[Said]:
+async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str, endpoint: str) -> list[Diagnosis]:
     """Run all trials at one router."""
     router = f"the router of {board}"
     try:
@@ -101,20 +103,20 @@ async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str,
             trials = _trials(mission, rights, board, present)
             done = await _try(speaker, listener, trials)
     except BusClosed as closed:
-        return [Said("warning", WHAT, f"{router} is not reached, its rules were not tried: {closed}")]
+        return [Diagnosis("warning", WHAT, f"{router} is not reached, its rules were not tried: {closed}")]
     wrong = [trial for trial in trials if trial.allowed != (trial in done)]
     may, may_not = sum(trial.allowed for trial in trials), sum(not trial.allowed for trial in trials)
     if not wrong:
         text = f"{router} allows {name} {may} of the tried actions and denies {may_not}, as the mission says"
-        return [Said("ok", WHAT, text)]
-    said = []
+        return [Diagnosis("ok", WHAT, text)]
+    found = []
     do = f"write its configuration again (`argosy units MISSION --board {board}`) and restart its commd"
     for allowed, verb in ((True, "denies {}, against the mission, to"), (False, "allows {}, against the mission, to")):
         if these := [trial for trial in wrong if trial.allowed == allowed]:
             more = f", and {len(these) - 3} more" if len(these) > 3 else ""
             text = f"{router} {verb.format(name)} {', '.join(map(str, these[:3]))}{more}"
-            said.append(Said("error", WHAT, text, do))
-    return said
+            found.append(Diagnosis("error", WHAT, text, do))
+    return found
 
 
 @asynccontextmanager
@@ -248,7 +250,7 @@ UNBELIEVED = (
 )
 
 
-def certificates(mission: Mission, folder: Path | None) -> list[Said]:
+def certificates(mission: Mission, folder: Path | None) -> list[Diagnosis]:
     """Check this machine's certificate and those that the boards present. Does nothing without keys."""
     if folder is None:
         return []
@@ -256,8 +258,10 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
     try:
         own = identity_of(tls, now)
     except Findings as findings:
-        return [Said("error", "certificates", one.message, "see docs/guides/security.md") for one in findings.findings]
-    said = _dates("this machine's", own, now)
+        return [
+            Diagnosis("error", "certificates", one.message, "see docs/guides/security.md") for one in findings.findings
+        ]
+    found = _dates("this machine's", own, now)
     seen = [own.ends]
     for board, entry in mission.boards.items():
         if not entry.address:
@@ -266,22 +270,22 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
             theirs = shown_at(tls, *host_and_port(entry.address, DEFAULT_PORT))
         except ssl.SSLCertVerificationError as error:
             text = f"{board} presents one at {entry.address} that our ca.pem does not accept: {error.verify_message}"
-            said.append(Said("error", "certificates", text, UNBELIEVED))
+            found.append(Diagnosis("error", "certificates", text, UNBELIEVED))
             continue
         except OSError as error:
             text = f"{board} presents none at {entry.address}: {error.strerror or error}"
             do = f"is {board} running, with its keys?"
-            said.append(Said("error", "certificates", text, do))
+            found.append(Diagnosis("error", "certificates", text, do))
             continue
         seen.append(theirs.ends)
         if theirs.name != board:
             text = f"`{theirs.name}` answers for {board} at {entry.address}"
-            said.append(Said("error", "certificates", text, "two boards have each other's address or keys"))
-        said += _dates(f"{board}'s", theirs, now)
-    if not said:
+            found.append(Diagnosis("error", "certificates", text, "two boards have each other's address or keys"))
+        found += _dates(f"{board}'s", theirs, now)
+    if not found:
         text = f"{count(len(seen), 'certificate')}, the first ends on {day(min(seen))}"
-        said.append(Said("ok", "certificates", text))
-    return said
+        found.append(Diagnosis("ok", "certificates", text))
+    return found
 
 
 def shown_at(tls: Tls, host: str, port: int) -> Identity:
@@ -293,14 +297,14 @@ def shown_at(tls: Tls, host: str, port: int) -> Identity:
         return theirs
 
 
-def _dates(whose: str, identity: Identity, now: float) -> list[Said]:
+def _dates(whose: str, identity: Identity, now: float) -> list[Diagnosis]:
     if now < identity.begins:
         text = f"{whose} certificate: {out_of_date(identity, now)}"
-        return [Said("error", "certificates", text, "compare the clocks: every other machine refuses it")]
+        return [Diagnosis("error", "certificates", text, "compare the clocks: every other machine refuses it")]
     if identity.ends - now > SOON:
         return []
     left = (identity.ends - now) / 86_400
     text = f"{whose} certificate (`{identity.name}`) ends on {day(identity.ends)}, in {left:.0f} days"
     if left <= 0:
         text = f"{whose} certificate (`{identity.name}`) expired on {day(identity.ends)}: other machines refuse it"
-    return [Said("warning" if left > 0 else "error", "certificates", text, RENEW)]
+    return [Diagnosis("warning" if left > 0 else "error", "certificates", text, RENEW)]

@@ -55,11 +55,11 @@ def run(args: Namespace) -> int:
             parsed = keys.parse(key)
             return parsed[1] if parsed is not None else ""
 
-        def told(key: str, mailboxes: Mailboxes) -> None:
+        def take(key: str, mailboxes: Mailboxes) -> None:
             if (board := board_of(key)) in wanted:
                 found[board] = mailboxes
 
-        errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, told)
+        errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, take)
         why = {board_of(key): error for key, error in errors.items()}
         silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
         silent += [f"somebody answers: {error}" for board, error in why.items() if board not in wanted]
@@ -78,8 +78,8 @@ def _wanted(mission: Mission, board: str | None) -> list[str]:
 
 def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
     if args.json:
-        told = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
-        print(json_lines(told))
+        report = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
+        print(json_lines(report))
     else:
         for one in boxes:
             print("\n".join(board_lines(one, args.dead)))

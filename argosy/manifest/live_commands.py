@@ -71,13 +71,13 @@ def set_manifest(args: Namespace) -> int:
     change = ManifestChange(set=values, remove=tuple(args.remove), version=args.version)
 
     async def ask(bus: Bus, fleet: str) -> int:
-        told = await _asked(bus, fleet, args.robot, change)
-        for problem in told.problems:
+        answer = await _asked(bus, fleet, args.robot, change)
+        for problem in answer.problems:
             print(f"{args.robot}: {problem}", file=sys.stderr)
-        if told.problems:
-            print(f"{args.robot}: nothing was changed, version {told.version}", file=sys.stderr)
+        if answer.problems:
+            print(f"{args.robot}: nothing was changed, version {answer.version}", file=sys.stderr)
             return EXIT_BAD_INPUT
-        print(f"{args.robot}: version {told.version} is in effect until its bridge ends")
+        print(f"{args.robot}: version {answer.version} is in effect until its bridge ends")
         return EXIT_DONE
 
     return _on_the_bus(args, ask)
@@ -150,20 +150,20 @@ async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None
         raise Unanswered(f"{robot}: {failed}") from None
 
 
-def _show(told: LiveManifest, entry: str | None, toml: bool) -> int:
+def _show(answer: LiveManifest, entry: str | None, toml: bool) -> int:
     """Print a manifest, or a part of it."""
     if entry is None:
         if toml:
-            print(f"# {told.robot}, version {told.version} of its running manifest; read from {told.file}\n")
-            print(write_document(told.manifest), end="")
+            print(f"# {answer.robot}, version {answer.version} of its running manifest; read from {answer.file}\n")
+            print(write_document(answer.manifest), end="")
         else:
-            shown = {"version": told.version, "file": told.file, "manifest": told.manifest}
+            shown = {"version": answer.version, "file": answer.file, "manifest": answer.manifest}
             print(json.dumps(shown, indent=2, ensure_ascii=False))
         return EXIT_DONE
     try:
-        steps, part = part_of(told.manifest, entry)
+        steps, part = part_of(answer.manifest, entry)
     except BadPath as error:
-        print(f"{told.robot}: {error}", file=sys.stderr)
+        print(f"{answer.robot}: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     if not toml:
         print(json.dumps(part, indent=2, ensure_ascii=False))

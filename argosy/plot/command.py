@@ -86,14 +86,14 @@ def run(args: Namespace) -> int:
         print(f"warning: {recording.missing}", file=sys.stderr)
     try:
         scene = part_of(read_scene(recording, args.fleet, args.robot), args.robot, args.begin, args.end)
-        told = _tables(scene, args) if args.csv is not None else _figure(scene, args)
+        text = _tables(scene, args) if args.csv is not None else _figure(scene, args)
     except ValueError as error:
         raise BadInput(f"{args.file}: {error}") from None
     except OSError as error:
         raise CommandError(f"{error.filename}: {error.strerror}") from None
     for note in scene.notes:
         print(f"note: {note}", file=sys.stderr)
-    print(told)
+    print(text)
     return EXIT_DONE
 
 
@@ -155,20 +155,20 @@ def _figure(scene: Scene, args: Namespace) -> str:
     there = [panel for panel in PANELS if has(scene, panel)]
     lacking = [panel for panel in args.panels or PANELS if panel not in there]
     if (args.panels and lacking) or not there:
-        raise CommandError(f"{args.file}: it has {NOTHING[lacking[0]]}; {_told(scene)}")
-    unknown = [panel for panel in lacking if panel != "messages" or not scene.told]
+        raise CommandError(f"{args.file}: it has {NOTHING[lacking[0]]}; {_counts(scene)}")
+    unknown = [panel for panel in lacking if panel != "messages" or not scene.has_activity]
     scene.notes.extend(f"it has {NOTHING[panel]}" for panel in unknown)
     write_plot(scene, args.panels or there, args.width, out)
-    return f"{out}: {_told(scene)}, {scene.begin:.1f} s to {scene.end:.1f} s, {args.width / INCH:.2f} in wide"
+    return f"{out}: {_counts(scene)}, {scene.begin:.1f} s to {scene.end:.1f} s, {args.width / INCH:.2f} in wide"
 
 
 def _tables(scene: Scene, args: Namespace) -> str:
     written = write_tables(scene, args.csv)
     if not written:
-        raise CommandError(f"{args.file}: it has {NOTHING['track']}; {_told(scene)}")
-    return f"{args.csv}: {', '.join(written)}: {_told(scene)}"
+        raise CommandError(f"{args.file}: it has {NOTHING['track']}; {_counts(scene)}")
+    return f"{args.csv}: {', '.join(written)}: {_counts(scene)}"
 
 
-def _told(scene: Scene) -> str:
+def _counts(scene: Scene) -> str:
     figures = ((len(scene.robots), "robot"), (len(scene.actions), "action"), (len(scene.messages), "message"))
     return ", ".join(count(number, noun) for number, noun in figures)

@@ -82,7 +82,7 @@ class Scene:
     """Mission seconds that are shown."""
     modes: list[str] = field(default_factory=list)
     """All modes in the recording, so that each has the same colour in every part of it."""
-    told: bool = False
+    has_activity: bool = False
     """Whether agents published their activity, so that the messages are complete."""
     notes: list[str] = field(default_factory=list)
     """What is missing, as text."""
@@ -129,7 +129,7 @@ class SceneReader:
             self._model.assign(robot, tuple(agent for agent, its in self._robot_of.items() if its == robot))
         self._places: dict[tuple[str, str], Place] = {}
         self._first: float | None = None
-        self._told = False
+        self._has_activity = False
 
     def read(self, records: Iterable[Heard]) -> Scene:
         """Take all records. Returns the scene of the whole recording."""
@@ -147,7 +147,7 @@ class SceneReader:
                 case ActionStatus() as status if agent in self._robot_of:
                     self._target(self._model.robots[self._robot_of[agent]].seen, status)
                 case MindActivity():
-                    self._told = True
+                    self._has_activity = True
         return self._scene()
 
     def _sight(self, robot: RobotSeen, percept: Perception) -> None:
@@ -190,7 +190,7 @@ class SceneReader:
             places=list(self._places.values()),
             begin=self._first or 0.0,
             end=self._now,
-            told=self._told,
+            has_activity=self._has_activity,
             modes=list(dict.fromkeys(mode for robot in robots.values() for _, mode in robot.track.modes)),
         )
         if model.actions_forgotten:
@@ -244,7 +244,7 @@ def part_of(scene: Scene, robots: list[str], begin: float | None, end: float | N
         begin=first,
         end=last,
         modes=scene.modes,
-        told=scene.told,
+        has_activity=scene.has_activity,
         notes=list(scene.notes),
     )
 

@@ -75,9 +75,9 @@ def write_plot(scene: Scene, panels: list[Panel], width: float, out: Path) -> No
         figure = _draw(scene, panels, width / INCH)
         kind = out.suffix[1:]
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
-        told = {"Creator" if kind != "png" else "Software": "argosy plot", "Title": f"{scene.title}"}
+        metadata = {"Creator" if kind != "png" else "Software": "argosy plot", "Title": f"{scene.title}"}
         drawn = BytesIO()
-        figure.savefig(drawn, format=kind, dpi=RESOLUTION, metadata={**told, **dated})
+        figure.savefig(drawn, format=kind, dpi=RESOLUTION, metadata={**metadata, **dated})
     data = drawn.getvalue()
     if kind == "svg":  # without indents, and with two decimals, to be smaller: hundredths of a point are enough
         data = _INDENT.sub(b"\n", _DIGITS.sub(lambda found: found[1] or found[0], data))

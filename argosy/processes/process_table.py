@@ -41,8 +41,8 @@ class Place:
     @property
     def arguments(self) -> list[str]:
         """Arguments of `commd serve`: they override the addresses of the mission."""
-        told = ["--router", self.router, *(["--listen", self.listen] if self.listen else [])]
-        return [*told, *(word for endpoint in self.connect for word in ("--connect", endpoint))]
+        options = ["--router", self.router, *(["--listen", self.listen] if self.listen else [])]
+        return [*options, *(word for endpoint in self.connect for word in ("--connect", endpoint))]
 
 
 def places(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[str, Place]:

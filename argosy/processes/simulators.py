@@ -31,14 +31,14 @@ SHORTEST_RECHARGE = 1.0
 def _copter(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
     robot = mission.robots[name]
     assert robot.simulate is not None
-    told = robot.simulate
-    home = ",".join(map(repr, told.home or ()))
+    settings = robot.simulate
+    home = ",".join(map(repr, settings.home or ()))
     link = str(peer_of(LinkAddress.parse(robot.link), address))
     arguments = ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
-    arguments += [f"--param={name}={value!r}" for name, value in told.parameters.items()]
-    arguments += [f"--fault={fault}" for fault in told.faults]
-    arguments += [] if told.battery is None else [f"--battery-minutes={told.battery / 60:g}"]
-    arguments += [] if told.recharge is None else [f"--recharge-seconds={float(told.recharge):g}"]
+    arguments += [f"--param={name}={value!r}" for name, value in settings.parameters.items()]
+    arguments += [f"--fault={fault}" for fault in settings.faults]
+    arguments += [] if settings.battery is None else [f"--battery-minutes={settings.battery / 60:g}"]
+    arguments += [] if settings.recharge is None else [f"--recharge-seconds={float(settings.recharge):g}"]
     arguments += camera_arguments(mission, name, router)
     if robot.signing is None:
         return arguments
@@ -102,29 +102,29 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
 
 def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
     """Return the problems of settings that only a simulated copter has: field and text."""
-    told = robot.simulate
-    assert told is not None
+    settings = robot.simulate
+    assert settings is not None
     given = {
-        "parameters": told.parameters,
-        "battery": told.battery,
-        "recharge": told.recharge,
-        "camera": told.camera,
-        "faults": told.faults,
+        "parameters": settings.parameters,
+        "battery": settings.battery,
+        "recharge": settings.recharge,
+        "camera": settings.camera,
+        "faults": settings.faults,
     }
     if vehicle_of(robot) != "copter":
         return [(field, f"simulate.{field}: only a simulated copter has this") for field in given if given[field]]
     problems = []
     try:
-        Faults.parse(told.faults)
+        Faults.parse(settings.faults)
     except ValueError as error:
         problems.append(("faults", f"simulate.faults: {error}"))
     known = Parameters(robot.sysid)
-    for name, value in told.parameters.items():
+    for name, value in settings.parameters.items():
         if known.set(name, value) is None:
             problems.append(("parameters", f"simulate.parameters: the simulated copter has no parameter {name!r}"))
-    if told.battery is not None and told.battery < SHORTEST_BATTERY:
+    if settings.battery is not None and settings.battery < SHORTEST_BATTERY:
         problems.append(("battery", f"simulate.battery: expected at least {SHORTEST_BATTERY:g} s"))
-    if told.recharge is not None and told.recharge < SHORTEST_RECHARGE:
+    if settings.recharge is not None and settings.recharge < SHORTEST_RECHARGE:
         problems.append(("recharge", f"simulate.recharge: expected at least {SHORTEST_RECHARGE:g} s"))
     return problems
 

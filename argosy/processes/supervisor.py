@@ -43,7 +43,7 @@ class Child:
         self.logged_error = self.stderr_line = ""
         """Its last logged error, and its last line on standard error that is not a log line."""
         self.started = time.monotonic()
-        self.told_to_leave = self.killed = False
+        self.asked_to_leave = self.killed = False
         """Whether it was asked to end; whether it was killed because it did not."""
         self.died: float | None = None
         self.replaced = False
@@ -71,7 +71,7 @@ class Child:
         """Whether it ended by itself or by a foreign signal, and is not restarted."""
         code = self.handle.returncode
         crashed = code is not None and code < 0 and code != -signal.SIGTERM and not self.killed
-        return self.died is not None and not self.replaced and (crashed or not self.told_to_leave)
+        return self.died is not None and not self.replaced and (crashed or not self.asked_to_leave)
 
     def how_it_ended(self) -> str:
         """Return how it ended as text, with its last error."""
@@ -83,14 +83,14 @@ class Child:
         error = self.logged_error or self.stderr_line
         return f"ended by itself with exit code {code}{f': {error}' if error else ''}{self.in_vain}"
 
-    def tell_to_leave(self) -> None:
+    def ask_to_leave(self) -> None:
         """Send SIGTERM."""
-        self.told_to_leave = True
+        self.asked_to_leave = True
         self.signal(signal.SIGTERM)
 
     def kill(self) -> None:
         """Send SIGKILL."""
-        self.told_to_leave = self.killed = True
+        self.asked_to_leave = self.killed = True
         self.signal(signal.SIGKILL)
 
     def signal(self, number: signal.Signals) -> None:
@@ -155,7 +155,7 @@ class Supervisor:
         """
         leaving = [child for child in children if child.alive]
         for child in leaving:
-            child.tell_to_leave()
+            child.ask_to_leave()
         until, hurried = time.monotonic() + patience, False
         while (late := [child for child in leaving if child.alive]) and time.monotonic() < until:
             if hurry.is_set() and not hurried:

@@ -158,7 +158,7 @@ class Backfill:
             return False
         made, answered = codec(answer), False
 
-        def told(key: str, record: Record) -> None:
+        def take(key: str, record: Record) -> None:
             nonlocal answered
             heard = Heard(self._write_queue.now(), key, made.encode(record), made.encoding("json"), "query")
             self._write_queue.put(heard)
@@ -166,7 +166,7 @@ class Backfill:
 
         async with self._room:
             try:
-                errors = await self._bus.ask_all(key, answer, PATIENCE, told, limit=REPLIES)
+                errors = await self._bus.ask_all(key, answer, PATIENCE, take, limit=REPLIES)
                 for error in errors.values():
                     log.debug("no_answer key=%s why=%s", key, error)
             except (BusClosed, BadRecord) as error:

@@ -51,7 +51,7 @@ class Facts:
 
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
-        said = {
+        fields = {
             "format": FORMAT,
             "recording": self.recording,
             "fleet": self.fleet,
@@ -64,18 +64,18 @@ class Facts:
             "speed": f"{self.speed:g}",
             "part": str(self.part),
         } | {_NOTE + name: text for name, text in self.notes.items()}
-        return said | {_SUM: _sum(said)}
+        return fields | {_SUM: _sum(fields)}
 
 
-def _sum(said: Mapping[str, str]) -> str:
-    return f"{crc32(json.dumps(sorted(said.items())).encode()):08x}"
+def _sum(fields: Mapping[str, str]) -> str:
+    return f"{crc32(json.dumps(sorted(fields.items())).encode()):08x}"
 
 
 def intact(metadata: Mapping[str, str]) -> bool:
     """Whether the checksum of metadata, if there is one, is right."""
-    said = dict(metadata)
-    expected = said.pop(_SUM, None)
-    return expected is None or expected == _sum(said)
+    fields = dict(metadata)
+    expected = fields.pop(_SUM, None)
+    return expected is None or expected == _sum(fields)
 
 
 def facts_of(metadata: Mapping[str, str]) -> Facts:
@@ -122,13 +122,13 @@ class End:
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
         figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-        said = {
+        fields = {
             "why": self.why,
             **figures,
             "gaps": msgspec.json.encode(self.gaps).decode(),
             "following": self.following,
         }
-        return said | {_SUM: _sum(said)}
+        return fields | {_SUM: _sum(fields)}
 
 
 def end_of(metadata: Mapping[str, str]) -> End:

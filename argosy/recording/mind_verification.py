@@ -175,16 +175,16 @@ class ReplayCheck:
 
     def _print_result(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
         gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
-        told, notes, agrees = figures(result, gone_in, wall), list(result.notes), "agrees"
+        compared, notes, agrees = figures(result, gone_in, wall), list(result.notes), "agrees"
         if not self.edited and result.difference is None and (unheard := self._unheard()):
             lacks, notes = [*lacks, unheard], []
         if result.difference is not None:
-            print(f"{self.name}: differs: the same for {told}")
+            print(f"{self.name}: differs: the same for {compared}")
             edited, shown = bool(self.edited), self.args.show
             for line in difference_lines(result.difference, self.recorded, self.other, edited=edited, shown=shown):
                 print(f"  {line}")
         elif lacks:
-            print(f"{self.name}: the same for {told}, but not all of it is proved:")
+            print(f"{self.name}: the same for {compared}, but not all of it is proved:")
             for lack in lacks:
                 print(f"  {lack}")
         else:
@@ -194,7 +194,7 @@ class ReplayCheck:
             elif not self.life.ended:
                 agrees = "agrees as far as the recording goes"
                 notes.append("the recording ends before the agent: what became of it is not in it")
-            print(f"{who}: {agrees}: {told}")
+            print(f"{who}: {agrees}: {compared}")
         if foreign:
             notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
         for note in notes:
@@ -257,9 +257,9 @@ def figures(result: Result, inputs: int, wall: float) -> str:
         (result.decisions, "decision"),
         (result.effects, "effect"),
     )
-    told = ", ".join(count(number, noun) for number, noun in counts)
+    counted = ", ".join(count(number, noun) for number, noun in counts)
     until = result.until if result.difference is None else result.difference.time
-    return f"{told} up to {until:.1f} s of mission time, in {wall:.1f} s"
+    return f"{counted} up to {until:.1f} s of mission time, in {wall:.1f} s"
 
 
 def difference_lines(

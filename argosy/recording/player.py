@@ -28,7 +28,7 @@ LATE = 0.25
 class Figures:
     """Counters of a replay."""
 
-    said: int = 0
+    republished: int = 0
     """Messages published."""
     left_out: int = 0
     """Answers to queries, deleted keys, and the recorder's notes."""
@@ -121,11 +121,11 @@ class Player:
         if message.name in _OF_MINDS:
             self._mind(message)
         try:
-            said = self._payload(message)
+            payload = self._payload(message)
         except (ValueError, msgspec.MsgspecError, RecursionError):
             self.figures.unreadable += 1
             return
-        if said is None:
+        if payload is None:
             self.figures.left_out += 1
             return
         if (key := self._renamed(message.key)) is None:
@@ -134,8 +134,8 @@ class Player:
         publisher = self._publishers.get(key)
         if publisher is None:
             publisher = self._publishers[key] = self.bus.raw.publisher(key)
-        publisher.put(said, message.track.encoding)
-        self.figures.said += 1
+        publisher.put(payload, message.track.encoding)
+        self.figures.republished += 1
 
     def _payload(self, message: Recorded) -> bytes | None:
         """Return the bytes that were put; None for a message that was not put."""

@@ -279,8 +279,8 @@ class _Wanted:
             return None
         if self._only and not any(one.intersects(zenoh.KeyExpr(channel.topic)) for one in self._only):
             return None
-        said = channel.metadata
-        return Track(channel.topic, name, said.get("encoding", ""), said.get("origin", "put"))
+        metadata = channel.metadata
+        return Track(channel.topic, name, metadata.get("encoding", ""), metadata.get("origin", "put"))
 
 
 def _record_name(schema: Schema) -> str:

@@ -165,7 +165,7 @@ class _Recording:
 
     def __init__(self, bus: Bus, recorder: Recorder, backfill: Backfill) -> None:
         self._bus, self._recorder, self._backfill = bus, recorder, backfill
-        self._ended, self._told, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
+        self._ended, self._stopping, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._why = ""
         self._router_lost = False
 
@@ -191,9 +191,9 @@ class _Recording:
         return self._finish()
 
     async def _until_it_ends(self) -> None:
-        told, ended = asyncio.create_task(self._told.wait()), asyncio.create_task(self._ended.wait())
-        await asyncio.wait((told, ended), return_when=asyncio.FIRST_COMPLETED)
-        told.cancel()
+        stopping, ended = asyncio.create_task(self._stopping.wait()), asyncio.create_task(self._ended.wait())
+        await asyncio.wait((stopping, ended), return_when=asyncio.FIRST_COMPLETED)
+        stopping.cancel()
         if not self._ended.is_set() and self._bus.router_up:
             with suppress(TimeoutError):
                 async with asyncio.timeout(LAST_LOOK):
@@ -225,9 +225,9 @@ class _Recording:
 
     def _tell(self, why: str) -> None:
         self._why = self._why or why
-        if self._told.is_set():
+        if self._stopping.is_set():
             self._again.set()
-        self._told.set()
+        self._stopping.set()
 
     def _router(self, up: bool) -> None:
         if up and self._router_lost:

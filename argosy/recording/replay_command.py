@@ -196,8 +196,8 @@ class _Replay:
                 return
             if sys.stderr.isatty():
                 figures = self._player.figures
-                told = f"{figures.at:.0f} of {self._player.recording.seconds:.0f} s  {figures.said} messages"
-                print(f"\r\x1b[K{told}", end="", file=sys.stderr, flush=True)
+                status = f"{figures.at:.0f} of {self._player.recording.seconds:.0f} s  {figures.republished} messages"
+                print(f"\r\x1b[K{status}", end="", file=sys.stderr, flush=True)
 
     def _report(self) -> None:
         figures = self._player.figures
@@ -205,7 +205,7 @@ class _Replay:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         left = f", {figures.left_out} left out (answers to queries)" if figures.left_out else ""
         with suppress(OSError):
-            print(f"replayed {figures.at:.1f} s: {figures.said} messages{left}")
+            print(f"replayed {figures.at:.1f} s: {figures.republished} messages{left}")
         if figures.not_ours:
             why = "their keys are outside the recorded fleets and could reach running robots"
             print(f"warning: {figures.not_ours} messages were not published: {why}", file=sys.stderr)

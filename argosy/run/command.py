@@ -88,8 +88,8 @@ def run(args: Namespace) -> int:
         ports = stack.enter_context(ExitStack())
         wanted = args.router or mission.router.endpoint
         if not mission.router.external:
-            told = f"waiting for another run that starts at {wanted}"
-            ports.enter_context(starting(wanted, lambda: print(told, file=sys.stderr, flush=True)))
+            waiting = f"waiting for another run that starts at {wanted}"
+            ports.enter_context(starting(wanted, lambda: print(waiting, file=sys.stderr, flush=True)))
         setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
         log = _open_log(args.report, stack)
         recording = recording_of(args.record, args.report)
@@ -119,8 +119,8 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and mission.radio is not None:
         line = mission.positions.of(("radio",))[0]
-        told = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
-        raise BadInput(f"{mission.path}:{line}: {told}: take it out to fly real ones")
+        problem = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
+        raise BadInput(f"{mission.path}:{line}: {problem}: take it out to fly real ones")
     if real and speed != 1:
         raise BadInput(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
     router = args.router or _router(mission)
@@ -130,8 +130,8 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
-        told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
-        raise BadInput(f"{told}: fly all of them with --real {','.join(mixed)}")
+        problem = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
+        raise BadInput(f"{problem}: fly all of them with --real {','.join(mixed)}")
     return setup
 
 
@@ -163,8 +163,8 @@ def _check_ports(setup: Setup) -> None:
         line = mission.positions.of(("robots", robots[-1], "link"))[0]
         boards = list(dict.fromkeys(mission.robots[robot].board for robot in robots))
         if len(boards) > 1:
-            told = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
-            raise BadInput(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
+            problem = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
+            raise BadInput(f"{mission.path}:{line}: {problem}: give {robots[-1]} another one")
         if link.port and (why := link_in_use(link)):
             advice = f"is another mission running? Give {', '.join(robots)} another link"
             raise CommandError(f"{mission.path}:{line}: {link} {why}: {advice}")
@@ -206,8 +206,8 @@ def _consequences(setup: Setup) -> str:
         ("arm and fly the real vehicle", vehicles),
         ("act on the real robot", sorted({*setup.real} - {*vehicles})),
     )
-    said = [f"{action}{'s' if len(names) > 1 else ''} {', '.join(names)}" for action, names in actions if names]
-    return " and ".join(said)
+    parts = [f"{action}{'s' if len(names) > 1 else ''} {', '.join(names)}" for action, names in actions if names]
+    return " and ".join(parts)
 
 
 def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bound: Callable[[], None]) -> int:

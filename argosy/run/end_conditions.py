@@ -50,7 +50,7 @@ class EndConditions:
         self._mission, self._model = status.setup.mission, status.model
         self._idle_since: float | None = None
         """Wall time since when no agent has anything left to do."""
-        self._told_idle = False
+        self._idle_reported = False
         self._death: Ending | None = None
         """The first death of a needed process; a restart to bring vehicles home does not undo it."""
         self._now = now
@@ -118,8 +118,8 @@ class EndConditions:
         self._ordered_since = (self._ordered_since or self._now()) if ordered else None
         if self._ordered_since is None or self._now() - self._ordered_since < ANSWERED or self._status.flying():
             return ""
-        told = [order for order in ordered if order in DOWN or self._failed()]
-        return ", ".join(dict.fromkeys(told))
+        orders = [order for order in ordered if order in DOWN or self._failed()]
+        return ", ".join(dict.fromkeys(orders))
 
     def _lost(self) -> str:
         """Return what the run needs and has lost, as text."""
@@ -147,7 +147,7 @@ class EndConditions:
         """
         until = self._status.timeout_at
         if until is None or self._ordered() or self._status.paused() or not self._idle():
-            self._idle_since, self._told_idle = None, False
+            self._idle_since, self._idle_reported = None, False
             return None
         now = self._now()
         self._idle_since = now if self._idle_since is None else self._idle_since
@@ -157,8 +157,8 @@ class EndConditions:
             why = f"{', '.join(home)} was in the air with nobody in charge and was brought home (on_idle)"
             over = Ending(EXIT_FAILED, f"failed: {why}; no agent has anything left to do")
             return None if self._status.flying() else over
-        if not self._told_idle:
-            self._told_idle = True
+        if not self._idle_reported:
+            self._idle_reported = True
             left = f"the mission ends at its timeout in {until - self._status.now():.0f} s"
             self._status.journal.add("argosy", f"no agent has anything left to do; {left}", "warning")
         return None

@@ -89,7 +89,7 @@ class MissionRunner:
         """Run the mission to its end and stop everything. Never raises for what a user can cause."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._told_to_stop, number)
+            loop.add_signal_handler(number, self._stop_requested, number)
         helpers = [asyncio.create_task(self._draw(refresh)), asyncio.create_task(self._measure())]
         startup = asyncio.create_task(self._start())
         ending = Ending(EXIT_FAILED, "failed by an error of argosy itself")
@@ -351,7 +351,7 @@ class MissionRunner:
         flying = self.status.flying() and self.finished is None
         self.status.meter.sample([child.pid for child in children], measured, flying=flying, idle=self._idle)
 
-    def _told_to_stop(self, number: signal.Signals) -> None:
+    def _stop_requested(self, number: signal.Signals) -> None:
         """End the mission; on a second signal, or when no vehicle flies, leave immediately."""
         self._signals.append(number)
         self._wake.set()
@@ -360,8 +360,8 @@ class MissionRunner:
             if self.finished is not None:
                 be = "is" if all(robot.seen.armed for robot in armed) else "may be"
                 names = ", ".join(robot.name for robot in armed)
-                told = f"{names} {be} armed and is brought home: ctrl-C again leaves at once"
-                self._journal.add("argosy", told, "warning")
+                text = f"{names} {be} armed and is brought home: ctrl-C again leaves at once"
+                self._journal.add("argosy", text, "warning")
             return
         self._recovery.hurry.set()
         self._journal.add("argosy", "hurrying", "warning")

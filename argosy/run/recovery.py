@@ -16,7 +16,7 @@ from commd.common.tasks import wait_at_most
 
 REFRESH = 0.25
 """Wall seconds between two checks of vehicles and daemons."""
-TOLD_EVERY = 10.0
+REPORTED_EVERY = 10.0
 """Wall seconds between two lines of the countdown."""
 HEARD_WITHIN = 30.0
 """Wall seconds that a restarted bridge has to hear its vehicles, before it is ordered to leave in any case."""
@@ -48,9 +48,11 @@ class Recovery:
         """
         left, looked = self._mission.grace, time.monotonic()
         be = "are" if any(robot.seen.armed for robot in self.armed()) else "may be"
-        told = f"{ending.text}; vehicles {be} armed: their programs have {left:g} wall seconds before the mission ends"
+        warning = (
+            f"{ending.text}; vehicles {be} armed: their programs have {left:g} wall seconds before the mission ends"
+        )
         on = ", from `argosy stop continue` on" if self._paused() else ""
-        self._journal.add("argosy", told + on, "warning")
+        self._journal.add("argosy", warning + on, "warning")
         while self.armed() and not interrupted() and left > 0:
             paused = self._paused()
             what = f"the operator, {', '.join(paused)} paused" if paused else f"the programs, {left:.0f} s"
@@ -73,20 +75,20 @@ class Recovery:
 
         Returns which vehicles were left armed and are not a pilot's, and why; empty if there is none.
         """
-        status, told, spoken = self._status, set[Child](), 0.0
+        status, asked, reported = self._status, set[Child](), 0.0
         until = status.now() + self._mission.bring_home
         while not self.hurry.is_set() and (left := until - status.now()) > 0:
             self._look_after_daemons()
             if not (away := [robot for robot in self.armed() if robot.name in self._bridged()]):
                 break
             for bridge in self._supervisor.of_kind("bridged"):
-                if bridge.alive and bridge not in told and not self._unheard(bridge):
-                    told.add(bridge)
-                    bridge.tell_to_leave()
+                if bridge.alive and bridge not in asked and not self._unheard(bridge):
+                    asked.add(bridge)
+                    bridge.ask_to_leave()
             leaves = "ctrl-C again leaves" if interrupted() else "ctrl-C twice leaves"
             status.waiting_for = f"{', '.join(map(_where, away))} to be disarmed, {left:.0f} s left; {leaves}"
-            if time.monotonic() - spoken >= TOLD_EVERY:
-                spoken = time.monotonic()
+            if time.monotonic() - reported >= REPORTED_EVERY:
+                reported = time.monotonic()
                 self._journal.add("argosy", f"waiting for {status.waiting_for}", "warning")
             await wait_at_most(self.hurry, REFRESH)
         status.waiting_for = ""

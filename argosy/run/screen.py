@@ -136,8 +136,8 @@ class Screen:
             table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
         for action in actions:
             age = f"  {action.state} {status.mission_seconds(action.age(model.now())):.0f} s  "
-            told = _feedback(action, width - len(agent.name) - len(action.text) - len(age) - _AROUND)
-            text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(told), "dim"))
+            feedback = _feedback(action, width - len(agent.name) - len(action.text) - len(age) - _AROUND)
+            text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(feedback), "dim"))
             table.add_row("", text)
         for line in agent.prints:
             table.add_row("", Text(f"“{printable(line)}”", style="cyan"))
@@ -167,16 +167,16 @@ class Screen:
         for child in self.status.children:
             usage = self.status.meter.usage.get(child.pid)
             if child.replaced:
-                state, said = ("○", "yellow"), "died, is started again"
+                state, text = ("○", "yellow"), "died, is started again"
             elif not child.alive:
-                state, said = (
+                state, text = (
                     ("●", "red") if child.dead else ("●", "dim"),
                     child.how_it_ended() if child.dead else "left",
                 )
             elif self.status.serves(child):
-                state, said = ("●", "green"), self._health(child.process.kind.name, child.process.subject)
+                state, text = ("●", "green"), self._health(child.process.kind.name, child.process.subject)
             else:
-                state, said = ("○", "yellow"), "coming up"
+                state, text = ("○", "yellow"), "coming up"
             number = self.status.restarts[child.name]
             restarted = f"restarted {count(number, 'time')}" if number else ""
             table.add_row(
@@ -184,14 +184,14 @@ class Screen:
                 Text(f"pid {child.pid}", style="dim"),
                 f"{usage.cpu * 100:.1f} %" if usage and child.alive else "",
                 f"{usage.memory / MEGABYTE:.1f} MB" if usage and child.alive else "",
-                Text(printable(", ".join(filter(None, (said, restarted)))), style="dim"),
+                Text(printable(", ".join(filter(None, (text, restarted)))), style="dim"),
             )
         return [table]
 
     def _health(self, daemon: str, subject: str) -> str:
-        told = [self.status.model.health_of(name, daemon) for name in subject.split()]
-        drops = sum(health.drops for health in told if health)
-        bad = sum(health.bad_input for health in told if health)
+        reports = [self.status.model.health_of(name, daemon) for name in subject.split()]
+        drops = sum(health.drops for health in reports if health)
+        bad = sum(health.bad_input for health in reports if health)
         counted = [f"{drops} dropped"] if drops else []
         counted += [f"{bad} bad inputs"] if bad else []
         return ", ".join(counted)
@@ -224,8 +224,8 @@ def _robot(member: FleetRobot, width: int, silent: float, old: float) -> list[Te
     if not robot.mode:
         return [Text(robot.name, style="bold"), Text("not heard yet", style="yellow")]
     if robot.lost:
-        told = Text(printable(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}"), style="bold red")
-        return [Text(robot.name, style="bold"), told]
+        line = Text(printable(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}"), style="bold red")
+        return [Text(robot.name, style="bold"), line]
     cells = [
         Text.assemble((robot.name, "bold"), (f" {old:.0f} s ago:", "bold red") if old else ""),
         Text(printable(robot.mode), style="magenta"),
@@ -254,13 +254,13 @@ def _no_vehicle(robot: FleetRobot) -> Text:
 
 def _feedback(action: ActionSeen, room: int) -> str:
     """Return as many whole figures of an action as fit into `room` columns."""
-    told = ""
+    figures = ""
     for key, value in action.feedback.items():
-        more = f"{told}  {key} {value:.1f}".strip()
+        more = f"{figures}  {key} {value:.1f}".strip()
         if len(more) > room:
-            return f"{told} …".strip()
-        told = more
-    return told
+            return f"{figures} …".strip()
+        figures = more
+    return figures
 
 
 def _spark(track: Track, width: int) -> str:

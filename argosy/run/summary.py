@@ -76,10 +76,10 @@ def _left(status: Status, robot: FleetRobot) -> str:
         return ", ".join(seen.told.values()) or "never heard"
     old = f"{status.mission_seconds(robot.age(status.model.now()) or 0.0):.0f} s ago: "
     marked = f"LOST, last heard {old}" if seen.lost else old if robot.name in status.frozen else ""
-    told = [seen.mode, "armed" if seen.armed else "disarmed"]
+    parts = [seen.mode, "armed" if seen.armed else "disarmed"]
     if seen.altitude is not None:
-        told.append(f"{seen.altitude + 0.0:.1f} m above home")
-    left = marked + ", ".join(told)
+        parts.append(f"{seen.altitude + 0.0:.1f} m above home")
+    left = marked + ", ".join(parts)
     if (highest := seen.track.highest()) is not None:
         left += f"; flew {seen.track.length():.0f} m, {highest:.1f} m high at most"
     return left
@@ -115,17 +115,17 @@ def _field(name: str, text: str) -> str:
 
 def last_words(status: Status, ending: Ending) -> list[str]:
     """Return the last warnings and errors of a run and the last lines of dead processes, nothing twice."""
-    told: dict[tuple[str, str], str] = {}
+    warnings: dict[tuple[str, str], str] = {}
     for entry in status.journal.entries:
         if entry.level in ("warning", "error") and entry.text not in ending.text:
-            told.pop((entry.who, entry.text), None)  # keep the last place of repeated entries
-            told[entry.who, entry.text] = str(entry)
-    lines = ["  last warnings", *(f"  {text}" for text in list(told.values())[-MOST:])] if told else []
+            warnings.pop((entry.who, entry.text), None)  # keep the last place of repeated entries
+            warnings[entry.who, entry.text] = str(entry)
+    lines = ["  last warnings", *(f"  {text}" for text in list(warnings.values())[-MOST:])] if warnings else []
     for child in status.children:
         if not child.dead:
             continue
         texts = [f"[{line.agent}] {line.text}" if line.agent else line.text for line in child.lines]
-        new = [text for text in texts if text not in ending.text and (child.name, text) not in told][-MOST_LINES:]
+        new = [text for text in texts if text not in ending.text and (child.name, text) not in warnings][-MOST_LINES:]
         lines += [f"  last lines of {child.name}", *(f"    {text}" for text in new)] if new else []
     return [*lines, ""] if lines else []
 

@@ -135,7 +135,7 @@ async def _watch(processes: list[Process]) -> int:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, lambda: (hurry if stop.is_set() else stop).set())
-    supervisor = Supervisor(_said, lambda child: stop.set())
+    supervisor = Supervisor(_print_line, lambda child: stop.set())
     try:
         for process in processes:
             await supervisor.start(process)
@@ -149,6 +149,6 @@ async def _watch(processes: list[Process]) -> int:
     return EXIT_FAILED if dead else EXIT_DONE
 
 
-def _said(child: Child, line: LogLine) -> None:
+def _print_line(child: Child, line: LogLine) -> None:
     with suppress(OSError):
         print(f"{child.name}: {line.text}", flush=True)

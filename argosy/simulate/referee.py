@@ -67,15 +67,15 @@ class CopterSeen:
         entry = self.manifest.percepts.get(perception.name)
         if entry is None or entry.arity != len(perception.parameters) or perception.update == "remove":
             return  # a removed percept held until then
-        told: set[tuple[str, str]] = set()
+        fields: set[tuple[str, str]] = set()
         for one, term in zip(entry.fields(), perception.parameters, strict=True):
             if (value := _value(term)) is not None:
                 raw = value if isinstance(value, bool) else (value - one.offset) / (one.scale or 1.0)
                 self.values[entry.source, one.field] = raw
-                told.add((entry.source, one.field))
-        if told.issuperset(PLACE) and (place := self._place(PLACE)) is not None:
+                fields.add((entry.source, one.field))
+        if fields.issuperset(PLACE) and (place := self._place(PLACE)) is not None:
             self.places.append((at, place))
-        if (pulse := latch_field(output)) in told:
+        if (pulse := latch_field(output)) in fields:
             armed = bool(self.values.get(ARMED, True))
             self.latch.append((at, float(self.values[pulse]), armed, self._place(HOME)))
 
@@ -140,8 +140,8 @@ def _victim(manifest: Manifest, perception: Perception) -> Victim | None:
     entry = manifest.percepts.get(perception.name)
     if entry is None or perception.update == "remove":
         return None
-    told = {one.field: to_float(term) for one, term in zip(entry.fields(), perception.parameters, strict=False)}
-    number, lat, lon = (told.get(name) for name in SIGHTING)
+    fields = {one.field: to_float(term) for one, term in zip(entry.fields(), perception.parameters, strict=False)}
+    number, lat, lon = (fields.get(name) for name in SIGHTING)
     if number is None or lat is None or lon is None:
         return None
     return Victim(int(number), lat, lon)
@@ -203,11 +203,11 @@ class Verdict:
         once = sum(len(drops) == 1 for drops in self.rescues.values())
         twice = sum(len(drops) > 1 for drops in self.rescues.values())
         never = sum(not drops for drops in self.rescues.values())
-        told = f"{once} of {len(self.rescues)} victims got exactly one buoy"
-        told += f", {never} none" if never else ""
-        told += f", {twice} more than one" if twice else ""
-        told += f", {len(self.astray)} buoys fell astray" if self.astray else ""
-        return "\n".join([*lines, f"{'PASSED' if self.good else 'FAILED'}: {told}"])
+        verdict = f"{once} of {len(self.rescues)} victims got exactly one buoy"
+        verdict += f", {never} none" if never else ""
+        verdict += f", {twice} more than one" if twice else ""
+        verdict += f", {len(self.astray)} buoys fell astray" if self.astray else ""
+        return "\n".join([*lines, f"{'PASSED' if self.good else 'FAILED'}: {verdict}"])
 
 
 def drops_of(robot: str, moves: Iterable[ServoMove], *, loaded: bool = True) -> list[Drop]:

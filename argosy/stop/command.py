@@ -70,23 +70,23 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
     """Order the mission's robots immediately, visible or not, then others with a running bridge."""
     looking = asyncio.create_task(bridges(bus, where.fleet))
 
-    async def told(fleet: str, robot: str) -> bool:
+    async def stopped(fleet: str, robot: str) -> bool:
         outcome = await order_robot(bus, fleet, robot, order)
         reason = outcome.reason
         if outcome is UNANSWERED and robot not in {its for _, its in await looking}:
             reason = f"its bridge is not on the bus at {where.router}"
-        said = f" ({printable(reason)})" if reason else ""
-        print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{said}", flush=True)
+        why = f" ({printable(reason)})" if reason else ""
+        print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{why}", flush=True)
         return outcome.ok
 
     known = [robot for robot in where.robots if not wanted or robot in wanted]
-    orders = [asyncio.create_task(told(where.fleet, robot)) for robot in known]
+    orders = [asyncio.create_task(stopped(where.fleet, robot)) for robot in known]
     absent: list[str] = []
     try:
         if not wanted or set(wanted) - set(known):  # else nobody is to wait for boards that are nothing to them
             there = await looking
             orders += [
-                asyncio.create_task(told(fleet, robot))
+                asyncio.create_task(stopped(fleet, robot))
                 for fleet, robot in there
                 if robot not in known and (not wanted or robot in wanted)
             ]

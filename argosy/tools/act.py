@@ -224,14 +224,14 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
 
 def status_text(status: ActionStatus) -> str:
     """Return a status as text: `running, altitude 3.2`, `refused: busy: goto is running`."""
-    said = status.state.replace("_", " ")
+    text = status.state.replace("_", " ")
     if status.state == "accepted" and status.deadline is not None:
-        said += f", {status.deadline:g} s at most"
+        text += f", {status.deadline:g} s at most"
     if status.feedback and not status.final:
-        said += "".join(f", {what} {value:.4g}" for what, value in status.feedback.items())
+        text += "".join(f", {what} {value:.4g}" for what, value in status.feedback.items())
     if status.reason:
-        said += f": {status.reason}" if status.final else f", waits for {status.reason}"
-    return said
+        text += f": {status.reason}" if status.final else f", waits for {status.reason}"
+    return text
 
 
 def say(line: str) -> None:

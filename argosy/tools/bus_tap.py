@@ -77,7 +77,7 @@ def key_expressions(text: str | None, fleet: str) -> list[str]:
     """Return the key expressions of a KEY argument."""
     within = f"{keys.ROOT}/{fleet}"
     if text is None or _NAME.fullmatch(text):
-        return what_is_told(fleet, text or "*")
+        return published_keys(fleet, text or "*")
     if text == "**":
         return [f"{within}/**"]
     if text == keys.ROOT or text.startswith((f"{keys.ROOT}/", "@")):
@@ -85,7 +85,7 @@ def key_expressions(text: str | None, fleet: str) -> list[str]:
     return [f"{within}/{text}", text] if "/" in text else [f"{within}/{text}"]  # robots on Zenoh have keys of their own
 
 
-def what_is_told(fleet: str, name: str = "*") -> list[str]:
+def published_keys(fleet: str, name: str = "*") -> list[str]:
     """Return the keys that are put under a name, except traces of minds, which are put only for subscribers."""
     rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put"]
     kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
@@ -161,7 +161,7 @@ class BusTap:
         asked = {str(one if every.includes(one) else every) for one in wanted}
         by_several_boards: set[tuple[str, bytes]] = set()
 
-        def told(key: str, perception: Perception) -> None:
+        def take(key: str, perception: Perception) -> None:
             if not any(one.intersects(key) for one in wanted):
                 return
             payload = encoder.encode(perception, bus.wire)
@@ -172,14 +172,14 @@ class BusTap:
 
         for key in asked if str(every) not in asked else {str(every)}:
             with suppress(BusClosed):
-                await bus.ask_all(key, Perception, ANSWER_TIMEOUT, told, limit=ROOM)
+                await bus.ask_all(key, Perception, ANSWER_TIMEOUT, take, limit=ROOM)
 
 
 class Copies:
     """Distinguishes copies of a record, delivered by several boards, from a record that is put again."""
 
     def __init__(self) -> None:
-        self._said: dict[tuple[str, bool, bytes], deque[set[str]]] = {}
+        self._puts: dict[tuple[str, bool, bytes], deque[set[str]]] = {}
         """For each recent payload on a key, the boards that delivered it, for each time it was put."""
         self._order: deque[tuple[float, tuple[str, bool, bytes]]] = deque()
 
@@ -187,16 +187,16 @@ class Copies:
         """Whether no other board has delivered this sample: each board delivers a record once."""
         while self._order and (len(self._order) >= REMEMBERED or self._order[0][0] < heard.arrived - LATER):
             _, old = self._order.popleft()
-            self._said[old].popleft()
-            if not self._said[old]:
-                del self._said[old]
+            self._puts[old].popleft()
+            if not self._puts[old]:
+                del self._puts[old]
         what = heard.key, heard.deleted, hashlib.blake2b(heard.payload, digest_size=16).digest()
-        said = self._said.setdefault(what, deque())
-        for boards in said:
+        puts = self._puts.setdefault(what, deque())
+        for boards in puts:
             if heard.board not in boards:
                 boards.add(heard.board)
                 return False
-        said.append({heard.board})
+        puts.append({heard.board})
         self._order.append((heard.arrived, what))
         return True
 

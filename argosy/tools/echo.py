@@ -87,8 +87,8 @@ async def _notice(bus: Bus, where: Where, text: str | None) -> None:
 
 def _line(heard: Heard) -> str:
     at = time.strftime("%H:%M:%S", time.localtime(heard.at)) + f".{int(heard.at % 1 * 1000):03}"
-    said = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
-    return f"{at} {shortened(heard.key)}  {said}{'  (last known)' if heard.last_known else ''}"
+    content = "(deleted)" if heard.deleted else line_of(heard.key, heard.payload, heard.encoding)
+    return f"{at} {shortened(heard.key)}  {content}{'  (last known)' if heard.last_known else ''}"
 
 
 def _raw_on_a_terminal(heard: Heard) -> str:
@@ -101,13 +101,13 @@ def _raw(heard: Heard) -> str:
 
 def _json(heard: Heard) -> str:
     """Return one line of JSON; a payload that JSON cannot express is text in it."""
-    said: dict[str, Any] = {"key": heard.key, "encoding": heard.encoding, "at": round(heard.at, 6)}
+    line: dict[str, Any] = {"key": heard.key, "encoding": heard.encoding, "at": round(heard.at, 6)}
     if heard.last_known:
-        said["last_known"] = True
+        line["last_known"] = True
     try:
-        said["record"] = None if heard.deleted else plain(heard.payload, heard.encoding)
-        return escaped(msgspec.json.encode(said).decode())
+        line["record"] = None if heard.deleted else plain(heard.payload, heard.encoding)
+        return escaped(msgspec.json.encode(line).decode())
     except (BadRecord, TypeError, ValueError, RecursionError):
-        said.pop("record", None)
-        said["text"] = heard.payload.decode(errors="backslashreplace")
-        return escaped(msgspec.json.encode(said).decode())
+        line.pop("record", None)
+        line["text"] = heard.payload.decode(errors="backslashreplace")
+        return escaped(msgspec.json.encode(line).decode())

@@ -21,7 +21,7 @@ from argosy.cli.operator_bus import (
     put_out,
     tell_unreached,
 )
-from argosy.tools.bus_tap import BusTap, what_is_told
+from argosy.tools.bus_tap import BusTap, published_keys
 from argosy.tools.record_text import candidates
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
@@ -52,7 +52,7 @@ class Name:
     """Actions of its robot."""
     perceives: bool = False
     """Whether a bridge answers with its percepts."""
-    said: dict[str, list[int]] = field(default_factory=dict)
+    records: dict[str, list[int]] = field(default_factory=dict)
     """Keys below the name: count of messages, and bytes of the last one."""
 
 
@@ -87,7 +87,7 @@ def run(args: Namespace) -> int:
 async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[str, str], Name], int]:
     """Listen for `seconds` of wall time, and query. Returns the names, and the number of records left out."""
     names: dict[tuple[str, str], Name] = {}
-    tap, known, left_out = BusTap(bus, what_is_told(fleet)), 0, 0
+    tap, known, left_out = BusTap(bus, published_keys(fleet)), 0, 0
     until = asyncio.get_running_loop().time() + seconds
 
     async def listen() -> None:
@@ -95,12 +95,12 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
         async for heard in tap.samples(until):
             if (parsed := keys.parse(heard.key)) is None:
                 continue
-            said, rest = names.setdefault(parsed[:2], Name()).said, "/".join(parsed[2])
-            if rest not in said and known >= MOST:
+            records, rest = names.setdefault(parsed[:2], Name()).records, "/".join(parsed[2])
+            if rest not in records and known >= MOST:
                 left_out += 1
                 continue
-            known += rest not in said
-            said[rest] = [said.get(rest, [0])[0] + 1, len(heard.payload)]
+            known += rest not in records
+            records[rest] = [records.get(rest, [0])[0] + 1, len(heard.payload)]
 
     async def ask() -> None:
         for at, daemons in (await names_there(bus, fleet)).items():
@@ -137,7 +137,7 @@ def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) ->
         for part in ("inputs", "decisions", "activity"):
             key = f"{at}/trace/{part}"
             yield f"  put    {key}{_record(key) if types else ''}  while somebody listens"
-    for rest, (count, size) in sorted(found.said.items()):
+    for rest, (count, size) in sorted(found.records.items()):
         key = f"{at}/{rest}"
         yield f"  put    {key}{_record(key) if types else ''}  {count / seconds:.1f} Hz, {size} B"
 

@@ -112,13 +112,13 @@ def run(args: Namespace) -> int:
         missing = asyncio.create_task(unreached(bus))
         redraw = sys.stdout.isatty() and not args.once
         every = TABLE_EVERY if redraw else args.window
-        began, heard, noticed, told = loop.time(), False, False, False
+        began, heard, noticed, reported = loop.time(), False, False, False
         while True:
             until = loop.time() + every
             async for sample in tap.samples(until):
                 rates.add(sample.key, sample.arrived, len(sample.payload))
-            if missing.done() and not told and not redraw:
-                told = True
+            if missing.done() and not reported and not redraw:
+                reported = True
                 for board in missing.result():
                     note(board)
             rows = rates.rows(loop.time(), began)
@@ -138,7 +138,7 @@ def run(args: Namespace) -> int:
             ):
                 return EXIT_DONE
             if args.once:
-                for board in [] if told else await missing:
+                for board in [] if reported else await missing:
                     note(board)
                 return EXIT_DONE if heard else EXIT_FAILED
 

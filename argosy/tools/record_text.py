@@ -76,8 +76,8 @@ def record_text(record: Record) -> str:
             again = f", attempt {record.attempt}" if record.attempt > 1 else ""
             return f"{called(record.name or '?', record.parameters)}{again}"
         case ActionDescription():
-            told = f"; {record.problem}" if record.problem else ""
-            return f"{record.signature} by {record.confirm or 'result'} within {record.deadline:g} s{told}"
+            objection = f"; {record.problem}" if record.problem else ""
+            return f"{record.signature} by {record.confirm or 'result'} within {record.deadline:g} s{objection}"
         case Health():
             return _health(record)
         case Mail():
@@ -115,8 +115,8 @@ def _small(record: Record) -> str:
         case RunningMission():
             return f"{record.file}, {len(record.text)} characters"
         case RunState():
-            said = f": {record.why}" if record.why else ""
-            return f"{record.phase.replace('_', ' ')}{said} ({record.mission_time:.1f} s)"
+            reason = f": {record.why}" if record.why else ""
+            return f"{record.phase.replace('_', ' ')}{reason} ({record.mission_time:.1f} s)"
         case MindOrder():
             return f"{record.do} {record.text}".strip()
         case ServiceRequest():
@@ -134,8 +134,8 @@ def _small(record: Record) -> str:
 def _status(status: ActionStatus) -> str:
     progress = {} if status.final else status.feedback
     figures = "".join(f" {what}={value:.4g}" for what, value in progress.items())
-    said = f": {status.reason}" if status.reason else ""
-    return f"{called(status.name or '?', status.parameters)} {status.state.replace('_', ' ')}{figures}{said}"
+    reason = f": {status.reason}" if status.reason else ""
+    return f"{called(status.name or '?', status.parameters)} {status.state.replace('_', ' ')}{figures}{reason}"
 
 
 def _health(health: Health) -> str:
@@ -156,10 +156,10 @@ def _mind(record: MindView | MindInputs | MindDecisions | MindActivity) -> str:
         case MindInputs():
             return f"{record.agent}: batch {record.number} to cycle {record.last}, {len(record.inputs)} inputs"
         case MindDecisions():
-            told = [*map(_decision, record.decisions), *(f"{one.formula}: {one.error}" for one in record.failures)]
+            parts = [*map(_decision, record.decisions), *(f"{one.formula}: {one.error}" for one in record.failures)]
         case MindActivity():
-            told = [_event(one) for one in record.events]
-    return "; ".join(told) + (f"; {record.left_out} left out" if record.left_out else "")
+            parts = [_event(one) for one in record.events]
+    return "; ".join(parts) + (f"; {record.left_out} left out" if record.left_out else "")
 
 
 def _decision(decision: DecisionView) -> str:
@@ -175,8 +175,8 @@ def _event(event: ActivityEvent) -> str:
             return f"sent {event.other} {event.performative} {event.text}"
         case "received":
             return f"received of {event.other} {event.performative} {event.text}"
-    said = " ".join(filter(None, (event.kind, event.text, event.state)))
-    return said + (f": {event.reason}" if event.reason else "")
+    text = " ".join(filter(None, (event.kind, event.text, event.state)))
+    return text + (f": {event.reason}" if event.reason else "")
 
 
 def _list(before: str, items: Iterable[str], between: str = ", ") -> str:

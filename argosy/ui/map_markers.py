@@ -39,24 +39,24 @@ def marks(model: FleetModel) -> MarksView:
     """Return the markers of the map."""
     found: dict[str, MarkView] = {}
     believed = [
-        (name, said) for name, one in model.agents.items() for belief in one.believed if (said := literal(belief.text))
+        (name, term) for name, one in model.agents.items() for belief in one.believed if (term := literal(belief.text))
     ]
     robots = [at for one in model.robots.values() if (at := one.seen.position or one.seen.home)]
     states = _states(believed)
-    for agent, said in believed:
+    for agent, term in believed:
         if (
-            said.functor in VICTIMS
-            and len(said.args) >= 3
-            and (at := position_of(*said.args[1:3]))
+            term.functor in VICTIMS
+            and len(term.args) >= 3
+            and (at := position_of(*term.args[1:3]))
             and _near(at, robots)
         ):
-            _victim(found, plain(said.args[0]), at, agent, states, write(said))
+            _victim(found, plain(term.args[0]), at, agent, states, write(term))
     for place in model.places.all.values():
         _place(found, place, states)
     areas: dict[tuple[float, float, float, float], AreaView] = {}
-    for agent, said in believed:
-        numbers = [to_float(one) for one in said.args]
-        if said.functor == "area" and len(numbers) == 4 and None not in numbers:
+    for agent, term in believed:
+        numbers = [to_float(one) for one in term.args]
+        if term.functor == "area" and len(numbers) == 4 and None not in numbers:
             south, west, north, east = (one or 0.0 for one in numbers)
             if south < north and west < east and _near((south, west), robots):
                 areas.setdefault(
@@ -69,12 +69,12 @@ def marks(model: FleetModel) -> MarksView:
 def _states(believed: list[tuple[str, Structure]]) -> dict[str, str]:
     """Return the state of each victim by id; a victim is rescued if any agent believes it."""
     states: dict[str, str] = {}
-    for _, said in believed:
-        if said.functor == "held" and len(said.args) == 2:
-            states.setdefault(plain(said.args[0]), f"promised to {plain(said.args[1])}")
-    for _, said in believed:
-        if said.functor == "rescued" and len(said.args) == 1:
-            states[plain(said.args[0])] = "rescued"
+    for _, term in believed:
+        if term.functor == "held" and len(term.args) == 2:
+            states.setdefault(plain(term.args[0]), f"promised to {plain(term.args[1])}")
+    for _, term in believed:
+        if term.functor == "rescued" and len(term.args) == 1:
+            states[plain(term.args[0])] = "rescued"
     return states
 
 
@@ -97,9 +97,9 @@ def _place(found: dict[str, MarkView], place: Place, states: dict[str, str]) -> 
                 state=place.state, text=place.text,
             )  # fmt: skip
         return
-    said = literal(place.text)
-    id = plain(said.args[0]) if said is not None else place.text
-    if place.name in VICTIMS and said is not None:  # a victim stays marked where it was seen
+    belief = literal(place.text)
+    id = plain(belief.args[0]) if belief is not None else place.text
+    if place.name in VICTIMS and belief is not None:  # a victim stays marked where it was seen
         _victim(found, id, place.position, place.agent, states, place.text)
     elif place.present:
         kind = "waypoint" if place.name in WAYPOINTS else "place"

@@ -89,20 +89,20 @@ class ControlRequests:
         if problem or bus is None:
             return self._now(replace(view, problem=problem))
         names = self._known() if wish.robots is None else list(dict.fromkeys(wish.robots))[:ROBOTS]
-        telling = {asyncio.create_task(self._told(bus, fleet, name, wish.order)) for name in names}
+        orders = {asyncio.create_task(self._order(bus, fleet, name, wish.order)) for name in names}
         view = self._now(replace(view, outcomes=dict.fromkeys(names, WAITING)))
         looking = asyncio.create_task(bridges(bus, fleet))
         try:
             if wish.robots is None:  # also robots not seen before; the known ones have their orders by now
                 for more in sorted({robot for _, robot in await looking} - set(names)):
-                    telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
+                    orders.add(asyncio.create_task(self._order(bus, fleet, more, wish.order)))
                     view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
-            if not telling:
+            if not orders:
                 view = self._now(replace(view, problem="no robot is on the bus"))
                 return view
             there = {robot for _, robot in await looking}
-            for told in asyncio.as_completed(telling):
-                robot, outcome = await told
+            for answer in asyncio.as_completed(orders):
+                robot, outcome = await answer
                 reason = outcome.reason
                 if outcome is UNANSWERED and not bus.router_up:
                     reason = "the router is not reached"
@@ -111,15 +111,15 @@ class ControlRequests:
                 state = "confirmed" if outcome.ok else "NOT confirmed"
                 view = self._now(replace(view, outcomes=view.outcomes | {robot: (state, reason)}))
         finally:
-            for task in (looking, *telling):
+            for task in (looking, *orders):
                 task.cancel()
-            await asyncio.gather(looking, *telling, return_exceptions=True)
-            cut = {robot: CUT for robot, told in view.outcomes.items() if told == WAITING}
+            await asyncio.gather(looking, *orders, return_exceptions=True)
+            cut = {robot: CUT for robot, shown in view.outcomes.items() if shown == WAITING}
             if cut or not (view.outcomes or view.problem):  # by an error, or the end of this process
                 self._now(replace(view, outcomes=view.outcomes | cut, problem="" if cut else CUT[1]))
         return view
 
-    async def _told(self, bus: Bus, fleet: str, robot: str, order: str) -> tuple[str, Outcome]:
+    async def _order(self, bus: Bus, fleet: str, robot: str, order: str) -> tuple[str, Outcome]:
         return robot, await order_robot(bus, fleet, robot, order)
 
     def _now(self, view: OrderedView) -> OrderedView:

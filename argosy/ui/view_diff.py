@@ -169,13 +169,13 @@ class Page:
         """Send the news whenever the page has taken the last message."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._hurry.wait(), 1.0)  # for its first message
-        told = 0.0
+        sent_at = 0.0
         while not socket.closed:
             self._hurry.clear()
             self._refresh()
             now = steady_clock()
             message = self._shown.news(self._seen, self.looks_at, now)
-            if len(message) > EMPTY or now - told >= BEAT:
+            if len(message) > EMPTY or now - sent_at >= BEAT:
                 try:
                     async with asyncio.timeout(SLOW):
                         await socket.send_frame(message, WSMsgType.TEXT)
@@ -183,7 +183,7 @@ class Page:
                     with suppress(Exception):
                         await socket.close(code=1008, message=b"too slow")
                     return
-                told, self.sent = now, self.sent + len(message)
+                sent_at, self.sent = now, self.sent + len(message)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._hurry.wait(), PERIOD)
 

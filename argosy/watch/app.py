@@ -13,7 +13,7 @@ from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.model import FleetModel
 from argosy.watch.page import Page
 from argosy.watch.pages import Help, Overview
-from argosy.watch.row_text import UNICODE, Glyphs, said
+from argosy.watch.row_text import UNICODE, Glyphs, safe_text
 
 PERIOD = 0.5
 """Wall seconds between two drawings."""
@@ -57,7 +57,7 @@ class WatchApp(App[None]):
             super()._fatal_error()
             return
         what = f"{type(self._exception).__name__}: {self._exception}"
-        self._exit_renderables.append(said(f"error: defect in argosy watch: {what}; ARGOSY_DEBUG=1 shows where"))
+        self._exit_renderables.append(safe_text(f"error: defect in argosy watch: {what}; ARGOSY_DEBUG=1 shows where"))
         self._close_messages_no_wait()
 
     def on_mount(self) -> None:

@@ -10,7 +10,7 @@ from argosy.fleet_model.activity import activity
 from argosy.fleet_model.members import FleetAgent
 from argosy.fleet_model.model import FleetModel
 from argosy.watch.overview_page import unheard
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, places, rounded, said
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, places, rounded, safe_text
 from argosy.why.wording import awaited
 from schemas.humanize import count, span
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView
@@ -63,7 +63,9 @@ def _age(agent: FleetAgent, old: float) -> str:
 def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
     """Return intentions, actions, events, questions, mail and the mission's formulas."""
     view, _ = seen(agent)
-    rows: list[Row] = [Row(said(f"! {note.text}", BAD if level_of(note) == "error" else WARN)) for note in agent.notes]
+    rows: list[Row] = [
+        Row(safe_text(f"! {note.text}", BAD if level_of(note) == "error" else WARN)) for note in agent.notes
+    ]
     if view is None:
         return [*rows, Row(Text("its mind has not been seen yet", WARN))]
     if view.paused_for is not None:
@@ -110,7 +112,7 @@ def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list
     ]
     for depth, trigger in enumerate(intention.stack):
         rows.append(
-            Row(said(f"     {f'{glyphs.under} ' if depth else '  '}{trigger}", "" if depth else "bold"), indent=9)
+            Row(safe_text(f"     {f'{glyphs.under} ' if depth else '  '}{trigger}", "" if depth else "bold"), indent=9)
         )
     return rows
 
@@ -149,7 +151,7 @@ def _mail(model: FleetModel, agent: FleetAgent, view: MindView) -> list[Row]:
         what = f"  {queue.sender} > {queue.receiver}  {count(queue.messages, 'message')} in the {queue.box} of {board}"
         rows.append(Row(joined(what, (f"oldest {span(queue.oldest)}", DIM), (queue.state, WARN)), indent=4))
     problems = [(board.name, board.problem) for board in model.boards.values() if board.problem]
-    return rows + [Row(said(f"  {name}: {problem}", WARN), indent=4) for name, problem in problems]
+    return rows + [Row(safe_text(f"  {name}: {problem}", WARN), indent=4) for name, problem in problems]
 
 
 def _formula(text: str, holds: bool, bad: bool, glyphs: Glyphs) -> Row:
@@ -200,10 +202,10 @@ def decisions(agent: FleetAgent, opened: set[str], now: float) -> list[Row]:
         rows.append(_failure(one, key) if isinstance(one, FailureView) else _decision(one, key))
         if key in opened:
             lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)
-            rows += [Row(said(f"      {places(line)}"), indent=10) for line in lines]
+            rows += [Row(safe_text(f"      {places(line)}"), indent=10) for line in lines]
             if isinstance(one, DecisionView) and one.dropped_by:
                 where = f" ({one.dropped_at})" if one.dropped_at else ""
-                rows.append(Row(said(f"      dropped by {one.dropped_by}{where}"), indent=10))
+                rows.append(Row(safe_text(f"      dropped by {one.dropped_by}{where}"), indent=10))
     return rows or [Row(Text("no decision is remembered", DIM))]
 
 

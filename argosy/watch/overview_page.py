@@ -12,7 +12,7 @@ from argosy.fleet_model.activity import activity
 from argosy.fleet_model.members import MOST, FleetAgent, FleetRobot, Member
 from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.robots import RobotSeen
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, rounded, said, table
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, rounded, safe_text, table
 from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span
@@ -128,7 +128,7 @@ def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
         word = _absent(model, agent) if not agent.there else "its mind has not been seen yet"
         if agent.silent is not None:
             word = f"its mind does not answer for {span(now - agent.silent)} {agent.why_silent}".strip()
-        return [_mark(agent, glyphs), name, Text(), Text(), said(word, DIM if agent.ended else WARN), lag, mail]
+        return [_mark(agent, glyphs), name, Text(), Text(), safe_text(word, DIM if agent.ended else WARN), lag, mail]
     now_does = activity(model, agent)
     state = Text(now_does.doing, {"paused": WARN, "waiting": "", "idle": ""}.get(now_does.doing, GOOD))
     intentions = len(mind.intentions) + mind.intentions_left_out

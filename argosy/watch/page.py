@@ -16,7 +16,7 @@ from textual.widgets import Input, Static
 
 from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.model import FleetModel
-from argosy.watch.row_text import BAD, GOOD, WARN, clock, joined, safe, said
+from argosy.watch.row_text import BAD, GOOD, WARN, clock, joined, safe, safe_text
 from argosy.watch.scroll_pane import ScrollPane
 from schemas.humanize import count, span
 
@@ -38,7 +38,7 @@ class Pane(Vertical):
         super().__init__(id=id)
         self.title, self.lines = title, lines
         self._heading = Static(classes="heading")
-        self._told = Text()
+        self._text = Text()
 
     def compose(self) -> ComposeResult:
         """Put the heading above the rows."""
@@ -53,12 +53,12 @@ class Pane(Vertical):
         where = f"{first + 1}-{min(total, first + seen)} of {total}" if total > seen > 0 else ""
         left_out = f"filter: {lines.filter} ({lines.hidden} left out)" if lines.filter else ""
         style = "bold reverse" if lines.has_focus else "bold"
-        told = joined(
+        heading = joined(
             (f"{mark if lines.has_focus else ' '}{self.title.upper()} ", style), (where, "dim"), (left_out, "yellow")
         )
-        if told != self._told:
-            self._told = safe(told)
-            self._heading.update(told)
+        if heading != self._text:
+            self._text = safe(heading)
+            self._heading.update(heading)
 
 
 class Page(Screen[None]):
@@ -135,7 +135,7 @@ class Page(Screen[None]):
             defect = f"this cannot be drawn, and stays as it was: {type(error).__name__}: {error}"
         lines = banner(self.watch_app.link, model, self.watch_app.paused)
         if defect:
-            lines.insert(0, said(f"defect in argosy watch: {defect}", BAD))
+            lines.insert(0, safe_text(f"defect in argosy watch: {defect}", BAD))
         above = Text("\n").join(map(safe, lines))
         if title != self._title:
             self._title = title
@@ -226,33 +226,35 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
         lines += _ended(live)
     elif not link.reached:
         why = link.problem or f"dialling {link.place.router}"
-        lines.append(said(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
+        lines.append(safe_text(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
         if now - link.since > HINT_AFTER:
             lines.append(
-                said("is the fleet running? is it another router: --router ENDPOINT, or --mission FILE?", WARN)
+                safe_text("is the fleet running? is it another router: --router ENDPOINT, or --mission FILE?", WARN)
             )
     elif not live.router_up:
         lost = now - (live.router_since or now)
         lines.append(
-            said(f"ROUTER LOST for {span(lost)}: the last known state is shown; reconnecting", "reverse bold red")
+            safe_text(f"ROUTER LOST for {span(lost)}: the last known state is shown; reconnecting", "reverse bold red")
         )
     elif not any(one.there for members in (live.agents, live.robots, live.boards) for one in members.values()):
         who = f"nobody of fleet {live.fleet}" if live.fleet else "nobody"
-        lines.append(said(f"{who} is there yet, waiting for {span(now - link.since)}", WARN))
+        lines.append(safe_text(f"{who} is there yet, waiting for {span(now - link.since)}", WARN))
         if now - link.since > HINT_AFTER:
             others = (
                 f"at this router there is {', '.join(sorted(live.other_fleets))}: --fleet NAME; "
                 if live.other_fleets
                 else ""
             )
-            lines.append(said(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
+            lines.append(safe_text(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
     if live.run_silent is not None:
         lines.append(
-            said(f"argosy run is not heard for {span(live.run_silent)}: it does not watch over this run any more", WARN)
+            safe_text(
+                f"argosy run is not heard for {span(live.run_silent)}: it does not watch over this run any more", WARN
+            )
         )
     if paused:
         text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on; space resumes the view"
-        lines.append(said(text, "reverse yellow"))
+        lines.append(safe_text(text, "reverse yellow"))
     return lines
 
 
@@ -270,4 +272,4 @@ def _ended(model: FleetModel) -> list[Text]:
     after = f"after {state.mission_time:.1f} s"
     words = f"the mission is done {after}" if state.phase == "done" else f"the mission has failed {after}: {state.why}"
     kept = [f"{what}: {place}" for what, place in (("report", state.report), ("recording", state.recording)) if place]
-    return [said(words, GOOD if state.phase == "done" else BAD), *(said(line) for line in kept)]
+    return [safe_text(words, GOOD if state.phase == "done" else BAD), *(safe_text(line) for line in kept)]

@@ -48,7 +48,7 @@ def safe(text: Text) -> Text:
     return text
 
 
-def said(text: str, style: str = "") -> Text:
+def safe_text(text: str, style: str = "") -> Text:
     """Return a text without control characters."""
     return Text(printable(text), style)
 
@@ -62,7 +62,7 @@ def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
     """Join parts in a line; empty ones are left out."""
     text = Text()
     for part in parts:
-        one = said(part) if isinstance(part, str) else said(*part) if isinstance(part, tuple) else part
+        one = safe_text(part) if isinstance(part, str) else safe_text(*part) if isinstance(part, tuple) else part
         if one.plain:
             text.append(gap if text.plain else "").append_text(one)
     return text

@@ -59,8 +59,8 @@ def run(args: Namespace) -> int:
     return on_the_bus(args, ask)
 
 
-def _show(told: Explanation, as_json: bool) -> int:
+def _show(explanation: Explanation, as_json: bool) -> int:
     columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    text = msgspec.json.format(msgspec.json.encode(told)).decode() if as_json else plain(told, columns)
+    text = msgspec.json.format(msgspec.json.encode(explanation)).decode() if as_json else plain(explanation, columns)
     put_out("\n".join(map(escaped, text.split("\n"))))
-    return EXIT_DONE if told.known else EXIT_FAILED
+    return EXIT_DONE if explanation.known else EXIT_FAILED

@@ -49,10 +49,10 @@ def standing(memory: Memory) -> Paragraph:
         nothing = "It has no intentions."
         lines.append(Line("It had no intentions then." if view.state == "paused" else nothing))
     if view.events:
-        told = [raiser_words(event.text) for event in view.events[:4]]
-        left = len(view.events) + view.events_left_out - len(told)
+        events = [raiser_words(event.text) for event in view.events[:4]]
+        left = len(view.events) + view.events_left_out - len(events)
         more = f" and {count(left, 'other event')}" if left else ""
-        lines.append(Line(f"Events that wait for a plan: {', '.join(told)}{more}."))
+        lines.append(Line(f"Events that wait for a plan: {', '.join(events)}{more}."))
     if view.mailbox:
         lines.append(Line(f"{count(view.mailbox, 'unread message')}."))
     return Paragraph("now", tuple(lines))

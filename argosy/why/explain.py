@@ -83,13 +83,13 @@ def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
     """What it is doing and what went wrong, oldest first; then what it is doing."""
     view = memory.view
     wrong = [one for one in memory.decisions if _went_wrong(one)]
-    told = [one.failure for one in wrong if one.failure is not None]
+    explained = [one.failure for one in wrong if one.failure is not None]
     goals = {one.cycle for one in wrong if one.chosen is None}
     happened = [decision_paragraph(memory, group) for group in groups(wrong)]
     happened += [
         failure_paragraph(memory, failure)
         for failure in memory.failures
-        if failure not in told and not (failure.error in WITHOUT_PLAN and failure.cycle in goals)
+        if failure not in explained and not (failure.error in WITHOUT_PLAN and failure.cycle in goals)
     ]
     happened += list(dropped(memory, view.drops))
     happened.sort(key=lambda paragraph: paragraph.time or 0.0)

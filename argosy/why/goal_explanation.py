@@ -26,12 +26,12 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     view = memory.view
     made = [one for one in memory.decisions if subject.is_of(one.event)]
     happened = [decision_paragraph(memory, group) for group in groups(made)]
-    told = [one.failure for one in made if one.failure is not None]
+    explained = [one.failure for one in made if one.failure is not None]
     failures = [one for one in memory.failures if subject.is_of(one.formula) and one.error not in WITHOUT_PLAN]
     happened += [
         paragraph
         for failure in _newest_of_each(failures)
-        if failure not in told and (paragraph := _failed(memory, failure)) is not None
+        if failure not in explained and (paragraph := _failed(memory, failure)) is not None
     ]
     happened += list(dropped(memory, tuple(d for d in view.drops if d.what == "events" and subject.is_named(d.name))))
     happened += [
@@ -132,10 +132,10 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
 
 
 def _belief(memory: Memory, belief: BeliefView) -> str:
-    told = [{"percept": "perceived", "self": "the agent's own"}.get(who, f"told by {who}") for who in belief.sources]
+    origins = [{"percept": "perceived", "self": "the agent's own"}.get(who, f"told by {who}") for who in belief.sources]
     if belief.since is not None:
-        told.append(f"since mission second {belief.since:.1f} ({span(max(0.0, memory.now - belief.since))} ago)")
-    return f"{shown(belief.text)} is believed now{': ' if told else ''}{', '.join(told)}."
+        origins.append(f"since mission second {belief.since:.1f} ({span(max(0.0, memory.now - belief.since))} ago)")
+    return f"{shown(belief.text)} is believed now{': ' if origins else ''}{', '.join(origins)}."
 
 
 def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Paragraph]:

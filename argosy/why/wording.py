@@ -99,9 +99,9 @@ def raiser_words(event: str) -> str:
 
 def goals_words(events: Iterable[str], most: int = 4) -> str:
     """Several goals, the innermost first; of many the number."""
-    told = [goal_words(event) for event in events]
-    rest = len(told) - most
-    return joined([*told[:most], f"{rest} more"] if rest > 0 else told)
+    goals = [goal_words(event) for event in events]
+    rest = len(goals) - most
+    return joined([*goals[:most], f"{rest} more"] if rest > 0 else goals)
 
 
 def plan_words(plan: PlanView) -> str:

@@ -334,7 +334,7 @@ class QuerySession:
         try:
             return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
         except OtherVersion as other:
-            return Reply(name, None, str(other), other.said or "?")
+            return Reply(name, None, str(other), other.version or "?")
         except BadRecord as bad:
             return Reply(name, None, str(bad))
 
@@ -365,7 +365,7 @@ class QuerySession:
         except BadRecord as bad:
             self.counters["bad_input"] += 1
             if isinstance(bad, OtherVersion):
-                self.strangers.heard(key, bad.said)
+                self.strangers.heard(key, bad.version)
             elif self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
                 log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
             raise

@@ -65,8 +65,8 @@ class _Reader:
             return
         indent = len(line) - len(line.lstrip())
         if self._section is not None and self._option and indent > self._indent:
-            told = self._section.options[self._option]
-            self._section.options[self._option] = Option(f"{told.value} {text}".strip(), told.line)
+            option = self._section.options[self._option]
+            self._section.options[self._option] = Option(f"{option.value} {text}".strip(), option.line)
         elif text.startswith("["):
             self._begin(number, text)
         else:

@@ -56,6 +56,6 @@ def read_text(path: Path) -> str:
         raise Findings([Finding(str(path), line, 0, "expected UTF-8 text")]) from None
     for number, one in enumerate(text.splitlines(), start=1):
         if len(one) > MAX_LINE:
-            said = f"a line of {len(one)} characters, expected at most {MAX_LINE}"
-            raise Findings([Finding(str(path), number, 0, said)])
+            problem = f"a line of {len(one)} characters, expected at most {MAX_LINE}"
+            raise Findings([Finding(str(path), number, 0, problem)])
     return text

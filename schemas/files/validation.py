@@ -114,12 +114,12 @@ def is_struct(model: Any) -> bool:
 
 def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ...]) -> str:
     """Return msgspec's message without its path, in the terms of files, with the value if that is short."""
-    said = str(error).partition(" - at `")[0]
+    message = str(error).partition(" - at `")[0]
     choices = [choice for one in options if get_origin(one) is Literal for choice in get_args(one)]
-    if said.startswith("Invalid enum") or (choices and isinstance(value, str)):
+    if message.startswith("Invalid enum") or (choices and isinstance(value, str)):
         listed = ["a list"] if any(get_origin(one) in (tuple, list) for one in options) else []
         return f"expected {' or '.join([*(f'`{choice}`' for choice in choices), *listed])}, got `{value}`"
-    plain = _KINDS.sub(_kinds, said)
+    plain = _KINDS.sub(_kinds, message)
     if ", got" not in plain and isinstance(value, str | int | float):
         plain += f", got `{str(value)[:40]}`"
     return plain[:1].lower() + plain[1:]

@@ -217,8 +217,8 @@ class _Reader:
 
     def is_of(self, theirs: frozenset[str], ours: frozenset[str], other: str) -> bool:
         """Whether this is the right file of the two. If it is the other one, that is the only finding."""
-        said = {option for section in (self.ini.defaults, *self.ini.sections) for option in section.options}
-        if said & theirs and not said & ours:
+        given = {option for section in (self.ini.defaults, *self.ini.sections) for option in section.options}
+        if given & theirs and not given & ours:
             order = "the actions come first: `manifest: [actions_manifest, perceptions_manifest]`"
             self.findings = [Finding(self.file, 0, 0, f"this is {other}; {order}")]
             return False
@@ -231,11 +231,11 @@ class _Reader:
             if len(self.findings) >= MAX_FINDINGS:
                 break
             if not _FUNCTOR.fullmatch(section.name):
-                said = f"`[{section.name}]`: expected the name of a belief or action, such as `[battery]`"
-                self.findings.append(Finding(self.file, section.line, 0, said))
+                problem = f"`[{section.name}]`: expected the name of a belief or action, such as `[battery]`"
+                self.findings.append(Finding(self.file, section.line, 0, problem))
             elif meaning := RESERVED[self.table].get(section.name):
-                said = f"`[{section.name}]` is a name of the bridge: {meaning}"
-                self.findings.append(Finding(self.file, section.line, 0, said))
+                problem = f"`[{section.name}]` is a name of the bridge: {meaning}"
+                self.findings.append(Finding(self.file, section.line, 0, problem))
             self._unknown(section, f"[{section.name}]")
             options = _Options(section, self.ini.defaults, self.file, self.findings)
             entry = read(options)
@@ -246,8 +246,8 @@ class _Reader:
     def _unknown(self, section: Section, where: str) -> None:
         for name, option in section.options.items():
             if name not in self.known and len(self.findings) < MAX_FINDINGS:
-                said = f"{where}: no option `{name}`{did_you_mean(name, self.known)}"
-                self.findings.append(Finding(self.file, option.line, 0, said))
+                problem = f"{where}: no option `{name}`{did_you_mean(name, self.known)}"
+                self.findings.append(Finding(self.file, option.line, 0, problem))
 
 
 class _Options:
@@ -256,15 +256,15 @@ class _Options:
     def __init__(self, section: Section, defaults: Section, file: str, findings: list[Finding]) -> None:
         self.section, self.file, self.findings = section, file, findings
         self.options: dict[str, Option] = defaults.options | section.options
-        self._told: set[Finding] = set()
+        self._reported: set[Finding] = set()
         self.lines = {"": section.line} | {name: option.line for name, option in self.options.items()}
 
     def problem(self, message: str, option: str = "") -> None:
         line = self.lines.get(option, self.section.line)
         what = f"[{self.section.name}] {option}".rstrip()
         finding = Finding(self.file, line, 0, f"{what}: {message}")
-        if finding not in self._told:
-            self._told.add(finding)
+        if finding not in self._reported:
+            self._reported.add(finding)
             self.findings.append(finding)
 
     def text(self, name: str) -> str:
@@ -273,22 +273,22 @@ class _Options:
 
     def ros_name(self) -> str:
         """Return the topic or service without its leading `/`; empty, with a finding, if it is not a ROS name."""
-        said = self.text("name")
-        if not said:
+        text = self.text("name")
+        if not text:
             self.problem("`name`, the topic or service, is missing", "name" if "name" in self.options else "")
-        elif not _ROS_NAME.fullmatch(said):
-            self.problem(f"expected the name of a topic or service such as `/turtle1/pose`, got `{said}`", "name")
+        elif not _ROS_NAME.fullmatch(text):
+            self.problem(f"expected the name of a topic or service such as `/turtle1/pose`, got `{text}`", "name")
         else:
-            return said.removeprefix("/")
+            return text.removeprefix("/")
         return ""
 
     def one_of(self, name: str, known: tuple[str, ...], default: str = "") -> str:
-        said = self.text(name) or default
-        if not said:
+        text = self.text(name) or default
+        if not text:
             self.problem(f"`{name}` is missing; expected {' or '.join(known)}")
-        elif said not in known:
-            self.problem(f"expected {' or '.join(known)}, got `{said}`", name)
-        return said
+        elif text not in known:
+            self.problem(f"expected {' or '.join(known)}, got `{text}`", name)
+        return text
 
     def listed(self, name: str, read: Callable[[str], tuple[T, ...]]) -> tuple[T, ...]:
         try:
@@ -310,16 +310,16 @@ def _percept(options: _Options) -> IniPercept | None:
 
 
 def _rate(options: _Options) -> float:
-    said = options.text("rate")
-    if not said:
+    text = options.text("rate")
+    if not text:
         return PAPERS_RATE
     try:
-        rate = float(said)
+        rate = float(text)
     except ValueError:
         rate = math.nan
     if 0 < rate <= 1e6:
         return rate
-    options.problem(f"expected a number of Hz above 0, got `{said}`", "rate")
+    options.problem(f"expected a number of Hz above 0, got `{text}`", "rate")
     return PAPERS_RATE
 
 

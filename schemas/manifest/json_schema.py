@@ -86,8 +86,8 @@ def _node(kind: inspect.Type, definitions: dict[str, Any]) -> dict[str, Any]:
         case inspect.VarTupleType(item_type=item):
             return {"type": "array", "items": _node(item, definitions)}
         case inspect.DictType(key_type=key, value_type=value):
-            said = {"type": "object", "additionalProperties": _node(value, definitions)}
-            return said if key == inspect.StrType() else said | {"propertyNames": _node(key, definitions)}
+            node = {"type": "object", "additionalProperties": _node(value, definitions)}
+            return node if key == inspect.StrType() else node | {"propertyNames": _node(key, definitions)}
         case inspect.UnionType(types=kinds):
             options = [option for one in kinds if (option := _node(one, definitions))]
             return options[0] if len(options) == 1 else {"anyOf": options}
@@ -99,12 +99,12 @@ def _struct(kind: inspect.Type, definitions: dict[str, Any]) -> dict[str, Any]:
     texts = _docs(Manifest if kind.cls is Document else kind.cls)
     properties: dict[str, Any] = {}
     for field in kind.fields:
-        said = _node(field.type, definitions)
+        node = _node(field.type, definitions)
         if text := texts.get(field.encode_name):
-            said = {"description": text} | {name: part for name, part in said.items() if name != "description"}
+            node = {"description": text} | {name: part for name, part in node.items() if name != "description"}
         if field.default is not msgspec.NODEFAULT and field.default not in (None, "", (), msgspec.UNSET):
-            said = said | {"default": msgspec.to_builtins(field.default, enc_hook=plain)}
-        properties[field.encode_name] = said
+            node = node | {"default": msgspec.to_builtins(field.default, enc_hook=plain)}
+        properties[field.encode_name] = node
     return {
         "title": kind.cls.__name__,
         "description": " ".join(cleandoc(kind.cls.__doc__ or "").split()),

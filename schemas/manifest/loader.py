@@ -111,12 +111,12 @@ def read_document(
     return _Reader(file, {} if lines is None else lines).manifest(document, check)
 
 
-def _syntax_finding(said: str, text: str, file: str) -> Finding:
-    place = _SYNTAX_PLACE.search(said)
+def _syntax_finding(message: str, text: str, file: str) -> Finding:
+    place = _SYNTAX_PLACE.search(message)
     if place is None:
-        return Finding(file, 0, 0, said)
+        return Finding(file, 0, 0, message)
     line, column = (int(place[1]), int(place[2])) if place[1] else (text.count("\n") + 1, 0)
-    return Finding(file, line, column, said[: place.start()])
+    return Finding(file, line, column, message[: place.start()])
 
 
 class _Reader:
@@ -149,8 +149,8 @@ class _Reader:
         raise Findings(self.problems)
 
     def problem(self, message: str, *path: str) -> None:
-        said = f"{place(path)}: {message}" if path else message
-        self.problems.append(Finding(self.file, line_of(self.lines, path), 0, said))
+        text = f"{place(path)}: {message}" if path else message
+        self.problems.append(Finding(self.file, line_of(self.lines, path), 0, text))
 
     def entries(self, kind: type[S], document: dict[str, Any], table: str) -> dict[str, S]:
         found = document.get(table, {})
@@ -192,10 +192,10 @@ class _Reader:
             self.problem("expected a table `[orders]`", "orders")
             return {}
         known: tuple[Order, ...] = get_args(Order)
-        for name, said in content.items():
+        for name, text in content.items():
             if name not in known:
                 self.problem(f"there is no such order{did_you_mean(name, known)}", "orders", name)
-            elif not isinstance(said, str) or not said.strip():
+            elif not isinstance(text, str) or not text.strip():
                 self.problem('expected an action with its arguments, such as `"cmd_vel(0, 0)"`', "orders", name)
         return {name: content[name] for name in known if isinstance(content.get(name), str)}
 

@@ -141,14 +141,14 @@ class FieldValue(_Entry, frozen=True, kw_only=True):
     """The argument is looked up in this table of the driver, such as `modes`."""
 
     @classmethod
-    def written_out(cls, said: bool | int | float | str | FieldValue) -> FieldValue:
+    def written_out(cls, value: bool | int | float | str | FieldValue) -> FieldValue:
         """Return the long form of a field: a text names a parameter, another bare value is a constant."""
-        match said:
+        match value:
             case FieldValue():
-                return said
+                return value
             case str():
-                return cls(param=said)
-        return cls(value=said)
+                return cls(param=value)
+        return cls(value=value)
 
 
 class Retry(_Entry, frozen=True, kw_only=True):
@@ -215,7 +215,7 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
 
     def ways(self) -> dict[str, str]:
         """Return the given ones of `WAYS`, which exclude each other: there must be one."""
-        return {name: said for name in WAYS if (said := getattr(self, name))}
+        return {name: value for name in WAYS if (value := getattr(self, name))}
 
 
 class RobotEntry(_Entry, frozen=True, kw_only=True):

@@ -38,14 +38,14 @@ def write_toml(manifest: Manifest) -> str:
     return write_document(document(manifest))
 
 
-def write_document(told: dict[str, Any]) -> str:
+def write_document(document: dict[str, Any]) -> str:
     """Return the plain data of a manifest, or of one table of it, as TOML. Entries are tables, the rest is inline."""
     blocks: list[str] = []
     for table in ("robot", "orders"):
-        if content := told.get(table):
+        if content := document.get(table):
             blocks.append(_table((table,), content))
     for table in ("percepts", "actions"):
-        blocks += [_table((table, name), entry) for name, entry in told.get(table, {}).items()]
+        blocks += [_table((table, name), entry) for name, entry in document.get(table, {}).items()]
     return "\n".join(blocks)
 
 

@@ -75,8 +75,8 @@ def of_operator(inject: bool = False) -> Rights:
     `inject`: as the mission says; then also act and put percepts in the name of any agent.
     """
     orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
-    told = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
-    rights = of_observer("mail") + Rights(puts=tuple(told), asks=tuple(orders))
+    puts = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
+    rights = of_observer("mail") + Rights(puts=tuple(puts), asks=tuple(orders))
     if not inject:
         return rights
     anybody = keys.percept("*", "*", "**"), keys.action("*", "*", "**"), keys.cancel("*", "*")
@@ -90,14 +90,14 @@ def of_board(mission: Mission, board: str) -> Rights:
     """
     puts, serves, asks, holds = list[str](), list[str](), list[str](), list[str]()
     for channel in keys.CHANNELS:
-        said = list(_said_by(mission, board, channel))
+        published = list(_keys_of(mission, board, channel))
         match channel.kind:
             case "put":
-                puts += said
+                puts += published
             case "token":
-                holds += said
+                holds += published
             case "query":
-                serves += said
+                serves += published
                 asks += _asked_by(mission, board, channel)
     own = Rights(puts=_once(puts), serves=_once(serves), asks=_once(asks), holds=_once(holds))
     return of_observer(BOARD_SEES) + own
@@ -176,7 +176,7 @@ def _any(key: str) -> str:
     return "/".join("*" if chunk.startswith("{") else chunk for chunk in key.split("/"))
 
 
-def _said_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
+def _keys_of(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
     """Yield the keys of a row on which a board's daemons put, serve or hold tokens."""
     first, *rest = channel.key.split("/")
     fixed = "".join(f"{chunk}/" for chunk in rest if not chunk.startswith(("{", "*")))

@@ -36,9 +36,9 @@ class OtherVersion(BadRecord):
 
     code = "other_version"
 
-    def __init__(self, record: str, said: str) -> None:
-        super().__init__(f"{record}: version {said or '?'} of the record, this daemon speaks version {VERSION}")
-        self.said = said
+    def __init__(self, record: str, version: str) -> None:
+        super().__init__(f"{record}: version {version or '?'} of the record, this daemon speaks version {VERSION}")
+        self.version = version
         """The version in the Encoding."""
 
 
@@ -102,11 +102,11 @@ class Codec(Generic[R]):
         name = self.record.__name__
         media, _, schema = encoding.partition(";")
         if schema.startswith("argosy."):
-            said, _, version = schema.removeprefix("argosy.").partition("/")
+            recorded, _, version = schema.removeprefix("argosy.").partition("/")
             if version != str(VERSION):  # before the name: another version may reply with another record
                 raise OtherVersion(name, version)
-            if said != name:
-                raise BadRecord(f"{name}: expected a {name}, got a {said}")
+            if recorded != name:
+                raise BadRecord(f"{name}: expected a {name}, got a {recorded}")
         return "msgpack" if media == MEDIA["msgpack"] else "json"
 
 

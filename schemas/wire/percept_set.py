@@ -148,16 +148,16 @@ class PerceptSet:
         Returns the differences, removals first. Returns None, and changes nothing, if a newer perception came
         meanwhile: ask again. A reply older than our seq at the query is taken: ours was not the bridge's.
         """
-        told = list(snapshot)
-        boot = told[0].header.boot if told else self.boot
-        seq = max((one.header.seq for one in told), default=self.seq if self._reported is None else self._reported)
+        present = list(snapshot)
+        boot = present[0].header.boot if present else self.boot
+        seq = max((one.header.seq for one in present), default=self.seq if self._reported is None else self._reported)
         meanwhile = self.seq > seq and not self.was_ahead(seq, asked_at)
-        if any(one.header.boot != boot for one in told) or (boot == self.boot and meanwhile):
+        if any(one.header.boot != boot for one in present) or (boot == self.boot and meanwhile):
             return None
         self._reported = None
-        changes = differences(self.present(), told)
+        changes = differences(self.present(), present)
         self._families.clear()
-        for one in told:
+        for one in present:
             self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
         self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
         return changes

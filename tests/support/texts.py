@@ -15,7 +15,7 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[2]
 FILE: Final = ROOT / "tests" / "data" / "texts.txt"
 PRODUCT: Final = ("schemas", "commd", "bridged", "agentd", "argosy")
-RECORDS: Final = frozenset({"Note", "Refusal", "Finding", "RecorderNote", "Said", "Outcome"})
+RECORDS: Final = frozenset({"Note", "Refusal", "Finding", "RecorderNote", "Diagnosis", "Outcome"})
 """Records that carry a code and a text, or a text."""
 MAKERS: Final = frozenset({"wrong", "finding", "problem", "refuse", "complain", "fail"})
 """Functions that make one of them, or print an error."""

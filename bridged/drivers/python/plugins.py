@@ -144,9 +144,9 @@ def check_manifest(manifest: Manifest) -> Iterator[Finding]:
         if action.cancel == "hold" and manifest.robot.driver == "python" and "hold" not in manifest.orders:
             text = "the driver `python` cannot hold by itself: expected `hold` in `[orders]`"
             yield manifest.finding(f"actions.{name}.cancel: {text}", "actions", name, "cancel")
-        for path, said in fields_of(action).items():
-            if said.table:
-                text = f"actions.{name}.fields.{path}: the driver `python` has no table `{said.table}`"
+        for path, value in fields_of(action).items():
+            if value.table:
+                text = f"actions.{name}.fields.{path}: the driver `python` has no table `{value.table}`"
                 yield manifest.finding(text, "actions", name, "fields", path)
     if len(called := names(manifest)) > MAX_FUNCTIONS:
         text = f"{len(called)} functions are named, more than the {MAX_FUNCTIONS} that can have a thread each"
@@ -166,8 +166,8 @@ def misfits(manifest: Manifest, function: Find) -> Iterator[Finding]:
             yield manifest.finding(f"percepts.{name}.source: {problem}", "percepts", name, "source")
     for name, action in manifest.actions.items():
         if not action.call:
-            said = "expected `call`, a function such as `gpio.drop`"
-            yield manifest.finding(f"actions.{name}: {said}", "actions", name)
+            expected = "expected `call`, a function such as `gpio.drop`"
+            yield manifest.finding(f"actions.{name}: {expected}", "actions", name)
         elif problem := _problem(function, action.call, tuple(fields_of(action))):
             yield manifest.finding(f"actions.{name}.call: {problem}", "actions", name, "call")
 
@@ -175,8 +175,8 @@ def misfits(manifest: Manifest, function: Find) -> Iterator[Finding]:
 def arguments_of(entry: ActionEntry, given: Mapping[str, Value]) -> dict[str, Value]:
     """Return the arguments of the function by name. Raises ValueError."""
     arguments: dict[str, Value] = {}
-    for name, said in fields_of(entry).items():
-        arguments[name] = value = filled(f"argument `{name}`", said, given)
+    for name, declared in fields_of(entry).items():
+        arguments[name] = value = filled(f"argument `{name}`", declared, given)
         if value is None:
             raise ValueError(f"argument `{name}`: the manifest names neither a parameter nor a value")
     return arguments

@@ -136,7 +136,7 @@ class FunctionRun(Execution):
     def __init__(self, name: str, function: str) -> None:
         super().__init__(name, waits_for=f"`{function}` to return")
         self.function = function
-        self._told: dict[str, float] = {}
+        self._feedback: dict[str, float] = {}
         self._over = threading.Event()
 
     def work(self, function: Function, arguments: Mapping[str, Value]) -> Any:
@@ -151,12 +151,12 @@ class FunctionRun(Execution):
     def look(self) -> None:
         """Take over the latest feedback, in the event loop."""
         if not self.over:
-            self.feedback = self._told
+            self.feedback = self._feedback
 
     def _drive(self, generator: Generator[Any, None, Any]) -> Any:
         while not self._over.is_set():
             try:
-                self._told = _figures(next(generator))
+                self._feedback = _figures(next(generator))
             except StopIteration as end:
                 return end.value
             self._over.wait(1 / MAX_RATE)
@@ -164,11 +164,11 @@ class FunctionRun(Execution):
         return None
 
 
-def _figures(told: object) -> dict[str, float]:
+def _figures(yielded: object) -> dict[str, float]:
     """Return the numbers of what a generator yields, without anything else."""
-    if not isinstance(told, Mapping):
+    if not isinstance(yielded, Mapping):
         return {}
-    items = ((str(name), value) for name, value in told.items())
+    items = ((str(name), value) for name, value in yielded.items())
     return {name: float(value) for name, value in items if isinstance(value, int | float)}
 
 
@@ -185,5 +185,5 @@ def outcome_of(function: str, result: Result) -> Outcome:
         case str(text):
             return Outcome("failed", text or f"`{function}` returned an empty text")
         case other:
-            said = f"`{function}` returned a {type(other).__name__}: expected None, True, False or a text why not"
-            return Outcome("failed", said)
+            reason = f"`{function}` returned a {type(other).__name__}: expected None, True, False or a text why not"
+            return Outcome("failed", reason)

@@ -205,10 +205,10 @@ class ZenohDriver(SimpleDriver):
             await asyncio.sleep(LOOK_EVERY)
         return True
 
-    def _nobody(self, said: str) -> Outcome:
+    def _nobody(self, reason: str) -> Outcome:
         self._counts["unheard"] += 1
         away = "" if self._bus.router_up else ": the router is away"
-        return Outcome("failed", said + away)
+        return Outcome("failed", reason + away)
 
 
 def _renew(declared: dict[Any, Any], wanted: set[Any], declare: Callable[[Any], _Closable]) -> None:
@@ -262,8 +262,8 @@ def read_reply(key: str, reply: Sample, payload: str) -> tuple[Outcome, Mapping[
     `payload` is what it speaks if its Encoding does not say it.
     """
     if reply.error:
-        said = reply.payload.decode(errors="replace").strip()[:_WORDS]
-        return Outcome("failed", f"{key}: {said or 'an error without words'}"), {}
+        error = reply.payload.decode(errors="replace").strip()[:_WORDS]
+        return Outcome("failed", f"{key}: {error or 'an error without words'}"), {}
     try:
         fields = codec_for(reply.encoding, payload).decode(reply.payload)
     except BadPayload as bad:
@@ -277,9 +277,9 @@ def read_reply(key: str, reply: Sample, payload: str) -> tuple[Outcome, Mapping[
 
 def _refuses(fields: Mapping[str, object]) -> bool:
     """Whether a reply is a failure; `success` and `ok` count before `result`."""
-    said = [done for name in DONE if isinstance(done := fields.get(name), bool)]
-    if said:
-        return not all(said)
+    results = [done for name in DONE if isinstance(done := fields.get(name), bool)]
+    if results:
+        return not all(results)
     result = fields.get(RESULT)
     if isinstance(result, bool):
         return not result

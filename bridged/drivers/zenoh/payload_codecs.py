@@ -93,8 +93,8 @@ def _words(error: Exception) -> str:
 def payload_of(entry: ActionEntry, arguments: Mapping[str, Value]) -> object:
     """Return the payload of an action as an object or list, nested as the paths say. Raises ValueError."""
     tree: dict[str, Any] = {}
-    for path, said in fields_of(entry).items():
-        value: object = filled(f"field `{path}`", said, arguments)
+    for path, declared in fields_of(entry).items():
+        value: object = filled(f"field `{path}`", declared, arguments)
         if path == WHOLE:
             return value
         *way, last = path.split(".")

@@ -41,8 +41,8 @@ def check_manifest(manifest: Manifest) -> Iterator[Finding]:
     if manifest.robot.driver == "zenoh" and manifest.robot.vehicle:
         yield manifest.finding("robot.vehicle: the driver `zenoh` has no vehicles", "robot", "vehicle")
     if manifest.robot.payload not in ("", *CODECS):
-        said = f"robot.payload: expected {' or '.join(CODECS)}, got `{manifest.robot.payload}`"
-        yield manifest.finding(said, "robot", "payload")
+        expected = f"robot.payload: expected {' or '.join(CODECS)}, got `{manifest.robot.payload}`"
+        yield manifest.finding(expected, "robot", "payload")
     for name, percept in manifest.percepts.items():
         if problem := key_problem(percept.source):
             yield manifest.finding(f"percepts.{name}.source: {problem}", "percepts", name, "source")
@@ -75,8 +75,8 @@ def _check_action(manifest: Manifest, name: str, entry: ActionEntry) -> Iterator
         if key and (problem := key_problem(key)):
             yield manifest.finding(f"actions.{name}.{field}: {problem}", *where, field)
     if not entry.topic and not entry.service and not entry.ways().keys() & set(_FOREIGN):
-        said = "expected `topic`, a key to put to, or `service`, a key to ask"
-        yield manifest.finding(f"actions.{name}: {said}", *where)
+        expected = "expected `topic`, a key to put to, or `service`, a key to ask"
+        yield manifest.finding(f"actions.{name}: {expected}", *where)
     if entry.latch and not entry.topic:
         yield manifest.finding(f"actions.{name}.latch: only a `topic` has it", *where, "latch")
     for path, value in fields_of(entry).items():

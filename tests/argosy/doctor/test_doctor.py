@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from argosy.doctor.command import CHECKS, show
-from argosy.doctor.findings import Facts, RobotFacts, Said
+from argosy.doctor.findings import Diagnosis, Facts, RobotFacts
 from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
 from argosy.fleet_model.fleet_status import Row
 from schemas.mission.model import load_mission
@@ -66,7 +66,7 @@ def replace_health(more: Mapping[str, Any]) -> Health:
     return renewed(WELL, **more)
 
 
-def only(said: list[Said], level: str) -> Said:
+def only(said: list[Diagnosis], level: str) -> Diagnosis:
     (found,) = [one for one in said if one.level == level]
     assert found.do or level == "ok", "a finding says what to do"
     return found
@@ -282,7 +282,7 @@ def test_of_nothing_known_nothing_is_said_to_be_well(facts: Facts) -> None:
 
 
 def test_findings_are_shown_with_what_to_do_and_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    show([Said("ok", "disks", "fine"), Said("error", "links", "cut\x1b[2J", "mend it")], as_json=False)
+    show([Diagnosis("ok", "disks", "fine"), Diagnosis("error", "links", "cut\x1b[2J", "mend it")], as_json=False)
     assert capsys.readouterr().out == (
         "ok       disks  fine\nerror    links  cut [2J\n                do: mend it\n1 error, 0 warnings\n"
     )

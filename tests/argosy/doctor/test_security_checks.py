@@ -13,7 +13,7 @@ import zenoh
 
 from argosy.__main__ import main as argosy
 from argosy.doctor import security_checks
-from argosy.doctor.findings import Said
+from argosy.doctor.findings import Diagnosis
 from argosy.doctor.security_checks import certificates
 from commd.bus.session import session_config
 from schemas.mission.model import Mission, load_mission, read_mission
@@ -55,7 +55,7 @@ class Kept:
         finally:
             daemon.kill()
 
-    def seen(self) -> list[Said]:
+    def seen(self) -> list[Diagnosis]:
         """What the doctor says of the boards that are there, with the operator's keys."""
         return certificates(self.mission, self.keys("ops"))
 

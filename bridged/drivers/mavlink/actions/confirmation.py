@@ -138,8 +138,8 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
             return
         if vehicle.mode not in (before, mode):
             break
-    said = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
-    raise Ended("failed", flight.with_texts(said, asked))
+    reason = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
+    raise Ended("failed", flight.with_texts(reason, asked))
 
 
 def acknowledged(
@@ -157,11 +157,11 @@ def acknowledged(
                 yield
             if effect():
                 return
-            said = f"the vehicle refused {command.name} ({command.result_name})"
-            raise Ended("refused", flight.with_texts(said, asked))
+            reason = f"the vehicle refused {command.name} ({command.result_name})"
+            raise Ended("refused", flight.with_texts(reason, asked))
         if command.silent:
-            said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-            raise Ended("failed", f"{said}; {flight.state_in_words()}")
+            reason = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
+            raise Ended("failed", f"{reason}; {flight.state_in_words()}")
         run.waits_for = f"the acknowledgement of {command.name}"
         yield
     command.may_repeat = lambda: False
@@ -192,11 +192,11 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
     named_before: set[str] = set()
     while missing := flight.vehicle.not_ready():
         answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
-        said = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
-        run.cause = "; ".join(said or missing)
-        run.waits_for = "readiness: " + "; ".join([*missing, *said])
-        faults = named_before.intersection(said if answered else ())
-        if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
+        texts = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
+        run.cause = "; ".join(texts or missing)
+        run.waits_for = "readiness: " + "; ".join([*missing, *texts])
+        faults = named_before.intersection(texts if answered else ())
+        if lasting := [one for one in texts if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
             raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(PRE_ARM, asked))
@@ -235,8 +235,8 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
             return
         if not flight.vehicle.armed:
             raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
-    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-    raise Ended("refused", flight.with_texts(f"{said}, {own_target(flight, action)}", asked))
+    reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+    raise Ended("refused", flight.with_texts(f"{reason}, {own_target(flight, action)}", asked))
 
 
 def home_reported(flight: ProcedureContext, run: ProcedureRun) -> Part:
@@ -260,8 +260,8 @@ def check_limits(flight: ProcedureContext, action: BoundAction) -> None:
     if flight.altitude_of_home() is None:
         raise Ended("refused", "the vehicle's altitude is not known yet")
     if action.limited and flight.limited and not flight.vehicle.placed:
-        said = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
-        raise Ended("refused", said, "limits")
+        reason = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
+        raise Ended("refused", reason, "limits")
     if action.limited and (broken := flight.outside_limits(above_home(flight, action))):
         raise Ended("refused", broken, "limits")
 
@@ -361,8 +361,8 @@ def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: s
     if vehicle.armed:
         raise Ended("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
     if vehicle.positions == seen:
-        said = f"the motors have stopped{where}, and the vehicle does not report where it is"
-        raise Ended("failed", flight.with_texts(said, asked))
+        reason = f"the motors have stopped{where}, and the vehicle does not report where it is"
+        raise Ended("failed", flight.with_texts(reason, asked))
     if asked - fast_at <= flight.wait(*STANDS_FOR):
         raise Ended("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
 

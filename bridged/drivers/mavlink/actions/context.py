@@ -226,13 +226,13 @@ class ProcedureContext:
     def send_local(self, target: LocalTarget) -> None:
         """Send a target in metres or m/s; nothing acknowledges it."""
         mask = ALL_IGNORED
-        for said, ignored in (
+        for value, ignored in (
             (target.position, POSITION_IGNORED),
             (target.velocity, VELOCITY_IGNORED),
             (target.yaw, YAW_IGNORED),
             (target.yaw_rate, YAW_RATE_IGNORED),
         ):
-            if said is not None:
+            if value is not None:
                 mask &= ~ignored
         self.send(
             dialect.MAVLink_set_position_target_local_ned_message(
@@ -315,10 +315,10 @@ class ProcedureContext:
                 return ""
         return f"in {GUIDED_TIMEOUT:g} s at that velocity: {broken}" if broken else ""
 
-    def with_texts(self, said: str, since: float) -> str:
+    def with_texts(self, reason: str, since: float) -> str:
         """Return a reason with the vehicle's texts since then, or with its state if there were none."""
         texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
-        return f"{said}: {texts}" if texts else f"{said}; {self.state_in_words()}"
+        return f"{reason}: {texts}" if texts else f"{reason}; {self.state_in_words()}"
 
     def state_in_words(self) -> str:
         """Return mode, arming and whether it flies, for people."""

@@ -71,8 +71,8 @@ def arm(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Ste
     run.waits_for = f"a HEARTBEAT that shows {'armed' if wanted else 'not armed'}"
     if (yield from steady(flight, shown)):
         return SUCCEEDED
-    said = f"{command.name} was acknowledged, but the vehicle is {'not armed' if wanted else 'still armed'}"
-    return Outcome("failed", flight.with_texts(said, asked))
+    reason = f"{command.name} was acknowledged, but the vehicle is {'not armed' if wanted else 'still armed'}"
+    return Outcome("failed", flight.with_texts(reason, asked))
 
 
 def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -142,8 +142,8 @@ def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: flo
         elif vehicle.positions == seen:
             run.waits_for = "a position from the vehicle"
         if not vehicle.aloft and flight.now > patience:
-            said = f"{name} was acknowledged, but the vehicle did not leave the ground"
-            return Outcome("failed", flight.with_texts(said, asked))
+            reason = f"{name} was acknowledged, but the vehicle did not leave the ground"
+            return Outcome("failed", flight.with_texts(reason, asked))
         yield
 
 
@@ -173,8 +173,8 @@ def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     for attempt in range(TARGET_ATTEMPTS):
         if (yield from target_shown(flight, run, action, ask=attempt > 0)):
             return SUCCEEDED
-    said = f"{command.name} was acknowledged, but {own_target(flight, action)}"
-    return Outcome("failed", flight.with_texts(said, asked))
+    reason = f"{command.name} was acknowledged, but {own_target(flight, action)}"
+    return Outcome("failed", flight.with_texts(reason, asked))
 
 
 def reposition_and_arrive(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -191,8 +191,8 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     if parked(flight):
         return SUCCEEDED
     if not modes.lands:
-        said = "" if modes.ground else "; end a mission with an item `land`"
-        return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{said}")
+        hint = "" if modes.ground else "; end a mission with an item `land`"
+        return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{hint}")
     yield from enter(flight, run, action, modes.land)
     yield from down(flight, run)
     return SUCCEEDED

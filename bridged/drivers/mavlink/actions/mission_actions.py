@@ -105,10 +105,10 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
     held_count = yield from count_items(flight, run)
     uncounted = flight.vehicle.home is None  # home counts as an item once the vehicle has one
     if held_count != count and not (uncounted and held_count == count - 1):
-        said = (
+        readback = (
             "does not report how many items it holds" if held_count is None else f"holds {held_count} items with home"
         )
-        raise Ended("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {said}")
+        raise Ended("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {readback}")
     plan.items, plan.broken = items, ""
 
 
@@ -194,11 +194,11 @@ def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAct
 
     With `home_first` the first item is home, as in ArduPilot's own numbering: the vehicle keeps its own.
     """
-    said = action.arguments["items"]
-    if action.arguments.get("home_first") is True and isinstance(said, list):
-        said = said[1:]
+    given = action.arguments["items"]
+    if action.arguments.get("home_first") is True and isinstance(given, list):
+        given = given[1:]
     try:
-        items = read_items(said, AMSL if action.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
+        items = read_items(given, AMSL if action.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
     if flown := _flown_now(flight):

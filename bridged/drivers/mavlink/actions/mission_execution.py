@@ -89,8 +89,8 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
         return Outcome("refused", f"{nothing}; upload one")
     with _flying(flight.plan, run.name):
-        told = yield from asked_message(flight, run, "MISSION_CURRENT", TRY_EVERY)
-        if told is not None and (told.mission_state == COMPLETE or told.seq > last):
+        current = yield from asked_message(flight, run, "MISSION_CURRENT", TRY_EVERY)
+        if current is not None and (current.mission_state == COMPLETE or current.seq > last):
             yield from go_to_item(flight, run, 1)
         grounded = not vehicle.aloft or modes.ground
         if vehicle.mode != modes.auto:  # whether it stays is seen all the way
@@ -101,7 +101,7 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         if grounded:
             command = flight.submit(run, BoundAction(dialect.MAV_CMD_MISSION_START, retry=START))
             yield from acknowledged(flight, run, command, lambda: vehicle.aloft and not modes.ground)
-        stored = None if told is None else told.total
+        stored = None if current is None else current.total
         return (yield from _fly(flight, run, items, last, stored, grounded=grounded and not modes.ground))
 
 
@@ -137,8 +137,8 @@ def _fly(
             case dialect.MAVLink_mission_current_message():
                 stored = message.total if stored is None else stored
                 if message.total != stored or message.mission_state == dialect.MISSION_STATE_NO_MISSION:
-                    said = "the vehicle's mission was changed by others while it was flown (another ground station?)"
-                    return Outcome("failed", flight.with_texts(said, asked))
+                    reason = "the vehicle's mission was changed by others while it was flown (another ground station?)"
+                    return Outcome("failed", flight.with_texts(reason, asked))
                 furthest = max(furthest, message.seq)
                 current = max(1, message.seq if jumps else furthest)
                 complete = complete or (message.mission_state == COMPLETE and running and vehicle.armed)
@@ -162,8 +162,8 @@ def _fly(
             if flight.now - left_at > flight.wait(*END_SHOWS):
                 return _broken_off(flight, reached, last, asked)
         if grounded and flight.now > patience:
-            said = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
-            return Outcome("failed", flight.with_texts(said, asked))
+            reason = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
+            return Outcome("failed", flight.with_texts(reason, asked))
         yield
 
 

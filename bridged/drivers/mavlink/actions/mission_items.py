@@ -32,7 +32,7 @@ LAST_NAV = dialect.MAV_CMD_NAV_LAST
 FORMS = "[Lat, Lon, Alt] or [Command, Lat, Lon, Alt, P1, P2, P3, P4]"
 NAMES = {"x_lat": "latitude", "y_long": "longitude", "z_alt": "altitude"}
 """Other names of an item's fields: those of mavros' Waypoint."""
-SAID = ("command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4")
+FIELDS = ("command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4")
 """Fields of an item, for manifests that declare items with `each`."""
 NOT_NEEDED = frozenset({"is_current", "autocontinue"})
 
@@ -109,36 +109,36 @@ def read_items(value: Value, frame: int) -> tuple[Item, ...]:
     if len(value) > MAX_ITEMS:
         raise ValueError(f"a mission has {MAX_ITEMS} items at most, got {len(value)}")
     items = []
-    for index, said in enumerate(value, 1):
+    for index, entry in enumerate(value, 1):
         try:
-            items.append(_read(said, frame))
+            items.append(_read(entry, frame))
         except ValueError as error:
             raise ValueError(f"item {index} of the mission: {error}") from None
     return tuple(items)
 
 
-def _read(said: object, frame: int) -> Item:
-    if isinstance(said, Mapping):
-        return _named(said, frame)
-    if not isinstance(said, list | tuple) or not said:
-        raise ValueError(f"expected {FORMS}, got {said!r}")
+def _read(entry: object, frame: int) -> Item:
+    if isinstance(entry, Mapping):
+        return _named(entry, frame)
+    if not isinstance(entry, list | tuple) or not entry:
+        raise ValueError(f"expected {FORMS}, got {entry!r}")
     command: object = "waypoint"
-    place = said
-    if isinstance(said[0], str):
-        command, place = said[0], said[1:]
-    elif len(said) != 3:
-        raise ValueError(f"expected {FORMS}, got {said!r}")
+    place = entry
+    if isinstance(entry[0], str):
+        command, place = entry[0], entry[1:]
+    elif len(entry) != 3:
+        raise ValueError(f"expected {FORMS}, got {entry!r}")
     if len(place) > 7:
-        raise ValueError(f"expected {FORMS}, got {said!r}")
+        raise ValueError(f"expected {FORMS}, got {entry!r}")
     latitude, longitude, altitude, one, two, three, four = [*map(_number, place), *(0.0,) * (7 - len(place))]
     return _item(_command(command), frame, (one, two, three, four), latitude, longitude, altitude)
 
 
-def _named(said: Mapping[str, object], frame: int) -> Item:
-    given = {NAMES.get(name, name): value for name, value in said.items() if name not in NOT_NEEDED}
+def _named(entry: Mapping[str, object], frame: int) -> Item:
+    given = {NAMES.get(name, name): value for name, value in entry.items() if name not in NOT_NEEDED}
     for name in given:
-        if name not in SAID:
-            raise ValueError(f"no field `{name}`; there is {', '.join(SAID)}")
+        if name not in FIELDS:
+            raise ValueError(f"no field `{name}`; there is {', '.join(FIELDS)}")
     one, two, three, four, latitude, longitude, altitude = (
         _number(given.get(name, 0.0))
         for name in ("param1", "param2", "param3", "param4", "latitude", "longitude", "altitude")
@@ -165,22 +165,22 @@ def _item(
     return Item(command, frame, parameters, round(latitude * 1e7), round(longitude * 1e7), altitude)
 
 
-def _command(said: object) -> int:
-    if isinstance(said, int | float) and not isinstance(said, bool) and float(said).is_integer():
-        return int(said)
-    name = str(said).strip()
+def _command(value: object) -> int:
+    if isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer():
+        return int(value)
+    name = str(value).strip()
     if name.lower() in SHORT:
         return int(SHORT[name.lower()])
     number = getattr(dialect, name, None) if name.startswith("MAV_CMD_") else None
     if isinstance(number, int):
         return number
-    raise ValueError(f"no command {said!r}; there is {', '.join(SHORT)}, and MAVLink's MAV_CMD_...")
+    raise ValueError(f"no command {value!r}; there is {', '.join(SHORT)}, and MAVLink's MAV_CMD_...")
 
 
-def _number(said: object) -> float:
-    if isinstance(said, int | float) and math.isfinite(said) and abs(said) < 1e9:
-        return float(said)
-    raise ValueError(f"expected a number, got {said!r}")
+def _number(value: object) -> float:
+    if isinstance(value, int | float) and math.isfinite(value) and abs(value) < 1e9:
+        return float(value)
+    raise ValueError(f"expected a number, got {value!r}")
 
 
 def item_of(message: dialect.MAVLink_message) -> Item:

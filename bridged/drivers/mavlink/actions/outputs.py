@@ -96,8 +96,8 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
         return SUCCEEDED
     if refusal is not None:
         raise refusal
-    said = "enabled" if wanted else "disabled"
-    return Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
+    state = "enabled" if wanted else "disabled"
+    return Outcome("failed", f"{command.name} was acknowledged, but the fence is not {state}")
 
 
 def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, what: str, fits: Fits) -> Steps:
@@ -110,8 +110,8 @@ def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, wha
         if shown():
             return SUCCEEDED
         yield
-    said = f"{command.name} was acknowledged, but SERVO_OUTPUT_RAW does not show {what}"
-    return Outcome("failed", flight.with_texts(said, asked))
+    reason = f"{command.name} was acknowledged, but SERVO_OUTPUT_RAW does not show {what}"
+    return Outcome("failed", flight.with_texts(reason, asked))
 
 
 class _Seen:

@@ -70,21 +70,21 @@ def read_parameters(
     flight: ProcedureContext, run: ProcedureRun, names: tuple[str, ...]
 ) -> Generator[None, None, dict[str, float]]:
     """Request several parameters together. Returns those that arrived."""
-    told: dict[str, float] = {}
+    values: dict[str, float] = {}
     for _ in range(READ_TRIES):
         for name in names:
-            if name not in told:
+            if name not in values:
                 _request(flight, name)
         until = flight.now + flight.wait(*READ_EVERY)
-        while flight.now <= until and len(told) < len(names):
-            run.waits_for = f"the values of {names[0]} to {names[-1]}; {len(told)} of {len(names)} came"
+        while flight.now <= until and len(values) < len(names):
+            run.waits_for = f"the values of {names[0]} to {names[-1]}; {len(values)} of {len(names)} came"
             yield
             message = flight.message
             if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
-                told[message.param_id] = message.param_value
-        if len(told) == len(names):
+                values[message.param_id] = message.param_value
+        if len(values) == len(names):
             break
-    return told
+    return values
 
 
 def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -99,12 +99,12 @@ def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
 
 def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`param_pull`: the vehicle sends every parameter, each a reading of PARAM; lost ones are requested again."""
-    told, count, tries = set[int](), 0, 0
+    indices, count, tries = set[int](), 0, 0
     while tries < PULL_TRIES:
         tries += 1
         if not count:
             flight.send(dialect.MAVLink_param_request_list_message(*flight.addressee))
-        for index in sorted(set(range(count)) - told)[:AT_ONCE]:
+        for index in sorted(set(range(count)) - indices)[:AT_ONCE]:
             flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, b"", index))
         until = flight.now + flight.wait(*PULL_EVERY)
         while flight.now <= until:
@@ -113,16 +113,16 @@ def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAc
             if message is None or message.get_type() != "PARAM_VALUE" or message.param_index >= message.param_count:
                 continue
             count = message.param_count
-            if message.param_index not in told:
-                told.add(message.param_index)
+            if message.param_index not in indices:
+                indices.add(message.param_index)
                 tries = 0
                 flight.tell(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
                 until = flight.now + flight.wait(*PULL_EVERY)
-            run.feedback = {"params": float(len(told)), "of": float(count)}
-            run.waits_for = f"the rest of {count} parameters; {len(told)} came"
-            if len(told) == count:
+            run.feedback = {"params": float(len(indices)), "of": float(count)}
+            run.waits_for = f"the rest of {count} parameters; {len(indices)} came"
+            if len(indices) == count:
                 return SUCCEEDED
-    came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not send its parameters"
+    came = f"{len(indices)} of {count} parameters came" if count else "the vehicle does not send its parameters"
     return Outcome("failed", came)
 
 
@@ -161,21 +161,21 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
     found = yield from read_parameter(flight, run, name)
     if found is None:
         raise Ended("failed", f"the vehicle knows no parameter {name}")
-    theirs, told = found[0], None
+    theirs, reported = found[0], None
     for _ in range(SET_TRIES):
         flight.send(
             dialect.MAVLink_param_set_message(*flight.addressee, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32)
         )
         run.waits_for = f"the vehicle to take {name} = {wanted:g}"
         again = yield from read_parameter(flight, run, theirs)  # a late answer to the first question is older
-        told = told if again is None else again[1]
-        if told == wanted:
+        reported = reported if again is None else again[1]
+        if reported == wanted:
             break
-    if told is None:
+    if reported is None:
         raise Ended("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not report its value")
-    flight.learn(name, told)
-    if told != wanted:
-        raise Ended("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
+    flight.learn(name, reported)
+    if reported != wanted:
+        raise Ended("failed", f"{name}: {wanted:g} was asked for, the vehicle has {reported:g}")
 
 
 def _request(flight: ProcedureContext, name: str) -> None:

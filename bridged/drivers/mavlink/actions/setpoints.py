@@ -92,8 +92,8 @@ def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
 
     if (yield from _sent_until_shown(flight, run, target, fits)):
         return SUCCEEDED
-    said = f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries"
-    return Outcome("refused", f"{said}; {flight.state_in_words()}")
+    reason = f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries"
+    return Outcome("refused", f"{reason}; {flight.state_in_words()}")
 
 
 def override_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -111,8 +111,8 @@ def override_channels(flight: ProcedureContext, run: ProcedureRun, action: Bound
         run.waits_for = "RC_CHANNELS to show the channels that were sent"
         if (yield from asked_message(flight, run, "RC_CHANNELS", TARGET_WAIT, fits)) is not None:
             return SUCCEEDED
-    said = "RC_CHANNELS does not show them: ArduPilot takes overrides from its ground station only (MAV_GCS_SYSID)"
-    return Outcome("failed", flight.with_texts(said, flight.now))
+    reason = "RC_CHANNELS does not show them: ArduPilot takes overrides from its ground station only (MAV_GCS_SYSID)"
+    return Outcome("failed", flight.with_texts(reason, flight.now))
 
 
 def send_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -142,8 +142,8 @@ def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
 
     absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
     if not (yield from _sent_until_shown(flight, run, absolute, fits)):
-        said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-        raise Ended("refused", f"{said}; {flight.state_in_words()}")
+        reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+        raise Ended("refused", f"{reason}; {flight.state_in_words()}")
 
 
 def _sent_until_shown(
