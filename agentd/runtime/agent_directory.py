@@ -10,7 +10,7 @@ import asyncio
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from typing import Final, Literal, TypeAlias
 
@@ -321,9 +321,9 @@ class Services:
         self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
         self._queues: defaultdict[str, _Queue] = defaultdict(_Queue)
 
-    async def ask(self, board: str, agent: str, do: Do, service: str = "") -> BoardServices:
-        """Send a request and return the answer. Raises NotDone."""
-        request = ServiceRequest(agent=agent, do=do, service=service)
+    async def ask(self, board: str, agent: str, do: Do, service: str = "", others: Sequence[str] = ()) -> BoardServices:
+        """Send a request and return the answer; `others` leave with the agent. Raises NotDone."""
+        request = ServiceRequest(agent=agent, do=do, service=service, others=tuple(others))
         loop = asyncio.get_running_loop()
         since, queue = loop.time(), self._queues[board]
         answer, why = None, "those before it have had no answer either"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,7 @@ from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
 from agentd.trace.input_records import Included
+from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.common.clock import Clock
@@ -81,8 +83,11 @@ class AgentGroup:
         self._ends: dict[str, asyncio.Event] = {}
         self._running: dict[asyncio.Task[None], str] = {}
         self._reasoning: dict[str, AgentHost] = {}
+        self._beginning: dict[str, asyncio.Task[None]] = {}
+        """By board: what removes the services of former lives; it ends within the patience of a request."""
         self._stop = asyncio.Event()
         self._services = Services(bus)
+        self._subscribers = TraceSubscribers(bus)
         self._presence_beliefs = PresenceBeliefs(bus, self.directory, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
@@ -101,7 +106,7 @@ class AgentGroup:
 
     def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        host = AgentHost(self._bus, self._clock, part, self.directory, self, token, memory, rights)
+        host = AgentHost(self._bus, self._clock, part, self.directory, self, token, self._subscribers, memory, rights)
         self.hosts[part.name] = host
         self._homes[part.name] = board
         self.directory.add(part.name, board)
@@ -137,6 +142,10 @@ class AgentGroup:
         self._bus.on_router(self._retry_mail)
         for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._retry_mail(alive))
+        for board in boards:
+            beginners = [name for name, host in self.hosts.items() if host.begins and self._homes[name] == board]
+            if beginners:
+                self._beginning[board] = self._work.spawn(self._forget_services(board, beginners))
         for host in list(self.hosts.values()):
             self._begin(host)
         for board in boards:
@@ -189,15 +198,14 @@ class AgentGroup:
         self._presence_beliefs.begin(host.part.name)
         if host.part.presence:
             self._presence_beliefs.subscribe(host.part.name, host.feed)
-        if host.begins and host.part.name not in self._made:
-            self._work.spawn(self._forget_services(host.part.name))
 
-    async def _forget_services(self, name: str) -> None:
-        """Remove the services and subscriptions of a former life of an agent."""
+    async def _forget_services(self, board: str, names: Sequence[str]) -> None:
+        """Remove the services and subscriptions of former lives of agents."""
         try:
-            await self._ask(name, "leave")
+            self.directory.update(await self._services.ask(board, names[0], "leave", others=names[1:]))
         except NotDone as why:
-            log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
+            who = ",".join(names)
+            log.warning("agents=%s may still be listed with the services of a former life: %s", who, why)
 
     async def _live(self, host: AgentHost, end: asyncio.Event) -> None:
         """Run one agent. If its program stops the team, all agents of this daemon end."""
@@ -349,6 +357,8 @@ class AgentGroup:
 
     async def _ask(self, agent: str, do: Do, service: str = "") -> BoardServices:
         """Ask the directory of an agent's board. Raises NotDone."""
+        if (beginning := self._beginning.get(self._homes[agent])) is not None:
+            await asyncio.wait((beginning,))  # what an agent offers now must not be forgotten with its former life
         answer = await self._services.ask(self._homes[agent], agent, do, service)
         self.directory.update(answer)
         return answer

@@ -37,6 +37,7 @@ from agentd.runtime.view_server import Viewer
 from agentd.trace import Tracing
 from agentd.trace.initial_state import InitialState
 from agentd.trace.input_records import CameBack, Included, Interrupted
+from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus, Token, boot_id
 from commd.client.actions import ActionRequests
 from commd.client.manual_percepts import HandPercepts, hear_by_hand
@@ -79,6 +80,7 @@ class AgentHost:
         directory: AgentDirectory,
         team: Team,
         token: Token,
+        subscribers: TraceSubscribers,
         memory: RestoredState | None = None,
         rights: MailRights | None = None,
     ) -> None:
@@ -115,7 +117,7 @@ class AgentHost:
             kept=memory is not None,
         )
         birth = InitialState(settings, part.sources, stored)
-        self._tracing = Tracing(bus, clock, part.name, birth, directory, life, self._tasks)
+        self._tracing = Tracing(bus, clock, part.name, birth, directory, life, self._tasks, subscribers)
         self._mind = Mind(
             part.name,
             part.program,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterable
+from functools import partial
 from time import perf_counter
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -21,6 +22,7 @@ from agentd.trace.activity_events import ActivityEvents
 from agentd.trace.initial_state import InitialState
 from agentd.trace.input_log import MOST_BYTES, InputBatch, InputLog
 from agentd.trace.input_records import CameBack, Given, Included, Interrupted, MailRefused
+from agentd.trace.subscribers import CHANNELS, Channel, TraceSubscribers
 from commd.bus.bus import Bus, Query
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
@@ -46,7 +48,6 @@ TOO_LATE: Final = (
     "begin to record before the agent begins"
 )
 
-Channel: TypeAlias = Literal["inputs", "decisions", "activity"]
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
 """Gets a run of the mind: first cycle, mission time, effects."""
 _all: set[Tracing] = set()
@@ -65,6 +66,7 @@ class Tracing:
         directory: AgentDirectory,
         life: str,
         tasks: Tasks,
+        subscribers: TraceSubscribers,
     ) -> None:
         """`life` is the end of the ids of this life's messages."""
         self.birth = birth
@@ -75,14 +77,13 @@ class Tracing:
         self._mind: Mind
         self.life = life
         self._bus, self._clock, self._agent, self._tasks = bus, clock, agent, tasks
+        self._subscribers = subscribers
         self._heard: set[Channel] = set()
         """The channels that have subscribers."""
         self._flushing = False
         self._decided_at, self._per_view = perf_counter(), 0.0002
         """When decisions were converted last, and the wall seconds that one takes, estimated."""
-        self._keys: dict[Channel, str] = {
-            channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "activity")
-        }
+        self._keys: dict[Channel, str] = {channel: keys.trace(bus.fleet, agent, channel) for channel in CHANNELS}
         self._withdraw: list[Callable[[], None]] = []
 
     def follow(self, mind: Mind) -> None:
@@ -92,8 +93,8 @@ class Tracing:
         self._withdraw.append(
             self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_birth, observers=True)
         )
-        for channel, key in self._keys.items():
-            self._withdraw.append(self._bus.listened(key, lambda there, c=channel: self._listened(c, there)))  # type: ignore[misc]
+        self._subscribers.add(self._agent, self._listened)
+        self._withdraw.append(partial(self._subscribers.remove, self._agent))
         _all.add(self)
         self._hook()
 

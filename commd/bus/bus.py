@@ -155,11 +155,11 @@ class Bus(QuerySession):
         It is called soon if there is one already. Returns what ends that; without it, it lasts as long as the session.
         """
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
-        last = False
+        last = ended = False
 
         def changed(somebody: bool) -> None:
             nonlocal last
-            if somebody != last:
+            if somebody != last and not ended:
                 last = somebody
                 handler(somebody)
 
@@ -170,6 +170,8 @@ class Bus(QuerySession):
         self._listened += declared
 
         def withdraw() -> None:
+            nonlocal ended
+            ended = True
             for each in declared:
                 self._listened.remove(each)
                 each.close()

@@ -8,7 +8,7 @@ first.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TypeAlias
@@ -122,7 +122,7 @@ class Services:
         if home == self.board:
             if agent in self.mission or stays == (agent in self.own.staying):
                 return self
-            return self._with(staying=(*self.own.staying, agent) if stays else _without(self.own.staying, agent))
+            return self._with(staying=(*self.own.staying, agent) if stays else _without(self.own.staying, {agent}))
         if home is not None or agent in self.reserved:
             raise Problem(f"the name `{agent}` is taken" + (f" on board {home}" if home is not None else ""))
         if not agent.startswith(self.prefix):
@@ -133,11 +133,12 @@ class Services:
         staying = (*self.own.staying, agent) if stays else self.own.staying
         return self._changed(joined=(*self.own.joined, agent), staying=staying)
 
-    def leave(self, agent: str) -> Services:
-        """Remove all services and subscriptions of an agent that has ended for good, or starts over."""
-        offers = {name: services for name, services in self.own.offers.items() if name != agent}
-        wants = {name: left for name, who in self.own.wants.items() if (left := _without(who, agent))}
-        joined, staying = _without(self.own.joined, agent), _without(self.own.staying, agent)
+    def leave(self, *agents: str) -> Services:
+        """Remove all services and subscriptions of agents that have ended for good, or start over."""
+        gone = frozenset(agents)
+        offers = {name: services for name, services in self.own.offers.items() if name not in gone}
+        wants = {name: left for name, who in self.own.wants.items() if (left := _without(who, gone))}
+        joined, staying = _without(self.own.joined, gone), _without(self.own.staying, gone)
         if (offers, wants, joined) == (self.own.offers, self.own.wants, self.own.joined):
             return self
         return self._changed(offers=offers, wants=wants, joined=joined, staying=staying)
@@ -159,7 +160,7 @@ class Services:
         offered = self.own.offers.get(agent, ())
         if service not in offered:
             return self
-        offers = {**self.own.offers, agent: _without(offered, service)}
+        offers = {**self.own.offers, agent: _without(offered, {service})}
         return self._changed(offers={name: services for name, services in offers.items() if services})
 
     def subscribe(self, agent: str, service: str) -> tuple[Services, list[Notice]]:
@@ -226,5 +227,5 @@ def checked(said: BoardServices, may_name: Callable[[str], bool] = lambda _: Tru
     return msgspec.structs.replace(said, agents=agents)
 
 
-def _without(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    return tuple(one for one in names if one != name)
+def _without(names: tuple[str, ...], gone: Collection[str]) -> tuple[str, ...]:
+    return tuple(one for one in names if one not in gone)

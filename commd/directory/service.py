@@ -228,7 +228,7 @@ class Directory:
                 case "join":
                     after = before.join(agent, request.stays)
                 case "leave":
-                    after = before.leave(agent)
+                    after = before.leave(agent, *request.others)
                 case "register":
                     after, notices = before.register(agent, service)
                 case "deregister":

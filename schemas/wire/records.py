@@ -195,7 +195,9 @@ class ServiceRequest(Record, frozen=True, kw_only=True):
 
     agent: str
     do: Literal["join", "leave", "register", "deregister", "search", "subscribe"]
-    """`join` and `leave`: for an agent that is not in the mission."""
+    """`join`: for an agent that is not in the mission. `leave`: for one that has ended for good, or starts over."""
+    others: tuple[str, ...] = ()
+    """In `leave`: further agents of the board that leave with it."""
     service: str = ""
     stays: bool = False
     """In `join`: it keeps its mailbox while it is away; otherwise it has left after a minute of absence."""

@@ -19,6 +19,7 @@ from agentd.runtime.agent_directory import AgentDirectory
 from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
+from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 
@@ -112,7 +113,9 @@ async def host_on(
     sources = Sources(main=f"{name}.asl")
     sources.keep(sources.main, source)
     made = Part(name=name, program=program, **{"sources": sources, **part})
-    host = AgentHost(bus, Clock(), made, directory, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), memory)
+    host = AgentHost(
+        bus, Clock(), made, directory, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), TraceSubscribers(bus), memory
+    )
     return Hosted(host, memory)
 
 
