@@ -65,6 +65,13 @@ def test_an_agent_of_the_mission_joins_and_leaves_its_own_board_without_being_fo
     assert offering.leave("a").agents() == {"a": (), "c": ()}
 
 
+def test_several_agents_leave_together_in_one_change(here: Services) -> None:
+    offering = here.register("a", "cook")[0].register("c", "sing")[0].subscribe("c", "cook")[0]
+    left = offering.leave("a", "c")
+    assert (left.agents(), left.own.wants) == ({"a": (), "c": ()}, {})
+    assert left.own.version == offering.own.version + 1
+
+
 def test_providers_stand_in_the_order_of_the_mission_whatever_came_first(here: Services) -> None:
     here, _, _ = here.heard(says(1, b=("cook",)))
     for agent in ("c", "a"):
