@@ -90,7 +90,7 @@ async def plans_by_mail(row: Row, _: World) -> None:
                 row.expect(taken == [Receipt(taken=1)], f"the board takes what is sent as mail: {taken}")
 
                 async def counted() -> bool:
-                    return (await health_of(looker, "a", "agentd")).counters.get("mail_not_accepted") == 3
+                    return (await health_of(looker, "pi1", "agentd")).agents["a"].counters.get("mail_not_accepted") == 3
 
                 await until(counted, "three messages are counted as not accepted")
                 row.expect(moved["a"] == set(), f"r1 has not moved: {moved['a']}")

@@ -68,7 +68,7 @@ async def silent_readers(row: Row, world: World) -> None:
         await asyncio.to_thread(agentd.says, "[a] round 0", 60)
         async with of_flight.member("pi1") as member, of_flight.machine("other", "pi1") as other:
             heard: list[float] = [time.monotonic()]
-            member.subscribe(keys.health(NAME, "a", "agentd"), Health, lambda *_: heard.append(time.monotonic()))
+            member.subscribe(keys.health(NAME, "pi1", "agentd"), Health, lambda *_: heard.append(time.monotonic()))
             await until(lambda: len(heard) > 1, "the agent is heard")
             silent = ("tests.attacks.silent", fleet.link("pi1"), str(fleet.keys("eye")), f"argosy/{NAME}/a")
             attacker = fleet.run(*silent, str(SESSIONS))

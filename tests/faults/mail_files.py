@@ -14,6 +14,7 @@ from commd.bus.bus import Bus, open_bus
 from commd.client import SendTimeout
 from commd.mail.age_clock import WENT_BACK
 from schemas.wire import keys
+from schemas.wire.health import each_health
 from schemas.wire.records import BoardServices, Health, MailSeen
 from tests.boards.disk import Disk
 from tests.faults.office import FLEET, Office, expect_all, grown, held, in_office, read, row_of, waits
@@ -74,8 +75,7 @@ def _keep(endpoint: str) -> None:
         saved = set[str]()
 
         def heard(key: str, health: Health) -> None:
-            if health.counters.get("kept_saved"):
-                saved.add(key)
+            saved.update(name for name, its in each_health(key, health) if its.counters.get("kept_saved"))
 
         async with open_bus(endpoint, fleet=FLEET, name="observer", daemon="test", stamp=time.time_ns) as bus:
             bus.subscribe(keys.health(FLEET, "*", "agentd"), Health, heard)

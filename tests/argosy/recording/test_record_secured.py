@@ -29,9 +29,9 @@ def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
         arguments = ("--mission", fleet.path, "--keys", fleet.keys("eye"), "-o", path)
         async with argosy("record", *arguments) as recorder:
             await recorder.until("recording ")
-            for agent in ("a", "b"):
+            for board, agent in (("pi1", "a"), ("pi2", "b")):
                 await until(lambda agent=agent: heard(path, keys.trace("three", agent, "inputs")) > 3, f"{agent}")  # type: ignore[misc]
-                await until(lambda agent=agent: heard(path, keys.health("three", agent, "agentd")) > 3, f"{agent}")  # type: ignore[misc]
+                await until(lambda board=board: heard(path, keys.health("three", board, "agentd")) > 3, f"{board}")  # type: ignore[misc]
             code, _, err = await recorder.end(seconds=40)
         assert code == 0
         assert "board pi3 is not reached" in err
