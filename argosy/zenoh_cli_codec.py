@@ -44,7 +44,7 @@ def _record(key: str, text: str) -> Record:
         case ["action", *_], [_, *_]:
             name, parameters = read_action(*_named(text))
             return Action(name=name, parameters=parameters)
-        case ["percept", *_], [_, *_]:
+        case ["percept_by_hand", *_], [_, *_]:
             name, parameters = read_action(*_named(text.lstrip("+-")))
             update = {"+": "add", "-": "remove"}.get(text[0], "replace")
             return Perception(name=name, parameters=parameters, update=update)  # type: ignore[arg-type]

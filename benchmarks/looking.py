@@ -219,7 +219,7 @@ class _Bursts:
 
     async def _burst(self) -> None:
         begun, self._done = self._done, self._done + STEPS
-        self._bus.put(keys.percept(FLEET, AGENT, "go"), Perception(parameters=(begun, self._done)))
+        self._bus.put(keys.percept_by_hand(FLEET, AGENT, "go"), Perception(parameters=(begun, self._done)))
         until = time.monotonic() + ANSWER_TIMEOUT
         while not self._said(f"end of {self._done}"):
             if time.monotonic() > until:

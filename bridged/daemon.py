@@ -69,7 +69,7 @@ def _settle() -> None:
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
-    """Put `{agent}/percept/*` and `{agent}/status/*`; serve percept repair, actions, cancels and `{robot}/stop`.
+    """Put `{agent}/percepts` and `{agent}/status/*`; serve percept repair, actions, cancels and `{robot}/stop`.
 
     Watches the tokens of each robot's agents. Once `stop` is set, it first leaves each robot as `on_shutdown` says, and
     with `until_home` stays with it until it is disarmed.
@@ -129,7 +129,7 @@ async def bind(
             part.manifest,
             clock,
             action_log,
-            service.publish_percept,
+            service.publish_percepts,
             service.publish_status,
             boot=bus.boot,
             bus=bus,
@@ -149,7 +149,8 @@ async def bind(
 def told_of(bus: Bus, part: RobotSetup) -> list[str]:
     """Return the keys on which a bridge publishes for a robot."""
     of_agents = [build(bus.fleet, agent, "any") for agent in part.agents for build in (keys.percept, keys.status)]
-    return [*of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]
+    together = [keys.percepts(bus.fleet, agent) for agent in part.agents]
+    return [*together, *of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]
 
 
 def in_words(bridges: list[Bridge], bus: Bus) -> str:

@@ -273,7 +273,7 @@ class FleetModel:
         if not percept.name:
             percept = replace(percept, name=key.rpartition("/")[2])
         self.places.percept(name, percept, self._positions, self.now())
-        if not percept.header.source:  # given to the agent by a person, not published by a robot
+        if "/percept_by_hand/" in key:
             text = f"{percept.update} {written(percept.name, percept.parameters)}"
             self.timeline.add(self.now(), name, "operator", f"a percept by hand: {text}", "warning")
         elif name in self.robot_seen_by:

@@ -106,6 +106,7 @@ class FleetObserver:
         fleet, model, subscribe = self.model.fleet, self.model, self.bus.subscribe
         subscribe(keys.health(fleet, "*", "*"), Health, self._health)
         subscribe(keys.percept(fleet, "*", "*"), Perception, model.percept)
+        subscribe(keys.percept_by_hand(fleet, "*", "*"), Perception, model.percept)
         subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
         if self.wanted.whole_fleet:
             subscribe(keys.trace(fleet, "*", "activity"), MindActivity, model.activity)

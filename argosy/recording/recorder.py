@@ -63,7 +63,9 @@ class Filter:
         self._newest: dict[str, tuple[str, int]] = {}
 
     def new(self, heard: Heard) -> Heard | None:
-        """Return what to write of a sample; None if it was received already."""
+        """Return what to write of a sample; None if it was received already, or each percept in it has its own."""
+        if heard.key.endswith("/percepts"):
+            return None
         if is_plain(heard.key):
             return heard if self._is_new(heard) else None
         self.wild += 1  # such a key is no topic

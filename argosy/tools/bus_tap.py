@@ -86,8 +86,8 @@ def key_expressions(text: str | None, fleet: str) -> list[str]:
 
 
 def published_keys(fleet: str, name: str = "*") -> list[str]:
-    """Return the keys that are put under a name, except traces of minds, which are put only for subscribers."""
-    rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put"]
+    """Return the keys that are put under a name and that observers may see, except traces of minds."""
+    rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put" and channel.sight]
     kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
     return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
 

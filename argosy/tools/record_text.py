@@ -38,6 +38,7 @@ from schemas.wire.records import (
     ManifestChange,
     Outcome,
     Perception,
+    Perceptions,
     Receipt,
     Record,
     RunningMission,
@@ -70,6 +71,8 @@ def record_text(record: Record) -> str:
     match record:
         case Perception():
             return f"{SIGNS[record.update]}{called(record.name or '?', record.parameters)}"
+        case Perceptions():
+            return "; ".join(map(record_text, record.changes))
         case ActionStatus():
             return _status(record)
         case Action():

@@ -11,7 +11,7 @@ import msgspec
 from benchmarks.loop.board import Board, board, payload
 from benchmarks.loop.raw import Sizes, raw
 from benchmarks.processes import BenchmarkFailed
-from schemas.wire.records import Action, ActionStatus, Header, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Perception, Perceptions
 
 PAUSE: Final = 0.008
 """Seconds between two exchanges: what one leaves to be done (an id synced to the disk) must not slow the next."""
@@ -37,7 +37,7 @@ def sizes() -> Sizes:
     header = Header(seq=1000, stamp=time.time_ns(), source="thinker", boot="0123abcd")
     identity = f"thinker:{header.boot}:1000"
     records = (
-        Perception(header=header, name="ping", parameters=(1000,), update="replace"),
+        Perceptions(changes=(Perception(header=header, name="ping", parameters=(1000,), update="replace"),)),
         Action(header=header, id=identity, agent="thinker", name="pong", parameters=(1000,)),
         ActionStatus(
             header=header, id=identity, state="succeeded", result=True, after=1000, name="pong", parameters=(1000,)

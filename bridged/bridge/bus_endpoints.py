@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Iterable
+from collections.abc import Awaitable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -28,6 +28,7 @@ from schemas.wire.records import (
     OperatorOrder,
     Outcome,
     Perception,
+    Perceptions,
     StopOrder,
 )
 
@@ -46,12 +47,17 @@ class Service:
         """`inject`: the mission allows actions by hand."""
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
+        self._percepts = {agent: bus.publisher(keys.percepts(bus.fleet, agent), Perceptions) for agent in self._agents}
+        self._by_name = {agent: bus.raw.publisher(keys.percept(bus.fleet, agent, "*")) for agent in self._agents}
         self._stops = 0
         """Orders that have arrived and are not begun."""
 
-    def publish_percept(self, agent: str, perception: Perception) -> None:
-        """Put one change of what an agent perceives."""
-        self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
+    def publish_percepts(self, agent: str, changes: Sequence[Perception]) -> None:
+        """Put changes of what an agent perceives together, and each by its name while somebody subscribes to it."""
+        self._percepts[agent].put(Perceptions(changes=tuple(changes)))
+        if self._by_name[agent].matching:
+            for perception in changes:
+                self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
         """Put a status for observers, after the agent's own answer has been sent."""

@@ -106,7 +106,7 @@ def hear_by_hand(bus: Bus, agent: str, allowed: bool, on_change: Callable[[Perce
         for change in by_hand.take(key, perception):
             on_change(change)
 
-    bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, heard)
+    bus.subscribe(keys.percept_by_hand(bus.fleet, agent, "*"), Perception, heard)
     return by_hand
 
 

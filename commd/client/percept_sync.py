@@ -3,7 +3,7 @@ gap.
 
 The set is fetched again after a gap in the seqs, a return of the router, a restart of the bridge, and when the digest
 in the bridge's health differs from ours, or is behind it (then somebody else has published in the bridge's name). Only
-the bridge ages percepts. Percepts put by hand, without the header of the robot's bridge, are kept apart
+the bridge ages percepts. Percepts put by hand have a key of their own and are kept apart
 (`commd.client.manual_percepts`).
 """
 
@@ -19,7 +19,7 @@ from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet, differences, tells_of_none
-from schemas.wire.records import Health, Note, Perception
+from schemas.wire.records import Health, Note, Perception, Perceptions
 
 log = logging.getLogger("percepts")
 
@@ -51,7 +51,8 @@ class PerceptSync:
         self._repaired_at = 0.0
         """Time of the last repair, on the event loop's clock: percepts in flight then are older."""
         self._doubt.set()
-        bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, self._heard)
+        bus.subscribe(keys.percepts(bus.fleet, agent), Perceptions, self._heard)
+        bus.subscribe(keys.percept_by_hand(bus.fleet, agent, "*"), Perception, self._heard_by_hand)
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
         bus.on_router(lambda up: self.doubt() if up else None)
 
@@ -134,15 +135,28 @@ class PerceptSync:
         self._tell_waiting()
         return True
 
-    def _heard(self, key: str, perception: Perception) -> None:
+    def _heard_by_hand(self, key: str, perception: Perception) -> None:
+        self._tell(self._by_hand.take(key, perception), self.percepts)
+
+    def _heard(self, key: str, perceptions: Perceptions) -> None:
+        for perception in perceptions.changes:
+            self._take(perception)
+        self._tell_waiting()
+        if self.percepts.needs_repair():
+            self._doubt.set()
+
+    def _take(self, perception: Perception) -> None:
+        """Apply one change of the bridge's percepts."""
         if perception.header.source != self._robot:
-            self._tell(self._by_hand.take(key, perception), self.percepts)
+            source = perception.header.source or "nobody"
+            self._note("unreadable", f"a percept {perception.name} has source {source}, not {self._robot}")
             return
         if any(place < 0 for place in perception.key):
             self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
             return
         family = perception.name, len(perception.parameters)
-        beside, before = self._by_hand.percepts.family(*family), self.percepts.family(*family)
+        beside = self._by_hand.percepts.family(*family)
+        before = self.percepts.family(*family) if beside else []
         life = self.percepts.boot
         if self.percepts.apply(perception):
             if life != self.percepts.boot:
@@ -151,13 +165,10 @@ class PerceptSync:
                 self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
             else:
                 self._on_change(perception)
-            self._tell_waiting()
         elif asyncio.get_running_loop().time() > self._repaired_at + IN_FLIGHT:
             header, at = perception.header, self.percepts.seq
             why = f"its header has source {header.source} and seq {header.seq}, after seq {at}"
             self._note("stale", f"a percept {perception.name} changes nothing: {why}")
-        if self.percepts.needs_repair():
-            self._doubt.set()
 
     def _health(self, key: str, health: Health) -> None:
         self._reported = health.percepts.get(self._agent, "")

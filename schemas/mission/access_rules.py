@@ -72,15 +72,15 @@ def of_operator(inject: bool = False) -> Rights:
     """Return the rights of an operator: see everything, stop robots, change manifests, list mail, publish a run's
     state.
 
-    `inject`: as the mission says; then also act and put percepts in the name of any agent.
+    `inject`: as the mission says; then also act in the name of any agent, and give it percepts.
     """
     orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
+    by_hand = keys.percept_by_hand("*", "*", "*")
     puts = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
-    rights = of_observer("mail") + Rights(puts=tuple(puts), asks=tuple(orders))
+    rights = of_observer("mail") + Rights(puts=tuple(key for key in puts if key != by_hand), asks=tuple(orders))
     if not inject:
         return rights
-    anybody = keys.percept("*", "*", "**"), keys.action("*", "*", "**"), keys.cancel("*", "*")
-    return rights + Rights(puts=anybody[:1], asks=anybody[1:])
+    return rights + Rights(puts=(by_hand,), asks=(keys.action("*", "*", "**"), keys.cancel("*", "*")))
 
 
 def of_board(mission: Mission, board: str) -> Rights:

@@ -26,6 +26,7 @@ from schemas.wire.records import (
     ManifestChange,
     Outcome,
     Perception,
+    Perceptions,
     Receipt,
     Record,
     RunningMission,
@@ -77,7 +78,9 @@ class Channel:
 
 
 CHANNELS = (
-    Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "agentd", 50, "telemetry"),
+    Channel("{agent}/percepts", "put", Perceptions, None, "bridged", "agentd", 50, None),
+    Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "observers", 50, "telemetry"),
+    Channel("{agent}/percept_by_hand/{name}", "put", Perception, None, "operator", "agentd", None, "telemetry"),
     Channel("{agent}/percept/**", "query", None, Perception, "bridged", "agentd", None, "telemetry"),
     Channel("{agent}/action/{name}", "query", Action, ActionStatus, "bridged", "agentd", 1 / STATUS_EVERY, None),
     Channel("{agent}/cancel", "query", Cancel, ActionStatus, "bridged", "agentd", None, None),
@@ -108,8 +111,18 @@ CHANNELS = (
 )
 
 
+def percepts(fleet: str, agent: str) -> str:
+    """Return the key of the changes of an agent's percepts."""
+    return f"{ROOT}/{fleet}/{agent}/percepts"
+
+
+def percept_by_hand(fleet: str, agent: str, name: str) -> str:
+    """Return the key on which a percept is given to an agent by hand; `*` for all of them."""
+    return f"{ROOT}/{fleet}/{agent}/percept_by_hand/{name}"
+
+
 def percept(fleet: str, agent: str, name: str) -> str:
-    """Return the key of a percept of an agent; `**` for all of them."""
+    """Return the key of a percept of an agent, published only while there are subscribers; `**` for all of them."""
     return f"{ROOT}/{fleet}/{agent}/percept/{name}"
 
 

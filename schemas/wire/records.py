@@ -80,6 +80,12 @@ class Perception(Record, frozen=True, kw_only=True):
     """Positions of the parameters that identify the belief to replace or remove; none = all of that name and arity."""
 
 
+class Perceptions(Record, frozen=True, kw_only=True):
+    """Changes of an agent's percepts that its bridge publishes together, in their order."""
+
+    changes: tuple[Perception, ...] = ()
+
+
 class Action(Record, frozen=True, kw_only=True):
     """A request to act (the paper's listing 2). By hand `{"parameters": [5]}` is enough."""
 

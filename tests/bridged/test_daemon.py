@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -26,7 +27,7 @@ from schemas.manifest.loader import ActionDescription, load_manifest
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
+from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, Perceptions, StopOrder
 from tests.bridged.airfield import (
     Airfield,
     all_present,
@@ -105,6 +106,30 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
         return took
 
     assert kept(lambda: asyncio.run(knowing()), 1.0)
+
+
+@async_test
+async def test_percepts_have_keys_of_their_own_only_while_somebody_subscribes(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named, put = set[str](), Bus.put
+
+    def note(bus: Bus, key: str, record: Any, **how: Any) -> None:
+        named.update([key] if "/percept/" in key else [])
+        put(bus, key, record, **how)
+
+    monkeypatch.setattr(Bus, "put", note)
+    async with serving(endpoint, tmp_path) as (field, agent):
+        together, alone = list[Perceptions](), list[Perception]()
+        agent.subscribe(keys.percepts("test", "uav"), Perceptions, lambda _, one: together.append(one))
+        assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
+        await until(lambda: bool(together), "the agent hears of it")
+        assert not named
+        agent.subscribe(keys.percept("test", "uav", "altitude"), Perception, lambda _, one: alone.append(one))
+        await field.take_off(agent)
+        await until(lambda: len(alone) > 1, "an observer hears one percept")
+        sent = [one for record in together for one in record.changes]
+        assert [one for one in sent if one in alone][:2] == alone[:2], "with the same header"
 
 
 @async_test

@@ -53,7 +53,7 @@ class Workshop:
             manifest,
             self.clock,
             state / "bench.actions",
-            lambda agent, perception: self.percepts.append(perception),
+            lambda agent, changes: self.percepts.extend(changes),
             lambda agent, status: None,
             boot="w",
             simulated=simulated,

@@ -204,7 +204,7 @@ def test_victims_and_targets_are_places_and_numbers_that_are_no_place_are_not() 
 def test_a_percept_by_hand_is_told_and_moves_no_robot() -> None:
     fleet = rescue()
     by_hand = Perception(name="", parameters=(0.0,))
-    fleet.model.percept(keys.percept(FLEET, "scout", "altitude"), by_hand)
+    fleet.model.percept(keys.percept_by_hand(FLEET, "scout", "altitude"), by_hand)
     assert fleet.model.robots["uav1"].seen.altitude == 20.0
     assert texts(fleet)[-1] == "scout: a percept by hand: replace altitude(0)"
 

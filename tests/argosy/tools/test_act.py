@@ -133,7 +133,7 @@ def test_percepts_by_hand_reach_the_mind_and_leave_it(flying: Trial) -> None:
     def put(agent: str, **fields: object) -> None:
         zenoh = Path(sys.executable).with_name("zenoh")
         value = json.dumps(fields)
-        what = ["put", "-k", f"argosy/trial/{agent}/percept/victim", "-v", value]
+        what = ["put", "-k", f"argosy/trial/{agent}/percept_by_hand/victim", "-v", value]
         subprocess.run([zenoh, *options, *what], check=True, timeout=60, capture_output=True)
 
     for agent in ("uav", "base"):

@@ -66,8 +66,8 @@ async def test_an_operator_tells_percepts_and_an_observer_does_not(world: World)
         percepts = member.percepts("a")
 
         def arrives() -> bool:
-            observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
-            operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
+            observer.put(keys.percept_by_hand(NAME, "a", "forged"), Perception(parameters=(1,)))
+            operator.put(keys.percept_by_hand(NAME, "a", "victim"), Perception(parameters=(1,)))
             return bool(percepts.of("victim"))
 
         await until(arrives, "the operator's percept arrives")

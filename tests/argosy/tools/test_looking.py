@@ -77,7 +77,7 @@ def typed(*words: str) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr.strip()
 
 
-TOLD = ("percept/**", "status/**", "services", "manifest", "run", "health/**")
+TOLD = ("percept/**", "percept_by_hand/**", "status/**", "services", "manifest", "run", "health/**")
 """What is listened to of each who."""
 
 

@@ -46,6 +46,7 @@ from schemas.wire.records import (
     Note,
     Outcome,
     Perception,
+    Perceptions,
     Queue,
     Receipt,
     Record,
@@ -63,6 +64,11 @@ RECORDS: list[tuple[str, Record, str]] = [
     ("uav/percept/hit", Perception(header=HEADER, name="hit", update="add"), "+hit"),
     ("uav/percept/link", Perception(name="link", parameters=(Atom("up"),), update="remove", key=(0,)), "-link(up)"),
     ("uav/percept/victim", Perception(parameters=(1, 2, 3)), "victim(1, 2, 3)"),
+    (
+        "uav/percepts",
+        Perceptions(changes=(Perception(name="gps", parameters=(3,)), Perception(name="hit", update="add"))),
+        "gps(3); +hit",
+    ),
     (
         "uav/status/takeoff",
         ActionStatus(
@@ -301,9 +307,9 @@ def test_no_bytes_are_a_defect(key: str, payload: bytes) -> None:
         ("uav/action/takeoff", "takeoff 5", Action(name="takeoff", parameters=(5,))),
         ("uav/action/land", "land", Action(name="land")),
         ("uav/action/land?_time=[..]", "land()", Action(name="land")),
-        ("uav/percept/victim", "victim(1,2)", Perception(name="victim", parameters=(1, 2))),
-        ("uav/percept/victim", "+victim(1,2)", Perception(name="victim", parameters=(1, 2), update="add")),
-        ("uav/percept/victim", "-victim", Perception(name="victim", update="remove")),
+        ("uav/percept_by_hand/victim", "victim(1,2)", Perception(name="victim", parameters=(1, 2))),
+        ("uav/percept_by_hand/victim", "+victim(1,2)", Perception(name="victim", parameters=(1, 2), update="add")),
+        ("uav/percept_by_hand/victim", "-victim", Perception(name="victim", update="remove")),
         ("uav/cancel", "uav:b:1", Cancel(id="uav:b:1")),
         ("uav1/stop", "hold", StopOrder(order="hold")),
         ("uav/control", "goal go(3, 4)", MindOrder(do="goal", text="go(3, 4)")),

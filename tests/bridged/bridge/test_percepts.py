@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -72,16 +72,23 @@ class Board:
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
         self.clock = VirtualClock(speed)
         self.told: list[Perception] = []
+        self.together: list[tuple[str, list[str]]] = []
+        """For each call of `publish`: the agent and the names of its changed percepts."""
         self.wake = asyncio.Event()
         self.percepts = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
             ["uav", "ground"],
-            lambda agent, one: self.told.append(one) if agent == "uav" else None,
+            self._publish,
             robot="r",
             boot="b1",
             clock=self.clock,
             wake=self.wake,
         )
+
+    def _publish(self, agent: str, changes: Sequence[Perception]) -> None:
+        self.together.append((agent, [one.name for one in changes]))
+        if agent == "uav":
+            self.told.extend(changes)
 
     def hear(self, source: str, **fields: object) -> None:
         self.percepts.take(Reading(source, fields))
@@ -106,6 +113,22 @@ def test_an_unchanged_value_is_told_once(board: Board) -> None:
         board.hear("MODE", name="GUIDED", armed=False)
         board.wait(1)
     assert board.taken() == [("replace", "mode", ("GUIDED", False))]
+
+
+def test_what_one_reading_or_tick_changes_is_published_together_for_each_agent() -> None:
+    fields = {"alt": 5000, "hdg": 90}
+    board = Board(
+        read_manifest(MANIFEST + '[percepts.heading]\nsource = "POSITION"\nargs = ["hdg"]\nrate = 10\n', "m.toml")
+    )
+    board.hear("POSITION", **fields)
+    assert board.together == [("uav", ["altitude", "heading"]), ("ground", ["altitude", "heading"])]
+    board.together.clear()
+    board.hear("POSITION", **fields)
+    assert board.together == [], "nothing has changed"
+    board.hear("POSITION", alt=6000, hdg=91)
+    assert board.together == [], "the rate holds both back"
+    board.wait(0.1)
+    assert board.together == [("uav", ["altitude", "heading"]), ("ground", ["altitude", "heading"])]
 
 
 def test_a_number_within_its_deadband_is_no_change_but_creeping_is(board: Board) -> None:

@@ -16,7 +16,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
-from schemas.wire.records import Action, ActionStatus, Cancel, Health, Perception, State
+from schemas.wire.records import Action, ActionStatus, Cancel, Header, Health, Perception, Perceptions, State
 from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
 from tests.support.promises import in_time
 
@@ -27,6 +27,11 @@ def answer(query: Query[Action] | Query[Cancel], state: State, **more: Any) -> N
     """Reply a status of the action that is asked for."""
     assert query.record is not None
     query.reply(ActionStatus(id=query.record.id, state=state, **more))
+
+
+def altitude(header: Header, metres: float) -> Perceptions:
+    """Return what a bridge puts of an altitude."""
+    return Perceptions(changes=(Perception(header=header, name="altitude", parameters=(metres,)),))
 
 
 async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, PerceptSync, Bus, BridgePresence]:
@@ -150,15 +155,12 @@ async def test_a_status_waits_for_the_percept_that_it_follows(
         header = bridge.header("percept")
         answer(query, "succeeded", header=header, result=True, after=header.seq)
         await asyncio.sleep(0.1)  # the percept comes after the status that follows it
-        bridge.put(keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,)))
+        bridge.put(keys.percepts(FLEET, "uav"), altitude(header, 5))
 
     action_requests, perceiving, bridge, _ = await act(connect, None)
     bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
-    await subscribed(bridge, keys.percept(FLEET, "uav", "altitude"))
-    bridge.put(
-        keys.percept(FLEET, "uav", "altitude"),
-        Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
-    )
+    await subscribed(bridge, keys.percepts(FLEET, "uav"))
+    bridge.put(keys.percepts(FLEET, "uav"), altitude(bridge.header("percept"), 0))
     await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
     status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
     assert status.state == "succeeded"

@@ -45,7 +45,7 @@ class Believing:
 
 async def put(bus: Bus, name: str, /, **fields: Any) -> None:
     """Put what a person types."""
-    key = keys.percept(FLEET, "uav", name)
+    key = keys.percept_by_hand(FLEET, "uav", name)
     await subscribed(bus, key)
     bus._session.put(key, json.dumps(fields))
 
@@ -135,19 +135,35 @@ async def test_an_agent_without_a_robot_perceives_by_hand_too(connect: Connect) 
 @pytest.mark.parametrize(
     ("key", "perception", "why"),
     [
-        ("argosy/f/uav/percept/Victim", Perception(), "expected a name such as `victim`, got `Victim`"),
-        ("argosy/f/uav/percept/a", Perception(name="b"), "the key has a, the percept has b"),
-        ("argosy/f/uav/percept/not", Perception(parameters=(1,)), "expected a name such as `victim`, got `not`"),
-        ("argosy/f/uav/percept/true", Perception(), "expected a name such as `victim`, got `true`"),
-        ("argosy/f/uav/percept/bridge", Perception(parameters=("up",)), "`bridge` is the agent's own percept of"),
-        ("argosy/f/uav/percept/p", Perception(parameters=(Variable("X"),)), "p: expected values, got a variable"),
+        ("argosy/f/uav/percept_by_hand/Victim", Perception(), "expected a name such as `victim`, got `Victim`"),
+        ("argosy/f/uav/percept_by_hand/a", Perception(name="b"), "the key has a, the percept has b"),
         (
-            "argosy/f/uav/percept/p",
+            "argosy/f/uav/percept_by_hand/not",
+            Perception(parameters=(1,)),
+            "expected a name such as `victim`, got `not`",
+        ),
+        ("argosy/f/uav/percept_by_hand/true", Perception(), "expected a name such as `victim`, got `true`"),
+        (
+            "argosy/f/uav/percept_by_hand/bridge",
+            Perception(parameters=("up",)),
+            "`bridge` is the agent's own percept of",
+        ),
+        (
+            "argosy/f/uav/percept_by_hand/p",
+            Perception(parameters=(Variable("X"),)),
+            "p: expected values, got a variable",
+        ),
+        (
+            "argosy/f/uav/percept_by_hand/p",
             Perception(parameters=([Structure("f", (Variable("X"),))],)),
             "p: expected values, got a variable",
         ),
-        ("argosy/f/uav/percept/flag", Perception(key=(-1,)), "flag: a position in `key` is 0 or more, got -1"),
-        ("argosy/f/uav/percept/p", Perception(parameters=("x" * LARGEST,)), "p: expected at most 4096 bytes, got 41"),
+        ("argosy/f/uav/percept_by_hand/flag", Perception(key=(-1,)), "flag: a position in `key` is 0 or more, got -1"),
+        (
+            "argosy/f/uav/percept_by_hand/p",
+            Perception(parameters=("x" * LARGEST,)),
+            "p: expected at most 4096 bytes, got 41",
+        ),
     ],
 )
 def test_what_is_no_percept_is_refused_in_words(
@@ -161,7 +177,7 @@ def test_what_is_no_percept_is_refused_in_words(
 
 def test_there_is_room_for_so_many_and_a_removal_always_is_taken() -> None:
     by_hand = HandPercepts("uav", True, counters := Counter[str]())
-    key = "argosy/f/uav/percept/victim"
+    key = "argosy/f/uav/percept_by_hand/victim"
     for number in range(MOST + 5):
         by_hand.take(key, Perception(parameters=(number,), update="add"))
     assert len(by_hand.percepts) == MOST
@@ -173,11 +189,11 @@ def test_there_is_room_for_so_many_and_a_removal_always_is_taken() -> None:
 def test_at_the_bound_what_holds_can_be_replaced() -> None:
     by_hand = HandPercepts("uav", True, counters := Counter[str]())
     for number in range(MOST):
-        by_hand.take(f"argosy/f/uav/percept/h{number}", Perception(parameters=(number,)))
-    [gone, come] = by_hand.take("argosy/f/uav/percept/h5", Perception(parameters=(-1,)))
+        by_hand.take(f"argosy/f/uav/percept_by_hand/h{number}", Perception(parameters=(number,)))
+    [gone, come] = by_hand.take("argosy/f/uav/percept_by_hand/h5", Perception(parameters=(-1,)))
     assert (gone.update, gone.parameters, come.update, come.parameters) == ("remove", (5,), "add", (-1,))
-    assert by_hand.take("argosy/f/uav/percept/other", Perception(parameters=(1,))) == []
-    assert by_hand.take("argosy/f/uav/percept/h6", Perception(parameters=(1,), update="add")) == []
+    assert by_hand.take("argosy/f/uav/percept_by_hand/other", Perception(parameters=(1,))) == []
+    assert by_hand.take("argosy/f/uav/percept_by_hand/h6", Perception(parameters=(1,), update="add")) == []
     assert (len(by_hand.percepts), counters["by_hand_refused"]) == (MOST, 2)
 
 
@@ -192,26 +208,26 @@ def test_one_percept_costs_as_much_beside_many_as_alone(monkeypatch: pytest.Monk
     monkeypatch.setattr(percept_set, "_ENCODE", counted)
     by_hand = HandPercepts("uav", True, Counter[str]())
     for number in range(MOST - 1):
-        by_hand.take(f"argosy/f/uav/percept/h{number}", Perception(parameters=(number,)))
+        by_hand.take(f"argosy/f/uav/percept_by_hand/h{number}", Perception(parameters=(number,)))
     written.clear()
     for number in range(10):
-        by_hand.take("argosy/f/uav/percept/h5", Perception(parameters=(-number,)))
-    by_hand.take("argosy/f/uav/percept/h5", Perception(update="remove"))
+        by_hand.take("argosy/f/uav/percept_by_hand/h5", Perception(parameters=(-number,)))
+    by_hand.take("argosy/f/uav/percept_by_hand/h5", Perception(update="remove"))
     assert written["terms"] < 100
 
 
 def test_what_holds_by_hand_is_told_until_it_is_taken_away() -> None:
     by_hand = HandPercepts("uav", True, Counter[str]())
     assert by_hand.notes() == ()
-    by_hand.take("argosy/f/uav/percept/battery", Perception(parameters=(0, 10.5, 20)))
+    by_hand.take("argosy/f/uav/percept_by_hand/battery", Perception(parameters=(0, 10.5, 20)))
     [note] = by_hand.notes()
     assert (note.identity, note.value) == (("percepts_by_hand", "battery/3"), 1)
     for number in range(10):
-        by_hand.take(f"argosy/f/uav/percept/c{number}", Perception())
+        by_hand.take(f"argosy/f/uav/percept_by_hand/c{number}", Perception())
     [note] = by_hand.notes()
     assert (note.code, note.value) == ("percepts_by_hand", 11)
     assert note.about.startswith("battery/3, c0/0, ")
     assert note.about.endswith(", ...")
     for name in ("battery", *(f"c{number}" for number in range(10))):
-        by_hand.take(f"argosy/f/uav/percept/{name}", Perception(update="remove"))
+        by_hand.take(f"argosy/f/uav/percept_by_hand/{name}", Perception(update="remove"))
     assert by_hand.notes() == ()

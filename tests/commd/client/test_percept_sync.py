@@ -15,7 +15,7 @@ from commd.client.percept_sync import PerceptSync
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Header, Health, Perception
+from schemas.wire.records import Header, Health, Perception, Perceptions
 from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
 from tests.support.promises import kept
 
@@ -31,7 +31,17 @@ class FakeBridge:
         perception = Perception(header=self.bus.header("percept"), name=name, parameters=parameters, **how)
         self.percepts.apply(perception)
         if not lose:
-            self.bus.put(keys.percept(FLEET, "uav", name), perception)
+            self.bus.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(perception,)))
+
+    def tell_together(self, *percepts: tuple[str, Any], lose: bool = False) -> None:
+        """Tell several in one record."""
+        changes = [
+            Perception(header=self.bus.header("percept"), name=name, parameters=(value,)) for name, value in percepts
+        ]
+        for perception in changes:
+            self.percepts.apply(perception)
+        if not lose:
+            self.bus.put(keys.percepts(FLEET, "uav"), Perceptions(changes=tuple(changes)))
 
     def now(self, name: str) -> tuple[Any, ...]:
         """What holds by that name."""
@@ -97,6 +107,18 @@ async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: 
 
 
 @bus_test
+async def test_changes_that_travel_together_are_taken_in_order_and_lost_together(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    _, heard = perceive(await connect("uav"))
+    bridge.tell_together(("altitude", 1), ("heading", 90))
+    bridge.tell_together(("altitude", 2), ("heading", 91), lose=True)
+    bridge.tell_together(("altitude", 3))
+    await until(lambda: ("came", "heading", (91,)) in heard, "what was lost is repaired")
+    assert heard[:3] == [("came", "altitude", (1,)), ("came", "heading", (90,)), ("came", "altitude", (3,))]
+    assert len(heard) == 5, "the heading before it goes"
+
+
+@bus_test
 async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     perceiving, heard = perceive(await connect("uav"))
@@ -121,10 +143,10 @@ async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, cap
     await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
     await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
     [told] = bridge.percepts.snapshot()
-    key = keys.percept(FLEET, "uav", "altitude")
+    key = keys.percepts(FLEET, "uav")
     for ahead in (10**9, 1):
         header = replace(told.header, seq=bridge.percepts.seq + ahead)
-        person.put(key, replace(told, header=header, parameters=(99,)))
+        person.put(key, Perceptions(changes=(replace(told, header=header, parameters=(99,)),)))
         await until(lambda: ("came", "altitude", (99,)) in heard, "it is believed")
         health = asyncio.create_task(bridge.report_for_ever())
         await until(lambda: heard[-1] == ("came", "altitude", bridge.now("altitude")), "the bridge is asked")
@@ -150,7 +172,8 @@ async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(co
     bridge.tell("link", "up", update="remove", key=(0,))
     await until(lambda: len(heard) == 2, "nothing is perceived")
     header = replace(bridge.bus.header("other"), seq=500)
-    person.put(keys.percept(FLEET, "uav", "flood"), Perception(header=header, name="flood"))
+    flood = Perception(header=header, name="flood")
+    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(flood,)))
     await until(lambda: heard[-1] == ("came", "flood", ()), "it is believed")
     bridge.report()
     await until(lambda: heard[-1] == ("gone", "flood", ()), "it is believed no more")
@@ -170,7 +193,7 @@ async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
     await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
     await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
     odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))
-    person.put(keys.percept(FLEET, "uav", "victim"), odd)
+    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(odd,)))
     await until(lambda: ("gone", "victim", (1,)) in heard, "the bridge is asked, and knows of none")
     assert perceiving.counters["not_of_the_bridge"] == 1
     bridge.tell("altitude", 2)
@@ -191,10 +214,11 @@ async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     await until(lambda: len(heard) == 3, "all arrive")
     [told] = bridge.percepts.snapshot()
     header = replace(told.header, seq=2)
-    person.put(keys.percept(FLEET, "uav", "victim"), replace(told, header=header, name="victim"))
+    old = replace(told, header=header, name="victim")
+    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(old,)))
     await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
     odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
-    person.put(keys.percept(FLEET, "uav", "altitude"), odd)
+    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(odd,)))
     await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
     assert len(heard) == 3
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text

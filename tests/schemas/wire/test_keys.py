@@ -13,7 +13,9 @@ from schemas.wire.keys import check_name
 PAGE = Path(__file__).parents[3] / "docs/reference/bus-keys.md"
 
 BUILT = {
+    keys.percepts("{fleet}", "{agent}"),
     keys.percept("{fleet}", "{agent}", "{name}"),
+    keys.percept_by_hand("{fleet}", "{agent}", "{name}"),
     keys.percept("{fleet}", "{agent}", "**"),
     keys.action("{fleet}", "{agent}", "{name}"),
     keys.cancel("{fleet}", "{agent}"),

@@ -36,7 +36,7 @@ class Replay:
         self.percepts = PerceptPublisher(
             MANIFEST,
             ["uav"],
-            lambda _agent, one: self.told.append((self.now, one)),
+            lambda _agent, changes: self.told.extend((self.now, one) for one in changes),
             robot="r",
             boot="b",
             clock=self.clock,
