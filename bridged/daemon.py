@@ -92,7 +92,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         await greet(bus, (mission.robots[part.name].board for part in parts))
         shared: dict[str, Any] = {}
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
-        await bus.permitted(puts=[key for part in parts for key in told_of(bus, part)])
+        await bus.permitted(puts=[key for part in parts for key in published_keys(bus, part)])
         folder = state_directory(args.state) / mission.fleet
         bus.restarts, bus.former_failure = begin_life(folder, "bridged", parts[0].name)
         for bridge in bridges:
@@ -102,8 +102,8 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
             work.append(asyncio.create_task(watch_agents(bus, mission, part, bridge, clock)))
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
-        unit.ready(in_words(bridges, bus))
-        work.append(asyncio.create_task(tell(unit, bridges, bus)))
+        unit.ready(status_line(bridges, bus))
+        work.append(asyncio.create_task(report_status(unit, bridges, bus)))
         ended = asyncio.create_task(stop.wait())
         if clock.speed != 1:
             log.info("speed %g: for simulated vehicles only", clock.speed)
@@ -139,40 +139,40 @@ async def bind(
         )
     except (ValueError, OSError) as error:
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
-        said = f"robot {part.name} cannot be served: {why}"
-        raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
+        problem = f"robot {part.name} cannot be served: {why}"
+        raise Findings([mission.positions.finding(("robots", part.name), problem)]) from error
     service.open(bridge)
     bridge.orders.restore()
     return bridge
 
 
-def told_of(bus: Bus, part: RobotSetup) -> list[str]:
+def published_keys(bus: Bus, part: RobotSetup) -> list[str]:
     """Return the keys on which a bridge publishes for a robot."""
     of_agents = [build(bus.fleet, agent, "any") for agent in part.agents for build in (keys.percept, keys.status)]
     together = [keys.percepts(bus.fleet, agent) for agent in part.agents]
     return [*together, *of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]
 
 
-def in_words(bridges: list[Bridge], bus: Bus) -> str:
+def status_line(bridges: list[Bridge], bus: Bus) -> str:
     """Return what the bridges do and their warnings, as a line for the service manager."""
     away = "" if bus.router_up else "; the router is lost"
     notes = "".join(f"; {bridge.name}: {note.text}" for bridge in bridges for note in bridge.notes())
     return f"serving {', '.join(bridge.name for bridge in bridges)}{away}{notes}"
 
 
-async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
+async def report_status(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
     """Report to the service manager for ever."""
     loop = unit.loop()
     while True:
         loop.beat()
         await asyncio.sleep(min(HEALTH_EVERY, loop.period or HEALTH_EVERY))
-        unit.status(in_words(bridges, bus))
+        unit.status(status_line(bridges, bus))
 
 
-async def leave(bridge: Bridge, mission: Mission, stay: float, told_again: asyncio.Event) -> None:
+async def leave(bridge: Bridge, mission: Mission, stay: float, ending_again: asyncio.Event) -> None:
     """Leave a robot as the mission's `on_shutdown` says, within `stay` mission seconds, and log how."""
     try:
-        left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, told_again)
+        left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, ending_again)
     except Exception as error:  # one robot's defect must not keep the others from their way home
         asyncio.get_running_loop().call_exception_handler({"message": f"leaving {bridge.name}", "exception": error})
         left = RobotLeft(robot=bridge.name, state="unconfirmed", text="unknown because of a defect")

@@ -167,7 +167,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         bus.restarts, bus.former_failure = begin_life(folder, "commd", board)
         parts = await open_parts(stack, bus, mission, board, router, folder, clock)
         SelfCheck(bus, board, mission.board_names, folder)
-        tell_mission(bus, board, mission)
+        publish_mission(bus, board, mission)
         log.info("%s board=%s endpoint=%s", router.mode, board, router.endpoint)
         unit.ready(words := f"{router.mode} of {board} at {router.endpoint}")
 
@@ -235,7 +235,7 @@ async def open_parts(
     return parts
 
 
-def tell_mission(bus: Bus, board: str, mission: Mission) -> None:
+def publish_mission(bus: Bus, board: str, mission: Mission) -> None:
     """Serve the mission file as it was read at the start, so that observers know what runs."""
     key = keys.mission(mission.fleet, board)
 

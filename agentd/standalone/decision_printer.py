@@ -59,11 +59,11 @@ class DecisionPrinter:
     def listener(self, agent: str) -> Callable[[View], None]:
         """Return the ``on_decision`` of a mind with this name."""
 
-        def tell(view: View) -> None:
+        def print_decisions(view: View) -> None:
             for line in self._lines(agent, view):
                 self._write(f"[{agent}] why: {line}")
 
-        return tell
+        return print_decisions
 
     def _lines(self, agent: str, view: View) -> list[str]:
         if isinstance(view, FailureView):

@@ -77,7 +77,7 @@ def run(args: Namespace) -> int:
             outcome = run_case(case, settings)
             running = None
             outcomes.append(outcome)
-            _tell(outcome, args.verbose)
+            _print_outcome(outcome, args.verbose)
     except UserCodeError as error:
         print(f"agentd test: error: {error}", file=sys.stderr)
         return 2
@@ -87,7 +87,7 @@ def run(args: Namespace) -> int:
             message = "the run was interrupted while this test ran"
             line = running.plan.position.line
             outcomes.append(Outcome(running.name, running.file, line, Verdict.ERROR, message=message))
-            _tell(outcomes[-1], args.verbose)
+            _print_outcome(outcomes[-1], args.verbose)
     for outcome in outcomes:
         if not outcome.passed:
             print("", *details_of(outcome), sep="\n")
@@ -103,7 +103,7 @@ def run(args: Namespace) -> int:
     return 2 if unread else 0 if all(outcome.passed for outcome in outcomes) else 1
 
 
-def _tell(outcome: Outcome, verbose: bool) -> None:
+def _print_outcome(outcome: Outcome, verbose: bool) -> None:
     print(line_of(outcome), flush=True)
     if verbose and outcome.passed:
         print("".join(f"        {line}\n" for line in outcome.output), end="")

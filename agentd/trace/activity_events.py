@@ -116,11 +116,16 @@ class ActivityEvents:
 
     def _undelivered(self, cycle: int, mail: Mail) -> ActivityEvent | None:
         """Return the event of a notice `undelivered(Receiver, Performative, Content, Why)`; None for other mail."""
-        told = mail.content
-        if mail.sender != OFFICE or type(told) is not Literal or told.sig.functor != UNDELIVERED or len(told.args) < 4:
+        notice = mail.content
+        if (
+            mail.sender != OFFICE
+            or type(notice) is not Literal
+            or notice.sig.functor != UNDELIVERED
+            or len(notice.args) < 4
+        ):
             return None
-        receiver, performative, content = map(short_text, told.args[:3])
-        details = (one.args[0] for one in told.annots if type(one) is Literal and one.sig == _DETAIL)
+        receiver, performative, content = map(short_text, notice.args[:3])
+        details = (one.args[0] for one in notice.annots if type(one) is Literal and one.sig == _DETAIL)
         return ActivityEvent(
             cycle=cycle,
             time=self._now(),
@@ -129,7 +134,7 @@ class ActivityEvents:
             id=mail.msg_id.removeprefix(f"{UNDELIVERED}."),
             other=receiver,
             performative=performative,
-            reason=str(next(details, told.args[3])),
+            reason=str(next(details, notice.args[3])),
         )
 
     def _action_id(self, number: int) -> str:

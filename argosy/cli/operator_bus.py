@@ -137,7 +137,7 @@ async def unreached(bus: Bus) -> list[str]:
     return [f"board {board} is not reached: {why}" for board, why in missing.items()]
 
 
-async def tell_unreached(bus: Bus) -> None:
+async def note_unreached(bus: Bus) -> None:
     """Print on stderr which boards are not reached."""
     for line in await unreached(bus):
         note(line)

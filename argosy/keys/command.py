@@ -148,7 +148,7 @@ def init(args: Namespace) -> int:
         folder = create(path, mission.fleet, args.days, password)
         for name, kind in everybody(mission).items():
             folder.add(name, kind, hosts_of(mission, name))
-    _tell_members(folder, list(everybody(mission)))
+    _print_members(folder, list(everybody(mission)))
     print(f"copy each folder in {machine_folder(path, '')} to its machine, and to no other (docs/guides/security.md)")
     print(f"{path / 'ca.key'} is the fleet's secret: keep it here and in your backup only")
     return EXIT_DONE
@@ -162,12 +162,12 @@ def add(args: Namespace, kind: str) -> int:
     with _opened(args, mission) as folder:
         for name in args.names:
             folder.add(name, cast("Kind", kind), hosts_of(mission, name), tuple(args.address or ()))
-        _tell_members(folder, args.names)
+        _print_members(folder, args.names)
         others = [name for name in _boards(folder) if name not in args.names]
         whom = ", ".join(args.names)
-        _tell_anchors(folder, others, f"copy these files to the boards and restart commd, so that they accept {whom}:")
+        _print_anchors(folder, others, f"copy these files to the boards and restart commd, so that they accept {whom}:")
         if kind == "board":
-            _tell_anchors(
+            _print_anchors(
                 folder, _people(folder), f"copy these files to operators and observers, who then accept {whom}:"
             )
         if others:
@@ -185,7 +185,7 @@ def renew(args: Namespace) -> int:
         names = args.names or [name for name, member in believed.items() if member.ends < soon]
         for name in names:
             folder.renew(name, hosts_of(mission, name), None if args.address is None else tuple(args.address))
-        _tell_members(folder, names)
+        _print_members(folder, names)
         if not names:
             print(f"no certificate ends within {SOON_DAYS} days")
         for name in names:
@@ -203,11 +203,11 @@ def revoke(args: Namespace) -> int:
             folder.revoke(name)
         whom = ", ".join(args.names)
         print(f"revoked: {whom}")
-        _tell_anchors(
+        _print_anchors(
             folder, _boards(folder), f"copy these files to the boards and restart commd, so that they refuse {whom}:"
         )
         if any(its.kind == "board" for name, its in folder.record.members.items() if name in args.names):
-            _tell_anchors(
+            _print_anchors(
                 folder, _people(folder), f"copy these files to operators and observers, who then refuse {whom}:"
             )
     return EXIT_DONE
@@ -251,7 +251,7 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
         folder = KeyStore(path, read_record(path, mission.fleet), authority)
         if behind := folder.record.out_of_step(path):
             folder.spread()
-            _tell_anchors(folder, behind, "completed an interrupted command; copy these files to their machines:")
+            _print_anchors(folder, behind, "completed an interrupted command; copy these files to their machines:")
         yield folder
 
 
@@ -270,7 +270,7 @@ def _people(folder: KeyStore) -> list[str]:
     return [name for name, member in folder.record.believed.items() if member.kind != "board"]
 
 
-def _tell_members(folder: KeyStore, names: Sequence[str]) -> None:
+def _print_members(folder: KeyStore, names: Sequence[str]) -> None:
     for name in names:
         print(f"{name}: {described(folder.record.members[name])}: {folder.machine(name)}")
 
@@ -282,7 +282,7 @@ def described(member: Member) -> str:
     return f"{member.kind}{which} until {member.ends:%Y-%m-%d}{hosts}"
 
 
-def _tell_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
+def _print_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
     if names:
         print(words)
     for name in names:

@@ -94,7 +94,7 @@ class Setup:
     """Robots that are not simulated."""
     state: Path
     """Where daemons keep what must survive their restart within this run."""
-    telling: frozenset[str] = frozenset()
+    reporting: frozenset[str] = frozenset()
     """Robots whose manifest has the percept `state(Mode, Connected, Armed)`: the run waits for their vehicle."""
     places: Mapping[str, Place] = field(default_factory=dict)
     """Where the router of each board is; of one that is not named it is `router`."""

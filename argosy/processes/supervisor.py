@@ -267,7 +267,7 @@ class Restarts:
         self._journal.add(child.name, f"restarted, pid {new.pid}, restart {self._counts[child.name]} in this run")
         self._coming[new.name] = new
 
-    def tell(self, serves: Callable[[Child], bool]) -> None:
+    def report_restarted(self, serves: Callable[[Child], bool]) -> None:
         """Report each restarted process that serves again."""
         for name, child in list(self._coming.items()):
             if not child.alive:

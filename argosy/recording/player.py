@@ -74,7 +74,7 @@ class Player:
         """Publish the part once, in real time, beginning with the state that held before it."""
         loop = asyncio.get_running_loop()
         for message in self._before(part):
-            self._say(message)
+            self._republish(message)
         self.figures.at = part.begin
         zero, count = loop.time(), 0
         for message in self.recording.messages(part.begin, part.end, part.only):
@@ -85,7 +85,7 @@ class Player:
                 await asyncio.sleep(max(0.0, wait))
             self.figures.behind = max(self.figures.behind, loop.time() - due)
             self.figures.at = message.seconds
-            self._say(message)
+            self._republish(message)
         length = (part.end if part.end is not None else self.recording.seconds) - part.begin
         await asyncio.sleep(max(0.0, zero + length / part.speed - loop.time()))
 
@@ -114,7 +114,7 @@ class Player:
                 last[message.key] = message
         yield from last.values()
 
-    def _say(self, message: Recorded) -> None:
+    def _republish(self, message: Recorded) -> None:
         if message.origin == "token":
             self._token(message)
             return

@@ -173,7 +173,7 @@ class _Recording:
         """Record to the end. Returns the exit code."""
         loop, recorder = asyncio.get_running_loop(), self._recorder
         for number, why in ENDS.items():
-            loop.add_signal_handler(number, self._tell, why)
+            loop.add_signal_handler(number, self._stop, why)
         recorder.start(partial(loop.call_soon_threadsafe, self._ended.set))
         hear(self._bus, fleet, only, recorder.write_queue)
         self._backfill.start()
@@ -181,7 +181,7 @@ class _Recording:
         stdout().write(f"recording {recorder.path}", NOTICE, event=RecordingStarted())
         for one in await unreached(self._bus):
             print(f"note: {one}", file=sys.stderr)
-        nobody = asyncio.create_task(self._say_if_nobody_is_there(fleet))
+        nobody = asyncio.create_task(self._print_if_nobody_is_there(fleet))
         showing = asyncio.create_task(show_status(recorder))
         await self._until_it_ends()
         showing.cancel()
@@ -223,7 +223,7 @@ class _Recording:
             return EXIT_FAILED
         return EXIT_DONE
 
-    def _tell(self, why: str) -> None:
+    def _stop(self, why: str) -> None:
         self._why = self._why or why
         if self._stopping.is_set():
             self._again.set()
@@ -237,7 +237,7 @@ class _Recording:
             self._recorder.note("router", "the router is lost: nothing is received")
         self._router_lost = not up
 
-    async def _say_if_nobody_is_there(self, fleet: str) -> None:
+    async def _print_if_nobody_is_there(self, fleet: str) -> None:
         await asyncio.sleep(NOBODY)
         if not self._backfill.tokens and not self._recorder.messages:
             who = f"no daemon of fleet `{fleet}`" if fleet != ANY else "no daemon"

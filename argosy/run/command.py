@@ -126,7 +126,7 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     router = args.router or _router(mission)
     routers = places(mission, router, ports_of(mission))
     restart = args.restart or mission.restart == "on-failure"
-    setup = Setup(mission, router, speed, real, state, telling(mission), routers, restart, args.report, links=links)
+    setup = Setup(mission, router, speed, real, state, reporting(mission), routers, restart, args.report, links=links)
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
@@ -170,7 +170,7 @@ def _check_ports(setup: Setup) -> None:
             raise CommandError(f"{mission.path}:{line}: {link} {why}: {advice}")
 
 
-def telling(mission: Mission) -> frozenset[str]:
+def reporting(mission: Mission) -> frozenset[str]:
     """Return the robots whose manifest has the percept `state(Mode, Connected, Armed)`."""
     manifests = {
         name: load_robot_manifest(robot.manifest, mission.path.parent) for name, robot in mission.robots.items()
@@ -220,10 +220,10 @@ def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bou
     with _view(status, args.plain) as view:
         journal.shown = view.show
         ending = asyncio.run(flight.fly(view.refresh))
-    return _tell(flight, ending, args.report)
+    return _print_ending(flight, ending, args.report)
 
 
-def _tell(flight: MissionRunner, ending: Ending, report: Path | None) -> int:
+def _print_ending(flight: MissionRunner, ending: Ending, report: Path | None) -> int:
     text = summary(flight.status, ending, flight.phases())
     with suppress(OSError):
         print(f"\n{text}", end="", flush=True)

@@ -199,7 +199,7 @@ class MissionRunner:
 
     async def _heartbeats(self) -> None:
         for name, robot in self._mission.robots.items():
-            if self._mission.agents_of(name) and name in self.status.setup.telling:
+            if self._mission.agents_of(name) and name in self.status.setup.reporting:
                 what = f"a heartbeat of the vehicle of {name} on {robot.link or robot.prefix}"
                 await self._wait_for(what, lambda name=name: self.status.robots[name].seen.connected)  # type: ignore[misc]
 
@@ -228,7 +228,7 @@ class MissionRunner:
                     return ending
             if self.status.setup.restart:
                 self._watchdog.look()
-                self._restarts.tell(self.status.serves)
+                self._restarts.report_restarted(self.status.serves)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
 
@@ -269,7 +269,7 @@ class MissionRunner:
         """
         for bridge in self._supervisor.of_kind("bridged"):
             for name in bridge.process.subject.split():
-                self._tell_what_is_armed(name, bridge)
+                self._report_armed(name, bridge)
         leaving = asyncio.create_task(self._stop(self._supervisor.of_kind("agentd"), LEAVE))
         left = await self._recovery.bring_home(self._interrupted)
         await leaving
@@ -297,7 +297,7 @@ class MissionRunner:
         for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each reports its leave to the others
             await self._stop([router], LEAVE)
 
-    def _tell_what_is_armed(self, robot: str, bridge: Child) -> None:
+    def _report_armed(self, robot: str, bridge: Child) -> None:
         member = self.status.robots[robot]
         seen = member.seen
         if not seen.armed:

@@ -125,7 +125,7 @@ class Recovery:
                 map(self.simulator_is_dead, child.process.subject.split())
             ):
                 self._restarts.died(child, anyway=True)
-        self._restarts.tell(self._status.serves)
+        self._restarts.report_restarted(self._status.serves)
 
     def _paused(self) -> list[str]:
         """Return the paused robots that an operator can continue: their bridge runs, or is restarted."""

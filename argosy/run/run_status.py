@@ -100,8 +100,8 @@ class Status:
         if kind == "recorder":
             return any(isinstance(line.event, RecordingStarted) for line in child.lines)
         if kind == "simulator":  # a robot without the percept `state` is up with its simulator
-            telling = self.setup.telling
-            return all(self.model.robots[robot].seen.connected for robot in subjects if robot in telling)
+            reporting = self.setup.reporting
+            return all(self.model.robots[robot].seen.connected for robot in subjects if robot in reporting)
         return self.model.holders(kind).issuperset(subjects)
 
     def _enter(self, entry: Entry) -> None:

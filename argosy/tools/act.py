@@ -179,14 +179,14 @@ async def _perform(
             async with aclosing(follow(bus, fleet, action)) as statuses:
                 async for status in statuses:
                     first = f", id {identity}" if status.state == "accepted" else ""
-                    say(f"{head} {status_text(status)}{first}")
+                    print_line(f"{head} {status_text(status)}{first}")
         except Lost as lost:
             begun = "how it ended is not known" if status is not None else "whether it was begun is not known"
             complain(f"{head} NOT confirmed, {begun}: {lost}{known_as}")
             return EXIT_FAILED
         except asyncio.CancelledError:
             number = signals[0] if signals else signal.SIGINT
-            say(f"{head}: {'ctrl-C' if number == signal.SIGINT else number.name}, cancelling it")
+            print_line(f"{head}: {'ctrl-C' if number == signal.SIGINT else number.name}, cancelling it")
             ended = await cancel(bus, fleet, agent, identity)
             if status is None and not isinstance(ended, str) and ended.state == "refused":
                 await asyncio.sleep(OVERTAKEN)
@@ -194,7 +194,7 @@ async def _perform(
             if isinstance(ended, str):
                 complain(f"{head} NOT cancelled, it may go on: {ended}{known_as}")
             else:
-                say(f"{head} {status_text(ended)}")
+                print_line(f"{head} {status_text(ended)}")
             return 128 + number
     return EXIT_DONE if status is not None and status.state == "succeeded" else EXIT_FAILED
 
@@ -234,7 +234,7 @@ def status_text(status: ActionStatus) -> str:
     return text
 
 
-def say(line: str) -> None:
+def print_line(line: str) -> None:
     """Print a line; without a reader the action continues all the same."""
     try:
         put_out(printable(line))

@@ -201,7 +201,7 @@ class Copies:
         return True
 
 
-async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:
+async def note_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:
     """Print on stderr that nothing was received for `seconds`, and which names are on the bus."""
     there = await names_there(bus, where.fleet)
     of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"

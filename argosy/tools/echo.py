@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from argosy.cli.arguments import count
-from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out, tell_unreached
+from argosy.cli.operator_bus import Where, add_fleet_arguments, note, note_unreached, on_the_bus, put_out
 from argosy.tools.bus_tap import (
     QUIET,
     ROOM,
@@ -20,7 +20,7 @@ from argosy.tools.bus_tap import (
     Heard,
     add_key_argument,
     key_expressions,
-    tell_who_is_there,
+    note_who_is_there,
 )
 from argosy.tools.record_text import line_of, plain
 from commd.bus.bus import Bus
@@ -47,7 +47,7 @@ def run(args: Namespace) -> int:
         raw = _raw_on_a_terminal if sys.stdout.isatty() else _raw
         show = raw if args.raw else _json if args.json else _line
         noticing = asyncio.create_task(_notice(bus, where, args.key))
-        missing = asyncio.create_task(tell_unreached(bus))
+        missing = asyncio.create_task(note_unreached(bus))
         asking = None if args.key is None else asyncio.create_task(tap.ask_last_known(bus, where.fleet))
         try:
             await _echo(tap, show, args.count, noticing)
@@ -82,7 +82,7 @@ async def _echo(tap: BusTap, show: Callable[[Heard], str], count: int | None, no
 async def _notice(bus: Bus, where: Where, text: str | None) -> None:
     """Print who is on the bus if nothing is received."""
     await asyncio.sleep(QUIET)
-    await tell_who_is_there(bus, where, text)
+    await note_who_is_there(bus, where, text)
 
 
 def _line(heard: Heard) -> str:

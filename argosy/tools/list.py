@@ -17,9 +17,9 @@ from argosy.cli.operator_bus import (
     add_fleet_arguments,
     names_there,
     note,
+    note_unreached,
     on_the_bus,
     put_out,
-    tell_unreached,
 )
 from argosy.tools.bus_tap import BusTap, published_keys
 from argosy.tools.record_text import candidates
@@ -73,7 +73,7 @@ def run(args: Namespace) -> int:
             for line in lines_of(fleet, name, found, args.wait, args.types):
                 if not put_out(printable(line)):
                     return EXIT_DONE
-        await tell_unreached(bus)
+        await note_unreached(bus)
         if left_out:
             note(f"{left_out} records were left out: more is published than is listed")
         if not names:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from argosy.cli.arguments import duration
 from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out, unreached
-from argosy.tools.bus_tap import QUIET, BusTap, add_key_argument, key_expressions, tell_who_is_there
+from argosy.tools.bus_tap import QUIET, BusTap, add_key_argument, key_expressions, note_who_is_there
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import columns, shortened
@@ -125,7 +125,7 @@ def run(args: Namespace) -> int:
             heard = heard or bool(rows)
             if not heard and not noticed and (args.once or loop.time() - began >= QUIET):
                 noticed = True
-                await tell_who_is_there(bus, where, args.key, round(loop.time() - began, 1))
+                await note_who_is_there(bus, where, args.key, round(loop.time() - began, 1))
             lines = table(rows) if rows else []
             if rows and rates.silent(loop.time()):
                 lines.append(f"nothing was published in the last {args.window:g} s")

@@ -21,7 +21,7 @@ from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
 from argosy.processes.resource_usage import Meter
 from argosy.processes.simulators import vehicle_of
-from argosy.run.command import telling
+from argosy.run.command import reporting
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
 from argosy.trial.checkers import Checkers, Violation
@@ -109,7 +109,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     links = [f"tcp/127.0.0.1:{FIRST_LINK + number}" for number in range(len(boards))]
     places = {board: Place(routers[board], links[n], tuple(links[:n])) for n, board in enumerate(boards)}
     state = Path("state")
-    setup = Setup(mission, routers[boards[0]], 1.0, frozenset(), state, telling(mission), places, True, state)
+    setup = Setup(mission, routers[boards[0]], 1.0, frozenset(), state, reporting(mission), places, True, state)
     clock = Clock(1.0)
     journal = Journal(clock.now, None)
     outcome = Outcome(request.seed, False, faults=list(request.faults))

@@ -58,7 +58,7 @@ def _port(text: str) -> int:
 def run(args: Namespace) -> int:
     """Serve the page until ctrl-C or SIGTERM."""
     logging.getLogger("bus").setLevel(logging.ERROR)  # the page and the link report the router
-    _tell_defects_in_a_line(logging.getLogger("aiohttp.server"))
+    _log_defects_in_one_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
         raise BadInput(f"--tiles: {args.tiles} is no folder")
     place, mission = where(args), load_mission(args.mission) if args.mission else None
@@ -66,7 +66,7 @@ def run(args: Namespace) -> int:
     return asyncio.run(_serve(args, FleetSession(place, mission, identity, tiles=args.tiles is not None)))
 
 
-def _tell_defects_in_a_line(log: logging.Logger) -> None:
+def _log_defects_in_one_line(log: logging.Logger) -> None:
     """Print an error of ours in one line, without a traceback unless `ARGOSY_DEBUG` is set."""
 
     class Line(logging.Handler):
@@ -117,7 +117,7 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
     try:
         await runner.setup()
         await web.SockSite(runner, listening).start()
-        _tell(args, auth)
+        _print_address(args, auth)
         stopped = asyncio.create_task(stop.wait())
         done, _ = await asyncio.wait({stopped, link}, return_when=asyncio.FIRST_COMPLETED)
         stopped.cancel()
@@ -146,7 +146,7 @@ def _socket(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _tell(args: Namespace, auth: AuthGuard) -> None:
+def _print_address(args: Namespace, auth: AuthGuard) -> None:
     print(f"open {auth.url}", flush=True)
     if not is_loopback(args.listen):
         text = (

@@ -85,7 +85,6 @@ def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note] = (
         silent=agent.silent,
         why_silent=agent.why_silent,
         actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),
-        said=agent.prints[-1] if agent.prints else "",
         **counted,  # type: ignore[arg-type]
     )
 

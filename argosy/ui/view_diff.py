@@ -143,15 +143,15 @@ class Page:
             heartbeat=15, compress=False, max_msg_size=FROM_PAGE, writer_limit=WAITING_BYTES, timeout=2.0
         )
         await socket.prepare(request)
-        telling = asyncio.create_task(self._tell(socket))
+        sending = asyncio.create_task(self._send_news(socket))
         try:
             async for message in socket:
                 if message.type is not WSMsgType.TEXT or not self._heard(message.data):
                     await socket.close(code=1008, message=b"expected {look: [agents]}")
         finally:
-            telling.cancel()
+            sending.cancel()
             with suppress(asyncio.CancelledError, ConnectionError):
-                await telling
+                await sending
         return socket
 
     def _heard(self, text: str) -> bool:
@@ -165,7 +165,7 @@ class Page:
         self._hurry.set()
         return True
 
-    async def _tell(self, socket: web.WebSocketResponse) -> None:
+    async def _send_news(self, socket: web.WebSocketResponse) -> None:
         """Send the news whenever the page has taken the last message."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._hurry.wait(), 1.0)  # for its first message

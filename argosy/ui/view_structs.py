@@ -158,8 +158,6 @@ class AgentView(View, frozen=True, kw_only=True):
     mailbox: int = 0
     dropped: int = 0
     actions: tuple[RunningView, ...] = ()
-    said: str = ""
-    """The last line that it printed."""
 
 
 class RobotView(View, frozen=True, kw_only=True):

@@ -13,7 +13,7 @@ from argosy.cli.arguments import count, name
 from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out
 from argosy.why.answer import Explanation, plain
-from argosy.why.explain import LAST, explain, tell
+from argosy.why.explain import LAST, explain, explain_view
 from argosy.why.question import subject_of
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -49,7 +49,7 @@ def run(args: Namespace) -> int:
         view, notes = recorded_view(args.recording, args.agent, args.at)
         for text in notes:
             note(text)
-        return _show(tell(view, args.about, last=args.last), args.json)
+        return _show(explain_view(view, args.about, last=args.last), args.json)
     if args.at is not None:
         raise BadInput("argosy why: --at needs --recording FILE")
 

@@ -16,7 +16,7 @@ from argosy.why.answer import Explanation, Line, Paragraph
 from argosy.why.current_state import doing, dropped, failure_paragraph, only_counted, standing
 from argosy.why.decision_history import Memory
 from argosy.why.decisions import WITHOUT_PLAN, decision_paragraph, groups
-from argosy.why.goal_explanation import about as tell_about
+from argosy.why.goal_explanation import about as paragraphs_about
 from argosy.why.goal_explanation import names_of
 from argosy.why.question import subject_of
 from argosy.why.unanswered_questions import MailFacts, dead_letters, question_paragraph
@@ -60,17 +60,17 @@ async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int =
         facts = await mail_facts(bus, fleet, view)
     elif not about:
         facts.boards, facts.silent = await _mailboxes(bus, fleet)
-    return tell(view, about, last=last, facts=facts)
+    return explain_view(view, about, last=last, facts=facts)
 
 
-def tell(view: MindView, about: str = "", *, last: int = LAST, facts: MailFacts | None = None) -> Explanation:
+def explain_view(view: MindView, about: str = "", *, last: int = LAST, facts: MailFacts | None = None) -> Explanation:
     """Explain from a view of a mind alone; it wants its plans (`?plans=true`) and many decisions (`last=200`)."""
     places, facts = Places(view), facts or MailFacts()
     facts = replace(facts, minds={name: places.near(mind) for name, mind in facts.minds.items()})
     memory, known = Memory(places.near(view)), True
     if about:
         subject = subject_of(about)
-        paragraphs = tell_about(memory, subject, last, facts)
+        paragraphs = paragraphs_about(memory, subject, last, facts)
         known = any(one.kind != "hint" for one in paragraphs) or subject.name in names_of(view)
     else:
         paragraphs = _now(memory, last, facts)

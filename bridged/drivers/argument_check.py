@@ -62,8 +62,8 @@ def order_problems(manifest: Manifest) -> Iterator[Finding]:
         try:
             read_call(manifest, text)
         except BadTerm as error:
-            said = f"expected an action with its arguments, such as `cmd_vel(0, 0)`, got `{text}`: {error}"
-            yield manifest.finding(f"orders.{order}: {said}", "orders", order)
+            problem = f"expected an action with its arguments, such as `cmd_vel(0, 0)`, got `{text}`: {error}"
+            yield manifest.finding(f"orders.{order}: {problem}", "orders", order)
         except BadArgument as error:
             yield manifest.finding(f"orders.{order}: {error}", "orders", order)
 
@@ -72,17 +72,17 @@ def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
     """Return the value of each field of an action; without `fields` each parameter is the field of its name."""
     if not entry.fields:
         return {parameter.name: FieldValue(param=parameter.name) for parameter in entry.params}
-    return {name: FieldValue.written_out(said) for name, said in entry.fields.items()}
+    return {name: FieldValue.written_out(declared) for name, declared in entry.fields.items()}
 
 
-def filled(what: str, said: FieldValue, arguments: Mapping[str, Value]) -> Any:
+def filled(what: str, declared: FieldValue, arguments: Mapping[str, Value]) -> Any:
     """Return a field with its argument filled in and converted; `what` names it in errors. Raises ValueError."""
-    value = said.value if said.value is not None or not said.param else arguments[said.param]
-    if (said.scale, said.offset) == (1.0, 0.0):
+    value = declared.value if declared.value is not None or not declared.param else arguments[declared.param]
+    if (declared.scale, declared.offset) == (1.0, 0.0):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{what}: expected a number, got {value!r}")
-    return value * said.scale + said.offset
+    return value * declared.scale + declared.offset
 
 
 @dataclass(frozen=True)

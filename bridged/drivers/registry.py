@@ -137,8 +137,8 @@ def load_robot_manifest(named: str | tuple[str, ...], folder: Path) -> Manifest:
     if isinstance(named, str):
         return load_manifest(named, folder, check_manifest)
     if len(named) != 2:
-        said = f"expected one manifest, or two: [actions_manifest, perceptions_manifest]; got {len(named)}"
-        raise Findings([Finding(named[0] if named else "", 0, 0, said)])
+        problem = f"expected one manifest, or two: [actions_manifest, perceptions_manifest]; got {len(named)}"
+        raise Findings([Finding(named[0] if named else "", 0, 0, problem)])
     from bridged.paper_format.ini_manifests import (
         load_ini_pair,  # the vocabulary of mavros is memory that others need not have
     )

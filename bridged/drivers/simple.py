@@ -28,7 +28,7 @@ class SimpleDriver:
         """Carry the robot's traffic until cancelled."""
         raise NotImplementedError
 
-    def tell(self, source: str, fields: Mapping[str, object] | None) -> None:
+    def report(self, source: str, fields: Mapping[str, object] | None) -> None:
         """Pass on a reading of a source of the manifest; no fields = it holds no longer."""
         self._heard_at = self.setup.clock.wall()
         self.setup.on_reading(Reading(source, fields))

@@ -10,10 +10,10 @@ AGAIN = (10.0, 60.0, 600.0)
 
 
 class RepeatedLog:
-    """Calls `say(seconds)` at the times of `AGAIN` from `begin` to `end`, with how long it has lasted."""
+    """Calls `log(seconds)` at the times of `AGAIN` from `begin` to `end`, with how long it has lasted."""
 
-    def __init__(self, say: Callable[[float], None]) -> None:
-        self._say, self._loop = say, asyncio.get_running_loop()
+    def __init__(self, log: Callable[[float], None]) -> None:
+        self._log, self._loop = log, asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._since: float | None = None
 
@@ -42,5 +42,5 @@ class RepeatedLog:
 
     def _remind(self, count: int) -> None:
         if self._since is not None:
-            self._say(self._loop.time() - self._since)
+            self._log(self._loop.time() - self._since)
             self._next(count + 1)

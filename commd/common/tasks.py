@@ -7,7 +7,7 @@ from collections.abc import Coroutine
 from contextlib import suppress
 from typing import Any
 
-TELL_AGAIN = 5.0
+WARN_AGAIN = 5.0
 """Wall seconds after which a cancelled task that still runs is cancelled again: `wait_for` of Python 3.11 loses a
 cancel that coincides with what it waits for."""
 
@@ -39,7 +39,7 @@ class Tasks:
         """Cancel all of them, again if needed, and wait until they have ended."""
         while self._running:
             self.cancel()
-            await asyncio.wait(list(self._running), timeout=TELL_AGAIN)
+            await asyncio.wait(list(self._running), timeout=WARN_AGAIN)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._running.discard(task)

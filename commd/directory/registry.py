@@ -173,19 +173,19 @@ class Services:
         wants = {**self.own.wants, service: (*known, agent)}
         return self._with(wants=wants), notices
 
-    def news(self, said: BoardServices) -> bool:
+    def news(self, record: BoardServices) -> bool:
         """Whether a record of a board is newer than the known one: from another process, or a change."""
-        known = self.others.get(said.board)
-        return known is None or said.header.boot != known.header.boot or said.version > known.version
+        known = self.others.get(record.board)
+        return known is None or record.header.boot != known.header.boot or record.version > known.version
 
-    def heard(self, said: BoardServices) -> tuple[Services, list[Notice], list[str]]:
+    def heard(self, record: BoardServices) -> tuple[Services, list[Notice], list[str]]:
         """Apply a record of another board. Returns also the notices to subscribers here, and the agents that have
         left."""
-        after = replace(self, others={**self.others, said.board: said})
-        before = self._offers_of(self.others.get(said.board))
+        after = replace(self, others={**self.others, record.board: record})
+        before = self._offers_of(self.others.get(record.board))
         notices = [
             (subscriber, agent, service)
-            for agent, services in after._offers_of(said).items()
+            for agent, services in after._offers_of(record).items()
             for service in services
             if service not in before.get(agent, ())
             for subscriber in self.own.wants.get(service, ())
@@ -193,11 +193,13 @@ class Services:
         homes = after.homes()
         return after, notices, [agent for agent in before if agent not in homes]
 
-    def _offers_of(self, said: BoardServices | None) -> dict[str, tuple[str, ...]]:
+    def _offers_of(self, record: BoardServices | None) -> dict[str, tuple[str, ...]]:
         """Return the services of a board's own agents: the mission has the boards of its agents."""
-        if said is None:
+        if record is None:
             return {}
-        return {name: what for name, what in said.agents.items() if self.mission.get(name, said.board) == said.board}
+        return {
+            name: what for name, what in record.agents.items() if self.mission.get(name, record.board) == record.board
+        }
 
     def _check(self, agent: str, service: str) -> None:
         if agent not in self.own.joined and self.mission.get(agent) != self.board:
@@ -214,17 +216,19 @@ class Services:
         return replace(self, own=msgspec.structs.replace(self.own, **changes))
 
 
-def checked(said: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
+def checked(record: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
     """Return a record of another board without invalid names, names that it may not speak for, and excess entries."""
-    good = (name for name in said.agents if is_name(name) and may_name(name))
+    good = (name for name in record.agents if is_name(name) and may_name(name))
     agents = {
-        name: tuple(one for one in said.agents[name][:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
+        name: tuple(one for one in record.agents[name][:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
         for name in islice(good, MOST_NAMES)
     }
-    if agents == said.agents:
-        return said
-    log.warning("board=%s its record is accepted in part: %d of %d agents", said.board, len(agents), len(said.agents))
-    return msgspec.structs.replace(said, agents=agents)
+    if agents == record.agents:
+        return record
+    log.warning(
+        "board=%s its record is accepted in part: %d of %d agents", record.board, len(agents), len(record.agents)
+    )
+    return msgspec.structs.replace(record, agents=agents)
 
 
 def _without(names: tuple[str, ...], gone: Collection[str]) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ PUT_EVERY = 0.1
 READ_AGAIN = 0.5
 """Wall seconds until an unreadable file is read again, doubled up to `READ_EVERY`."""
 READ_EVERY = 5.0
-MOST_SAID = 1024 * 1024
+MAX_RECORD_BYTES = 1024 * 1024
 """Bytes of a board's record: other boards refuse a much larger one."""
 MOST_TASKS = 1_000
 """Records of other boards that may wait for the disk; further ones are dropped, counted and asked for again."""
@@ -88,7 +88,7 @@ class Directory:
         self.work: list[asyncio.Task[None]] = []
         """Tasks that must not end."""
         self._tasks = Tasks("directory of services")
-        self._said_doubles: set[str] = set()
+        self._reported_doubles: set[str] = set()
         self._unread = ""
         """Why the directory on disk is not read yet, for people."""
         self._noticed = 0
@@ -146,7 +146,7 @@ class Directory:
             if self._board in own:
                 services = replace(services, own=msgspec.json.decode(own[self._board], type=Own))
             known = {
-                name: self._checked(_BOARD.decode(said)) for name, said in others.items() if name in services.boards
+                name: self._checked(_BOARD.decode(record)) for name, record in others.items() if name in services.boards
             }
         except (msgspec.DecodeError, BadRecord) as bad:  # of another version: it is asked for again
             log.error("directory_unreadable why=%s: it starts empty", bad)
@@ -172,7 +172,7 @@ class Directory:
         fleet = self._bus.fleet
         self._bus.serve(keys.services(fleet, self._board), ServiceRequest, self._answer)
         self._bus.serve(keys.service_requests(fleet, self._board, "*"), ServiceRequest, self._answer)
-        self._bus.subscribe(keys.services(fleet, "*"), BoardServices, self._told)
+        self._bus.subscribe(keys.services(fleet, "*"), BoardServices, self._received)
         for daemon in ("agentd", "client"):
             self._bus.watch(keys.alive(fleet, "*", daemon, "*"), self._agent_token)
         self._bus.watch(keys.alive(fleet, "*", "commd", "*"), self._board_token)
@@ -203,9 +203,9 @@ class Directory:
             return
         if query.record is None:
             key = keys.services(self._bus.fleet, self._board)
-            query.reply(self._said(), key)
-            for said in self.services.others.values() if query.concrete else ():
-                query.reply(said, key)
+            query.reply(self._record(), key)
+            for record in self.services.others.values() if query.concrete else ():
+                query.reply(record, key)
             return
         asks = query.key.removeprefix(keys.services(self._bus.fleet, self._board)).removeprefix("/")
         if asks != query.record.agent and (asks or self._secured):
@@ -215,9 +215,9 @@ class Directory:
         try:
             query.reply(await self._fulfil(query.record))
         except Problem as problem:
-            query.reply(self._said(problem=str(problem)))
+            query.reply(self._record(problem=str(problem)))
         except StoreFailed as failed:
-            query.reply(self._said(problem=f"commd of board {self._board} cannot keep it: {failed}"))
+            query.reply(self._record(problem=f"commd of board {self._board} cannot keep it: {failed}"))
 
     async def _fulfil(self, request: ServiceRequest) -> BoardServices:
         """Fulfil an agent's request. Raises Problem, and StoreFailed if it could not be written."""
@@ -237,9 +237,9 @@ class Directory:
                     after, notices = before.subscribe(agent, service)
             if request.do in ("join", "register") and after is not before:
                 size = len(_BOARD.encode(BoardServices(board=self._board, agents=after.agents())))
-                if size > MOST_SAID:
+                if size > MAX_RECORD_BYTES:
                     what = f"{request.do} {agent}: the record of board {self._board} would have {size} bytes"
-                    raise Problem(f"{what}, the limit is {MOST_SAID}")
+                    raise Problem(f"{what}, the limit is {MAX_RECORD_BYTES}")
             if after is not before or notices:
                 own = msgspec.json.encode(after.own)
                 await self._write(notices, lambda db: schema.keep(db, _OWN, self._board, own))
@@ -255,7 +255,7 @@ class Directory:
                 with suppress(StoreFailed):  # the mail service gives up its mail later
                     await self._mail_service.unhost(name)
             found = after.providers(service) if request.do in ("search", "subscribe") else ()
-            return self._said(found=found)
+            return self._record(found=found)
 
     async def _write(self, notices: list[Notice], change: Callable[[Connection], None]) -> None:
         """Write a change together with its notices. Raises StoreFailed: then neither is written."""
@@ -275,7 +275,7 @@ class Directory:
         number = f"df.{self._bus.boot}.{self._noticed}"
         return Message(id=number, sender=SENDER, performative="tell", receiver=subscriber, content=content)
 
-    def _said(self, *, found: tuple[str, ...] = (), problem: str = "") -> BoardServices:
+    def _record(self, *, found: tuple[str, ...] = (), problem: str = "") -> BoardServices:
         """Return this board's record."""
         header = self._bus.header("services")
         services = self.services
@@ -296,7 +296,7 @@ class Directory:
         pause = self._put_at + PUT_EVERY - self._clock.wall()
         if pause <= 0:
             self._putting, self._put_at = None, self._clock.wall()
-            self._bus.put(keys.services(self._bus.fleet, self._board), self._said())
+            self._bus.put(keys.services(self._bus.fleet, self._board), self._record())
         elif self._putting is None:
             self._putting = asyncio.get_running_loop().call_later(pause, self._put_late)
 
@@ -307,55 +307,55 @@ class Directory:
     def _now_is(self, services: Services) -> None:
         self.services, self._homes = services, services.homes()
         for double in services.doubled():
-            if double.text not in self._said_doubles:
-                self._said_doubles.add(double.text)
+            if double.text not in self._reported_doubles:
+                self._reported_doubles.add(double.text)
                 log.error("%s", double.text)
 
-    def _told(self, key: str, said: BoardServices) -> None:
+    def _received(self, key: str, record: BoardServices) -> None:
         parsed = keys.parse(key)
-        if parsed is not None and parsed[1] == said.board and self._concerns_us(said):
-            self._spawn(self._hear(said))
+        if parsed is not None and parsed[1] == record.board and self._concerns_us(record):
+            self._spawn(self._hear(record))
 
-    def _concerns_us(self, said: BoardServices) -> bool:
-        return said.board in self.services.boards and said.board != self._board
+    def _concerns_us(self, record: BoardServices) -> bool:
+        return record.board in self.services.boards and record.board != self._board
 
-    def _checked(self, said: BoardServices) -> BoardServices:
+    def _checked(self, record: BoardServices) -> BoardServices:
         """Return the valid part of a board's record; where access is controlled, without names of other boards."""
         if not self._secured:
-            return checked(said)
-        own = made_on(said.board)
-        return checked(said, lambda name: name in self.services.mission or name.startswith(own))
+            return checked(record)
+        own = made_on(record.board)
+        return checked(record, lambda name: name in self.services.mission or name.startswith(own))
 
-    async def _hear(self, said: BoardServices) -> None:
+    async def _hear(self, record: BoardServices) -> None:
         """Apply another board's record, after it was written to disk."""
         async with self._one_at_a_time:
-            await self._compare_mail(said)
-            if not self.services.news(said):
+            await self._compare_mail(record)
+            if not self.services.news(record):
                 return
-            said = self._checked(said)
-            before = self.services.others.get(said.board)
-            after, notices, gone = self.services.heard(said)
-            kept = _BOARD.encode(said)
+            record = self._checked(record)
+            before = self.services.others.get(record.board)
+            after, notices, gone = self.services.heard(record)
+            kept = _BOARD.encode(record)
             try:
-                await self._write(notices, lambda db: schema.keep(db, _BOARDS, said.board, kept))
+                await self._write(notices, lambda db: schema.keep(db, _BOARDS, record.board, kept))
             except StoreFailed as failed:
-                log.error("board=%s its record is not stored, it is asked for again: %s", said.board, failed)
+                log.error("board=%s its record is not stored, it is asked for again: %s", record.board, failed)
                 return
             self.counters["board_changes"] += 1
             self._now_is(after)
-            if before is None or before.agents != said.agents:
-                log.info("board=%s agents=%d", said.board, len(said.agents))
+            if before is None or before.agents != record.agents:
+                log.info("board=%s agents=%d", record.board, len(record.agents))
             for name in gone:
                 with suppress(StoreFailed):  # the mail service gives up its mail later
                     await self._mail_service.gone(name)
 
-    async def _compare_mail(self, said: BoardServices) -> None:
+    async def _compare_mail(self, record: BoardServices) -> None:
         """Compare our mail file with what another board has seen of it, and remember theirs."""
-        self._witness.judge(said)
-        if (seen := self._witness.news(said)) is not None:
+        self._witness.judge(record)
+        if (seen := self._witness.news(record)) is not None:
             with suppress(StoreFailed):  # it comes again
-                await self._store.write(lambda db: self._witness.keep(db, said.board, seen))
-                self._witness.seen = {**self._witness.seen, said.board: seen}
+                await self._store.write(lambda db: self._witness.keep(db, record.board, seen))
+                self._witness.seen = {**self._witness.seen, record.board: seen}
 
     def _board_token(self, key: str, alive: bool) -> None:
         if (parsed := keys.parse(key)) is None or parsed[1] not in self.services.boards:
@@ -387,7 +387,9 @@ class Directory:
         known: dict[str, BoardServices] = {}
         try:
             key = keys.services(self._bus.fleet, board)
-            await self._bus.ask_all(key, BoardServices, ASK_TIMEOUT, lambda _, told: known.update({told.board: told}))
+            await self._bus.ask_all(
+                key, BoardServices, ASK_TIMEOUT, lambda _, record: known.update({record.board: record})
+            )
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
         if board in known:

@@ -233,14 +233,14 @@ class Gateway(asyncio.DatagramProtocol):
     async def _take(self, mail_service: MailService) -> None:
         """Hand the nodes' messages to the mail service, for ever."""
         while True:
-            said = [await self._waiting.get()]
-            while len(said) < BATCH and not self._waiting.empty():
-                said.append(self._waiting.get_nowait())
-            batch = [one for message in said for one in _addressed(message, mail_service.names)]
+            messages = [await self._waiting.get()]
+            while len(messages) < BATCH and not self._waiting.empty():
+                messages.append(self._waiting.get_nowait())
+            batch = [one for message in messages for one in _addressed(message, mail_service.names)]
             receipt = await self._hand_over(batch, mail_service)
             for place, reason in (receipt.refused | receipt.later).items():
                 self.counters["gateway_refused"] += 1
-                self._tell_undelivered(batch[place], reason)
+                self._report_undelivered(batch[place], reason)
 
     async def _hand_over(self, batch: list[Message], mail_service: MailService) -> Receipt:
         """Hand a batch to the mail service, and retry while the disk fails."""
@@ -283,7 +283,7 @@ class Gateway(asyncio.DatagramProtocol):
         self._count("unsendable", f"id={message.id} sender={message.sender} receiver={node.name}: {why}")
         return why
 
-    def _tell_undelivered(self, message: Message, reason: Refusal) -> None:
+    def _report_undelivered(self, message: Message, reason: Refusal) -> None:
         """Send a node the notice that its message is not delivered."""
         node = self.nodes[message.sender]
         log.warning("mail_refused id=%s sender=%s receiver=%s why=%s", message.id, node.name, message.receiver, reason)

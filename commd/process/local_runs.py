@@ -63,10 +63,10 @@ def starting(router: str, waits: Callable[[], None], patience: float = START_PAT
         yield
         return
     with file:
-        until, told = time.monotonic() + patience, False
+        until, reported = time.monotonic() + patience, False
         while not _locks(file.fileno()):
-            if not told:
-                told = True
+            if not reported:
+                reported = True
                 waits()
             if time.monotonic() >= until:
                 break

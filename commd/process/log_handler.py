@@ -119,7 +119,7 @@ class LogHandler(logging.Handler):
             self._timer = None
             flood, self._flood, self._window_end = self._flood, Flood(), 0.0
             for count, last in flood.suppressed():
-                text = f"suppressed={count} the last: {_said(last)}"
+                text = f"suppressed={count} the last: {_plain_text(last)}"
                 self._write(logging.LogRecord(last.name, last.levelno, "", 0, text, None, None))
         finally:
             self.release()
@@ -156,10 +156,10 @@ class LineFormatter(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the record as one line, with the type, text and position of a caught error."""
-        said, _, trace = super().format(record).partition("\n" if record.exc_info else "\0")
+        text, _, trace = super().format(record).partition("\n" if record.exc_info else "\0")
         if record.exc_info and os.environ.get("ARGOSY_DEBUG"):
-            return f"{one_line(said)}\n{trace}"
-        return one_line(f"{said} {trace}".rstrip())
+            return f"{one_line(text)}\n{trace}"
+        return one_line(f"{text} {trace}".rstrip())
 
     def formatException(self, ei: Any) -> str:
         """Return what was raised and where; the whole traceback with ARGOSY_DEBUG=1."""
@@ -176,7 +176,7 @@ def _plain(record: logging.LogRecord, text: str) -> logging.LogRecord:
     return logging.LogRecord(record.name, record.levelno, record.pathname, record.lineno, "%s", (text,), None)
 
 
-def _said(record: logging.LogRecord) -> str:
+def _plain_text(record: logging.LogRecord) -> str:
     try:
         return record.getMessage()
     except Exception:

@@ -42,7 +42,7 @@ class Output:
         """Lines dropped so far: not read, or not writable."""
         self._descriptor, self._encoding = descriptor, encoding
         self._waiting: queue.Queue[bytes] = queue.Queue(lines)
-        self._told = 0
+        self._reported = 0
         self._to_journal = _is_journal(descriptor)
         threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
 
@@ -90,17 +90,17 @@ class Output:
     def _run(self) -> None:
         while True:
             line = self._waiting.get()
-            if self.dropped > self._told:
+            if self.dropped > self._reported:
                 prefix = "<4>" if self._to_journal else ""
-                told = f"{prefix}({self.dropped - self._told} lines were dropped: they were not read)\n"
-                line = told.encode() + line
-                self._told = self.dropped
+                report = f"{prefix}({self.dropped - self._reported} lines were dropped: they were not read)\n"
+                line = report.encode() + line
+                self._reported = self.dropped
             try:
                 while line:
                     line = line[os.write(self._descriptor, line) :]
             except OSError:  # closed by its reader
                 self.dropped += 1
-                self._told = self.dropped
+                self._reported = self.dropped
             self._waiting.task_done()
 
 

@@ -96,7 +96,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         flush()
 
     words = ""
-    tell_when_aborted(aborted)
+    report_abort(aborted)
     try:
         code = asyncio.run(supervised())
         if code != EXIT_DONE:
@@ -228,7 +228,7 @@ async def report_health(
         unknown = bus.counters["unknown_fields"]  # of records of a newer sender
         denied = [Note("access_denied", bus.access.note)] if bus.access.note else []
         notes = (*health.notes, *bus.strangers.notes(), *denied)
-        told = Health(
+        record = Health(
             header=bus.header("health", name),
             daemon=bus.daemon,
             pid=os.getpid(),
@@ -249,15 +249,15 @@ async def report_health(
             idle=health.idle,
             paused=health.paused,
         )
-        told = _with_agents(told, agents())
-        if bad := _unreadable(told, bus.wire):
+        record = _with_agents(record, agents())
+        if bad := _unreadable(record, bus.wire):
             bus.counters["unsendable"] += 1
             log.error("health of %s cannot be sent: %s", name, bad)
-            plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
-            bare = {agent: AgentHealth(idle=its.idle) for agent, its in told.agents.items()}
+            plain = {field: getattr(record, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
+            bare = {agent: AgentHealth(idle=its.idle) for agent, its in record.agents.items()}
             note = Note("health_unsendable", one_line(f"its health cannot be sent: {bad}"))
-            told = Health(**plain, notes=(note,), agents=bare)
-        bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
+            record = Health(**plain, notes=(note,), agents=bare)
+        bus.put(keys.health(bus.fleet, name, bus.daemon), record, urgent=True)
         await asyncio.sleep(HEALTH_EVERY)
 
 
@@ -318,8 +318,8 @@ _LIBRARY = str(Path(os.__file__).parent)
 """Both as in frames, with symbolic links unresolved."""
 
 
-def tell_when_aborted(tell: Callable[[str], None]) -> None:
-    """Call `tell(words)` at SIGABRT, which a watchdog sends, then end by it.
+def report_abort(report: Callable[[str], None]) -> None:
+    """Call `report(text)` at SIGABRT, which a watchdog sends, then end by it.
 
     Python calls it, so not while C code hangs; then the process just ends.
     """
@@ -327,7 +327,7 @@ def tell_when_aborted(tell: Callable[[str], None]) -> None:
     def aborted(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGABRT, signal.SIG_DFL)
         try:
-            tell(f"ended by SIGABRT, as by a watchdog, {where(frame)}")
+            report(f"ended by SIGABRT, as by a watchdog, {where(frame)}")
         finally:
             os.kill(os.getpid(), signal.SIGABRT)
 
@@ -340,10 +340,10 @@ def where(frame: FrameType | None) -> str:
     while frame is not None:
         file = frame.f_code.co_filename
         if frame.f_code.co_name != "<module>" and not file.startswith((_LIBRARY, "<", *_OURS)):
-            return f"in {_said(frame)}, which has not returned"
+            return f"in {_function_of(frame)}, which has not returned"
         frame = frame.f_back
-    return "" if innermost is None else f"in {_said(innermost)}"
+    return "" if innermost is None else f"in {_function_of(innermost)}"
 
 
-def _said(frame: FrameType) -> str:
+def _function_of(frame: FrameType) -> str:
     return f"{frame.f_code.co_name} ({frame.f_code.co_filename}:{frame.f_lineno})"

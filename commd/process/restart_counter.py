@@ -101,8 +101,8 @@ def end_lives(words: str = "") -> None:
 
 def machine_life() -> str:
     """Return the machine's boot id, or ARGOSY_BOOT of its unit, which may hide it; empty if unknown."""
-    if told := os.environ.get("ARGOSY_BOOT"):
-        return told
+    if given := os.environ.get("ARGOSY_BOOT"):
+        return given
     try:
         return _BOOT.read_text().strip()
     except OSError:

@@ -56,14 +56,14 @@ class Unit:
         """Send the changed status; READY=1 and STOPPING=1 when all members are."""
         several = len(self._members) > 1
         words = [f"{one.name}: {one.words}" if several else one.words for one in self._members if one.words]
-        told = {"STATUS": "; ".join(words)[:LONGEST_STATUS]}
+        values = {"STATUS": "; ".join(words)[:LONGEST_STATUS]}
         if not self._ready and all(one.is_ready for one in self._members):
             self._ready = True
-            told["READY"] = "1"
+            values["READY"] = "1"
         if not self._stopping and all(one.is_stopping for one in self._members):
             self._stopping = True
-            told["STOPPING"] = "1"
-        self._say(told)
+            values["STOPPING"] = "1"
+        self._send(values)
 
     def _turned(self) -> None:
         """Feed the watchdog if all loops have turned since, no more often than needed."""
@@ -73,12 +73,12 @@ class Unit:
             self._fed_at = self._now()
             for one in self._loops:
                 one.turned = False
-            self._say({"WATCHDOG": "1"})
+            self._send({"WATCHDOG": "1"})
 
-    def _say(self, told: Mapping[str, str]) -> None:
+    def _send(self, values: Mapping[str, str]) -> None:
         if self._socket is None:
             return
-        self._owed |= told
+        self._owed |= values
         try:
             self._socket.send("\n".join(f"{name}={value}" for name, value in self._owed.items()).encode())
         except OSError as error:

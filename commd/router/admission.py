@@ -179,7 +179,7 @@ class Admission:
             self.counters["unheard"] += 1
             most.unheard[0].cut()
 
-    def said_hello(self, connection: Connection) -> None:
+    def hello_received(self, connection: Connection) -> None:
         """Pass a connection on to the router, if its address has an allowance left."""
         self._forget(connection)
         now, source = time.monotonic(), self._source(connection.address)
@@ -204,7 +204,7 @@ class Admission:
 
     def refuse(self, connection: Connection, why: str, last: bytes = b"") -> None:
         """Close a connection that is not passed on, and log why."""
-        tls_rejections.tell(why, connection.address)
+        tls_rejections.count_rejection(why, connection.address)
         self._forget(connection)
         connection.end(last)
 
@@ -230,7 +230,7 @@ class Admission:
             connection.allowance.give_back()
         owner = owner_of(zid, self._names)
         if owner is not None and owner != name:
-            self._tell_forged(name, owner, connection.address)
+            self._report_forged(name, owner, connection.address)
             source = self._source(connection.address)
             source.left, source.forged_at = 0.0, time.monotonic()
             connection.cut()
@@ -238,21 +238,21 @@ class Admission:
         if len(self._known) < ADDRESSES:
             self._known.add(connection.address)
         if self._sessions[name] > MOST_SESSIONS:
-            tls_rejections.tell(f"`{name}` has {MOST_SESSIONS} sessions already", connection.address)
+            tls_rejections.count_rejection(f"`{name}` has {MOST_SESSIONS} sessions already", connection.address)
             connection.cut()
             return
         if time.monotonic() - self._barred.get(name, -BARRED) < BARRED:
-            tls_rejections.tell(
+            tls_rejections.count_rejection(
                 f"`{name}` did not read what it asked for within the last {BARRED:g} s", connection.address
             )
             connection.cut()
 
-    def _tell_forged(self, name: str, owner: str, address: str) -> None:
+    def _report_forged(self, name: str, owner: str, address: str) -> None:
         whose = f"of `{owner}`" if owner else "of this board's daemons"
         text = f"`{name}` at {address} came with the session id {whose}, and was cut off: revoke its keys if it goes on"
         self.counters[FORGED] += 1
         about = f"{name} {address} {owner or 'board'}"
-        if about not in self._forged or time.monotonic() - self._forged[about][0] >= tls_rejections.TELL:
+        if about not in self._forged or time.monotonic() - self._forged[about][0] >= tls_rejections.LOG_EVERY:
             log.error("security event=%s certificate=%s id_of=%s address=%s", FORGED, name, owner or "board", address)
         if len(self._forged) >= tls_rejections.REASONS:
             self._forged.clear()
@@ -298,21 +298,21 @@ class Admission:
                         connection.cut()
                 elif connection.listener is not None:
                     if now - connection.since > HANDSHAKE:
-                        tls_rejections.tell("it did not end its handshake", connection.address)
+                        tls_rejections.count_rejection("it did not end its handshake", connection.address)
                         connection.cut()
                 elif connection.name is None:
                     if now - connection.since > HELLO:
                         self.counters["unheard"] += 1
                         connection.cut()
                 elif connection.name in self._people and connection.stalls_for(now) > STALLED:
-                    self._tell_stalled(connection)
+                    self._report_stalled(connection)
                     connection.cut()
 
-    def _tell_stalled(self, connection: Connection) -> None:
+    def _report_stalled(self, connection: Connection) -> None:
         self.counters["stalled"] += 1
         if connection.name in self._barred:
             self._barred[connection.name] = time.monotonic()
-        tls_rejections.tell(
+        tls_rejections.count_rejection(
             f"`{connection.name}` does not read what it asked for, and loses its session", connection.address
         )
 

@@ -43,7 +43,7 @@ class Links:
         self._why: dict[str, str] = {}
         self._known: set[str] = set()
         self._ending: tuple[Note, ...] = ()
-        self._read_again, self._said = 0.0, (False, False)
+        self._read_again, self._reported = 0.0, (False, False)
         self._links, self._full = 0, ""
         self._defect = ""
 
@@ -87,12 +87,12 @@ class Links:
     def _look_at_dates(self) -> None:
         """Check our certificate; each state is logged once."""
         text, over = dates(self._tls, time.time())
-        if text and (over, bool(text)) != self._said:
+        if text and (over, bool(text)) != self._reported:
             if over:
                 log.error("other boards do not let this one in: %s", text)
             else:
                 log.warning("%s", text)
-        self._said = over, bool(text)
+        self._reported = over, bool(text)
         self._ending = (Note("keys_refused" if over else "certificate_ends", text),) if text else ()
         self._read_again = time.monotonic() + (READ_SOON if text else READ_AGAIN)
 

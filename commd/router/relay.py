@@ -113,7 +113,7 @@ class Connection:
             return self._admission.refuse(self, "it speaks no TLS")
         if len(head) > _RECORD and len(self.hello) >= _RECORD + length:
             self.outside.transport.pause_reading()
-            self._admission.said_hello(self)
+            self._admission.hello_received(self)
         return None
 
     async def pass_on(self, listener: Listener) -> None:

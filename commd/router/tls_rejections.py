@@ -20,8 +20,8 @@ COUNTED = "refused"
 """Counter in commd's health."""
 _FILTER = "off,zenoh_link_tls=warn"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-_SAID = re.compile(r"zenoh_link_tls\S*: (.*?)\.? Hint:")
-WORDS = (
+_ALERT = re.compile(r"zenoh_link_tls\S*: (.*?)\.? Hint:")
+MEANINGS = (
     ("peer sent no certificates", "it showed no certificate"),
     ("certificate expired", "its certificate has expired"),
     ("certificate not valid yet", "its certificate is not valid yet, by the clock here"),
@@ -32,30 +32,30 @@ WORDS = (
     ("eof", "it hung up"),
 )
 """Parts of Zenoh's messages and their meaning; the first match counts."""
-TELL = 60.0
+LOG_EVERY = 60.0
 """Wall seconds between two lines about the same reason: a refused machine keeps dialling."""
 LONGEST = 200
-"""Characters of a message that is not in `WORDS`."""
+"""Characters of a message that is not in `MEANINGS`."""
 REASONS = 100
 """Different reasons at most: unknown messages depend on what was sent."""
 log = logging.getLogger("refusals")
 counters: Counter[str] = Counter()
 """Refusals in this process."""
-_told: dict[tuple[str, str], float] = {}
-_untold: Counter[tuple[str, str]] = Counter()
+_logged: dict[tuple[str, str], float] = {}
+_unlogged: Counter[tuple[str, str]] = Counter()
 
 
-def tell(why: str, address: str = "") -> None:
+def count_rejection(why: str, address: str = "") -> None:
     """Count a refusal, and log it unless the same reason was logged within `TELL`."""
     counters[COUNTED] += 1
     reason = why, address
-    if len(_told) >= REASONS and reason not in _told and why not in dict(WORDS).values():
+    if len(_logged) >= REASONS and reason not in _logged and why not in dict(MEANINGS).values():
         reason = "for another reason", ""
-    _untold[reason] += 1
-    if time.monotonic() - _told.get(reason, -TELL) >= TELL:
-        _told[reason] = time.monotonic()
+    _unlogged[reason] += 1
+    if time.monotonic() - _logged.get(reason, -LOG_EVERY) >= LOG_EVERY:
+        _logged[reason] = time.monotonic()
         whose = f" address={reason[1]}" if reason[1] else ""
-        log.warning("refused a machine that dials this board: %s count=%d%s", reason[0], _untold.pop(reason), whose)
+        log.warning("refused a machine that dials this board: %s count=%d%s", reason[0], _unlogged.pop(reason), whose)
 
 
 def hear_refusals() -> None:
@@ -77,11 +77,11 @@ def hear_refusals() -> None:
 def _read(descriptor: int) -> None:
     with open(descriptor, encoding="utf-8", errors="replace") as lines:
         for line in lines:
-            if (said := _SAID.search(_COLOUR.sub("", line))) is None:
+            if (text := _ALERT.search(_COLOUR.sub("", line))) is None:
                 continue
-            tell(in_words(said[1]))
+            count_rejection(reason_of(text[1]))
 
 
-def in_words(said: str) -> str:
+def reason_of(text: str) -> str:
     """Return the meaning of Zenoh's message; an unknown one is shortened."""
-    return next((words for part, words in WORDS if part in said), said[:LONGEST])
+    return next((words for part, words in MEANINGS if part in text), text[:LONGEST])

@@ -70,7 +70,7 @@ class LampDriver(SimpleDriver):
 
     def _heard(self, word: str, rest: str) -> None:
         if word == "level":
-            self.tell("level", {"percent": float(rest)})
+            self.report("level", {"percent": float(rest)})
         elif word in ("done", "no") and self._asked:
             self._asked.popleft().end(Outcome("succeeded" if word == "done" else "failed", rest))
 

@@ -8,7 +8,7 @@ from contextlib import AbstractAsyncContextManager, suppress
 
 import pytest
 
-from argosy.doctor.findings import Said
+from argosy.doctor.findings import Diagnosis
 from argosy.doctor.security_checks import findings
 from commd.bus import access_probe
 from commd.bus.errors import AccessDenied
@@ -58,7 +58,7 @@ def test_it_is_refused_and_what_is_allowed_is_not(world: World, attack: Attack) 
     ],
 )
 def test_the_doctor_proves_what_somebody_may_and_may_not_do(world: World, who: str, where: str, may: str) -> None:
-    async def body() -> list[Said]:
+    async def body() -> list[Diagnosis]:
         to = world.member(where) if who == "a member" else world.machine(who, where)
         async with to as bus:
             return await findings(bus, world.fleet.mission)
@@ -78,7 +78,7 @@ def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: W
     )
     other = read_mission(text.replace("robot: r2", "robot: r1").replace("robot: r3", "robot: r1"), world.fleet.path)
 
-    async def body() -> list[Said]:
+    async def body() -> list[Diagnosis]:
         async with world.machine("pi3", "pi1") as bus:
             return [one for one in await findings(bus, other) if "router of pi1" in one.text]
 

@@ -32,7 +32,7 @@ from argosy.recording.reader import BadRecording, open_recording
 from argosy.recording.records import RECORDS, fleet_of, is_plain
 from argosy.recording.write_queue import Heard
 from argosy.recording.writer import COMPRESSIONS
-from argosy.why.explain import tell
+from argosy.why.explain import explain_view
 from argosy.why.from_recording import NotRecorded, recorded_view
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
@@ -419,7 +419,7 @@ def _read_recorded_mail(data: bytes, _: random.Random) -> None:
     writer = write(path, (first, Heard(BEGIN, first.key, data, made.encoding("json"))), "none")
     writer.close(End("done", BEGIN))
     view, _notes = recorded_view(path, "uav")
-    tell(view, "")
+    explain_view(view, "")
 
 
 def _mail_file(message: bytes, text: str) -> Path:

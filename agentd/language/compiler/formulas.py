@@ -117,8 +117,8 @@ class FormulaCompiler(MatchCompiler):
         predicate = self.constant(Ref("predicate", signature_of(node)))
         given = [self._given(arg, scope) for arg in node.args]
         patterns = self._patterns(node.args, given, scope)
-        told = [g or p for g, p in zip(given, patterns, strict=True)]
-        given_or_not = tuple(part is not None for part in told)
+        arguments = [g or p for g, p in zip(given, patterns, strict=True)]
+        given_or_not = tuple(part is not None for part in arguments)
         mode = self.constant(_modes.setdefault(given_or_not, given_or_not))
         rows = [self.function.local("r") for _ in node.args]
         targets = targets_of(rows) if rows else "_"

@@ -176,7 +176,9 @@ def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeT
         return replace(action, arguments=_raw(entry, arguments), frame=frame)
     if entry.message == CHANNELS:
         return replace(action, channels=_channels(_raw(entry, arguments)))
-    values = {field: _value(FieldValue.written_out(said), arguments, modes) for field, said in entry.fields.items()}
+    values = {
+        field: _value(FieldValue.written_out(declared), arguments, modes) for field, declared in entry.fields.items()
+    }
     if entry.message == GLOBAL_TARGET:
         place = Place(values["lat_int"] / 1e7, values["lon_int"] / 1e7, values["alt"])
         frame = GLOBAL_FRAMES[entry.frame or "relative"]
@@ -196,10 +198,10 @@ def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeT
 
 def _command(action: BoundAction, entry: ActionEntry, values: Mapping[str, object]) -> BoundAction:
     """A command of the manifest, or one that an argument names."""
-    said = values["command"]
-    number = getattr(dialect, said, None) if isinstance(said, str) and said.startswith("MAV_CMD_") else said
+    command = values["command"]
+    number = getattr(dialect, command, None) if isinstance(command, str) and command.startswith("MAV_CMD_") else command
     if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number <= 65535:
-        raise ValueError(f"MAVLink has no command {said!r}")
+        raise ValueError(f"MAVLink has no command {command!r}")
     one, two, three, four, five, six, seven = (_number(values.get(field, 0.0)) for field in COMMAND_FIELDS)
     action = replace(action, number=int(number), parameters=(one, two, three, four, five, six, seven))
     if entry.frame is None:
@@ -220,14 +222,14 @@ def _channels(values: Mapping[str, object]) -> tuple[int, ...]:
     listed = values.get("channels", [])
     if not isinstance(listed, list) or len(listed) > RC_CHANNELS:
         raise ValueError(f"expected a list of {RC_CHANNELS} channels at most, got {listed!r}")
-    said: dict[int, object] = dict(enumerate(listed, 1))
-    said |= {int(name[4:-4]): value for name, value in values.items() if name != "channels"}
-    top = max(said, default=0)
+    pulses: dict[int, object] = dict(enumerate(listed, 1))
+    pulses |= {int(name[4:-4]): value for name, value in values.items() if name != "channels"}
+    top = max(pulses, default=0)
     if not top:
         raise ValueError("no channel is given")
     channels = []
     for index in range(1, top + 1):
-        value = _number(said.get(index, RC_IGNORE if index <= 8 else RC_IGNORE_HIGH))
+        value = _number(pulses.get(index, RC_IGNORE if index <= 8 else RC_IGNORE_HIGH))
         if not (value.is_integer() and 0 <= value <= RC_IGNORE):
             raise ValueError(f"channel {index}: expected whole microseconds, 0 to release or 65535 to ignore it")
         channels.append(int(value))

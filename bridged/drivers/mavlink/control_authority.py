@@ -46,7 +46,7 @@ class ControlAuthority:
         self._pending: _Override | None = None
         self._restarted = False
         """The mode of the next HEARTBEAT is one that the vehicle started with."""
-        self._untold = False
+        self._unreported = False
         """The agents do not perceive the override yet."""
         self._doubt_until = -math.inf
         """Until when a mode that the vehicle may have started with counts as nobody's."""
@@ -72,8 +72,8 @@ class ControlAuthority:
             self.overridden = vehicle.mode not in vehicle.modes.ordered
             if vehicle.armed and mode_before < 0:  # in use before this bridge, by a pilot or an agent as its mode says
                 if self.overridden:
-                    self.override, self._untold = vehicle.mode_name, True
-                    self._tell_override()
+                    self.override, self._unreported = vehicle.mode_name, True
+                    self._report_override()
                 else:
                     self._by_agent = True
         elif vehicle.mode != mode_before:
@@ -107,18 +107,18 @@ class ControlAuthority:
     def look(self) -> None:
         """End the runs that moved the vehicle when others set the mode, as soon as the vehicle has reported why."""
         pending, now = self._pending, self._flight.now
-        if self._untold:
-            self._tell_override()
+        if self._unreported:
+            self._report_override()
         if pending is None or now < self._doubt_until:
             return
-        said = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
+        warnings = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
         moving = [run for run in self._runs if run.moves]
-        if not said and now < pending.until and moving:
+        if not warnings and now < pending.until and moving:
             return
         self._pending = None
         reason = f"the mode became {pending.mode}, which nobody here asked for (pilot, ground station or failsafe)"
         for run in moving:
-            self._end(run, Outcome("failed", f"{reason}: {said}" if said else reason, "pilot"))
+            self._end(run, Outcome("failed", f"{reason}: {warnings}" if warnings else reason, "pilot"))
 
     def begin(self, run: ProcedureRun) -> None:
         """Take in that a run begins: an agent that moves the vehicle has control of it.
@@ -157,16 +157,16 @@ class ControlAuthority:
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
-            self._by_agent, self.override, self._untold = False, name, True
-        self._tell_override()
+            self._by_agent, self.override, self._unreported = False, name, True
+        self._report_override()
 
-    def _tell_override(self) -> None:
+    def _report_override(self) -> None:
         """Let the agents perceive that others have the vehicle, once it is not in doubt."""
-        if self._untold and self._flight.now >= self._doubt_until:
-            self._untold = False
-            self._flight.tell(Reading("OVERRIDE", {"mode": self.override}))
+        if self._unreported and self._flight.now >= self._doubt_until:
+            self._unreported = False
+            self._flight.report(Reading("OVERRIDE", {"mode": self.override}))
 
     def _end_override(self) -> None:
-        told, self.override, self._untold = self.override and not self._untold, "", False
-        if told:
-            self._flight.tell(Reading("OVERRIDE", None))
+        reported, self.override, self._unreported = self.override and not self._unreported, "", False
+        if reported:
+            self._flight.report(Reading("OVERRIDE", None))

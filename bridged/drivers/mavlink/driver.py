@@ -119,8 +119,8 @@ class MavlinkDriver(VehicleSession):
         if not mode or entry.confirm == "mode":
             return None
         who = "(pilot, ground station or failsafe)"
-        said = f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
-        return Outcome("refused", said, "pilot")
+        reason = f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
+        return Outcome("refused", reason, "pilot")
 
     @property
     def active(self) -> bool:

@@ -321,8 +321,8 @@ class VehicleSession:
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
         if waited and run.by_agent and self.control.overridden and self.vehicle.armed:
-            said = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
-            return Outcome("failed", f"{said} (pilot, ground station or failsafe)", "pilot")
+            reason = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
+            return Outcome("failed", f"{reason} (pilot, ground station or failsafe)", "pilot")
         return (yield from run.procedure.make_steps(self.flight, run, run.action))
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
@@ -344,10 +344,10 @@ class VehicleSession:
             log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
             self._ask_for_streams()
         self.control.heard(mode_before, again=not connected)
-        self._tell_state()
+        self._report_state()
         self._look_at_link()
 
-    def _tell_state(self) -> None:
+    def _report_state(self) -> None:
         self._on_reading(Reading("HEARTBEAT", self.vehicle.state()))
 
     def _look_at_link(self) -> None:
@@ -375,7 +375,7 @@ class VehicleSession:
         log.warning("system %d is lost: %s; it was in %s", self.identity.vehicle, lost, self._mode_and_arming())
         self.commands.clear()
         self.streams.stop()
-        self._tell_state()
+        self._report_state()
         self._look_at_link()
         for run in list(self._runs):
             if run.procedure is not STAY:  # that one waits until the vehicle is heard again
@@ -386,21 +386,21 @@ class VehicleSession:
 
         What hinders an arming that waits is logged as its cause instead.
         """
-        for said in self.texts.receive(message, self.flight.now):
-            news = self.warnings.take(said, self.flight.wait(*REPEATS_WITHIN))
+        for status in self.texts.receive(message, self.flight.now):
+            news = self.warnings.take(status, self.flight.wait(*REPEATS_WITHIN))
             if news is None:
                 continue
-            severity = SEVERITIES[said.severity]
-            if news and not (said.text.startswith(PRE_ARM) and any(run.cause for run in self._runs)):
-                log.warning("system %d says (%s): %s", self.identity.vehicle, severity, said.text)
+            severity = SEVERITIES[status.severity]
+            if news and not (status.text.startswith(PRE_ARM) and any(run.cause for run in self._runs)):
+                log.warning("system %d says (%s): %s", self.identity.vehicle, severity, status.text)
             if TEXT in self._sources:
-                self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": said.text}))
+                self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": status.text}))
 
     def _rebooted(self) -> None:
         log.warning("system %d: the vehicle rebooted", self.identity.vehicle)
         self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_TOLD)
         self.control.rebooted()
-        self._tell_state()
+        self._report_state()
         for run in [run for run in self._runs if run.moves]:
             self.stop(run, Outcome("failed", "the vehicle rebooted"))
         self._ask_for_streams()
@@ -437,7 +437,7 @@ class LinkState:
 
     def __init__(self, on_reading: OnReading) -> None:
         self._on_reading = on_reading
-        self._told: bool | None = None
+        self._reported: bool | None = None
         self._begun = math.inf
         self._carries = True
         self._carries_since = -math.inf
@@ -456,7 +456,7 @@ class LinkState:
         """
         self._begun = min(self._begun, now)
         up = self._carries and connected and heard_at >= self._carries_since
-        if up is self._told or (not up and self._told is None and now - self._begun <= patience):
+        if up is self._reported or (not up and self._reported is None and now - self._begun <= patience):
             return
-        self._told = up
+        self._reported = up
         self._on_reading(Reading("LINK", {"state": _ATOMS[up]}))

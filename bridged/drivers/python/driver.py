@@ -210,7 +210,7 @@ class PythonDriver(SimpleDriver):
 
     def _take(self, source: str, fields: Mapping[str, object] | None) -> None:
         try:
-            self.tell(source, fields)
+            self.report(source, fields)
         except Exception as error:  # a value that nothing can be made of must not end its source
             what = {"message": f"a reading of {source}", "exception": error}
             asyncio.get_running_loop().call_exception_handler(what)

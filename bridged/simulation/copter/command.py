@@ -182,17 +182,17 @@ def _camera(
     args: argparse.Namespace, vehicle: "Vehicle", faults: "Faults"
 ) -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
     """Attach the camera to the vehicle; returns the coroutine function that publishes its sightings."""
-    from bridged.simulation.copter.camera import Camera, tell_sightings
+    from bridged.simulation.copter.camera import Camera, publish_sightings
     from commd.bus.errors import BusClosed
 
     camera = Camera(args.victims, args.camera, faults.camera, faults.seed)
     vehicle.on_step = lambda: camera.look(lambda: vehicle.copter.true_place, vehicle.age, time.monotonic())
 
-    async def tell(stop: asyncio.Event) -> None:
+    async def publish(stop: asyncio.Event) -> None:
         with suppress(BusClosed):  # it was to end before the router was there
-            await tell_sightings(camera, args.router, args.camera_key, stop)
+            await publish_sightings(camera, args.router, args.camera_key, stop)
 
-    return tell
+    return publish
 
 
 def _victims(text: str) -> "list[Victim]":

@@ -123,7 +123,7 @@ class Copter:
         """Return whether the boot sequence has passed a milestone."""
         return self.boot.passed(milestone, self.now)
 
-    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+    def send_text(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Queue a STATUSTEXT."""
         self.events.append(Text(severity, text))
 
@@ -135,13 +135,13 @@ class Copter:
         try:
             mode = Mode(number)
         except ValueError:
-            self.say(f"No such mode {number}", Severity.WARNING)
+            self.send_text(f"No such mode {number}", Severity.WARNING)
             return Result.FAILED
         if mode is self.mode:
             return Result.ACCEPTED
         problem = self._problem_with(mode)
         if problem is not None:
-            self.say(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
+            self.send_text(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
             return Result.FAILED
         self.mode = mode
         self.flight.cruise_speed = None
@@ -198,12 +198,12 @@ class Copter:
         problems = self.arming_problems()
         if problems and not (force and self.passed(Milestone.READY)):
             for problem in problems:
-                self.say(f"Arm: {problem}", Severity.CRITICAL)
+                self.send_text(f"Arm: {problem}", Severity.CRITICAL)
             return Result.FAILED
         self.flight.arm()
         if self.passed(Milestone.HOME):
             self.set_home(self.place)
-        self.say("Arming motors")
+        self.send_text("Arming motors")
         return Result.ACCEPTED
 
     def disarm(self, *, force: bool = False) -> Result:
@@ -216,7 +216,7 @@ class Copter:
         if self.mode is Mode.AUTO and self.mission.current:
             self.events.append(ItemReached(self.mission.current))
             self.mission.current, self.mission.complete = 0, True
-        self.say("Disarming motors")
+        self.send_text("Disarming motors")
         self.events.append(ParameterChanged("MOT_THST_HOVER"))
         return Result.ACCEPTED
 
@@ -282,7 +282,7 @@ class Copter:
             self.set_home(self.place)
             self.count_mission(len(self.mission.items) + 1)
         for text in texts:
-            self.say(text)
+            self.send_text(text)
         if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
             self.set_mode(Mode.STABILIZE)
 
@@ -293,13 +293,13 @@ class Copter:
         self.battery.step(dt, flying=flight.airborne and flight.armed, effort=self.motion.effort)
         if flight.armed and self.battery.empty:
             flight.disarm()
-            self.say("SIM battery is empty", Severity.CRITICAL)
+            self.send_text("SIM battery is empty", Severity.CRITICAL)
         if was_airborne and not flight.airborne:
-            self.say(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+            self.send_text(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
         if flight.airborne and not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
             self._compass_checked = True
             for unit in (0, 1):
-                self.say(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
+                self.send_text(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
         elif not flight.airborne:
             self._compass_checked = False
         if self.mode is Mode.AUTO and flight.armed:
@@ -356,7 +356,7 @@ class Copter:
             self.flight.begin(Stop())  # AUTO hovers where the mission ends (ArduCopter)
             return
         self.mission.start(item, self.now)
-        self.say(f"Mission: {item.seq} {NAV_COMMANDS[item.command]}")
+        self.send_text(f"Mission: {item.seq} {NAV_COMMANDS[item.command]}")
         if self.flight.airborne:
             self._begin_item(item)
         else:
@@ -377,11 +377,11 @@ class Copter:
         if self.mission.done(item, self.flight, self.now):
             self.events.append(ItemReached(item.seq))
             if NAV_COMMANDS[item.command] == "WP":
-                self.say(f"Reached command #{item.seq}")
+                self.send_text(f"Reached command #{item.seq}")
             self._fly_from(item.seq + 1)
 
     def _do(self, item: Item) -> None:
-        self.say(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")
+        self.send_text(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")
         if item.command == dialect.MAV_CMD_CONDITION_DELAY:
             self._actions_wait_until = self.now + item.params[0]
         else:

@@ -107,10 +107,10 @@ def watch_over(copter: "Copter", dt: float) -> None:
     _fence(copter)
     _battery(copter, dt)
     if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
-        copter.say(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
-    said = copter.outputs.step(copter.now)
-    if said is not None:
-        copter.say(said)
+        copter.send_text(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
+    text = copter.outputs.step(copter.now)
+    if text is not None:
+        copter.send_text(text)
 
 
 def _pilot(copter: "Copter") -> None:
@@ -131,26 +131,26 @@ def _station(copter: "Copter") -> None:
     if change is StationLink.LOST:
         if copter.flight.airborne:
             copter.bring_home()
-        copter.say(change.value, Severity.WARNING)
+        copter.send_text(change.value, Severity.WARNING)
     elif change is StationLink.FOUND:
-        copter.say(change.value, Severity.WARNING)
+        copter.send_text(change.value, Severity.WARNING)
 
 
 def _position(copter: "Copter") -> None:
     estimate = copter.estimate
-    (glitched, failed), now = estimate.said, (estimate.glitching, estimate.failed and copter.armed)
-    estimate.said = now
+    (glitched, failed), now = estimate.reported, (estimate.glitching, estimate.failed and copter.armed)
+    estimate.reported = now
     if glitched != now[0]:
-        copter.say("GPS Glitch or Compass error" if now[0] else "Glitch cleared", Severity.CRITICAL)
+        copter.send_text("GPS Glitch or Compass error" if now[0] else "Glitch cleared", Severity.CRITICAL)
     if failed and not now[1]:
-        copter.say("EKF Failsafe Cleared", Severity.CRITICAL)
+        copter.send_text("EKF Failsafe Cleared", Severity.CRITICAL)
     elif now[1] and not failed:
-        copter.say("EKF variance: over thresholds", Severity.CRITICAL)
+        copter.send_text("EKF variance: over thresholds", Severity.CRITICAL)
         action = int(copter.parameters["FS_EKF_ACTION"])
         if action and (copter.mode.needs_position or action == _EVEN_MANUAL) and copter.mode is not Mode.LAND:
             mode = Mode.ALT_HOLD if action == _ALT_HOLD else Mode.LAND
             copter.set_mode(mode)
-            copter.say(f"EKF Failsafe: changed to {mode.name} Mode", Severity.CRITICAL)
+            copter.send_text(f"EKF Failsafe: changed to {mode.name} Mode", Severity.CRITICAL)
 
 
 def _fence(copter: "Copter") -> None:
@@ -158,7 +158,7 @@ def _fence(copter: "Copter") -> None:
     breach = fence.breach(copter.motion.position, copter.home_on_chart) if copter.flight.airborne else None
     if not fence.notice(breach, copter.now):
         return
-    copter.say(f"{breach} fence breached", Severity.WARNING)
+    copter.send_text(f"{breach} fence breached", Severity.WARNING)
     match int(copter.parameters["FENCE_ACTION"]):
         case 0:
             return
@@ -179,11 +179,11 @@ def _battery(copter: "Copter", dt: float) -> None:
     if shortage is None:
         return
     name = shortage.name.lower()
-    copter.say(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
+    copter.send_text(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
     action = int(copter.parameters["BATT_FS_LOW_ACT" if shortage is Shortage.LOW else "BATT_FS_CRT_ACT"])
     if not copter.armed or action == 0:
         return
-    copter.say("Battery Failsafe", Severity.WARNING)
+    copter.send_text("Battery Failsafe", Severity.WARNING)
     if not flight.airborne or action == _TERMINATE:
         copter.disarm(force=True)
     elif action in _LAND_ON_FAILSAFE:

@@ -28,7 +28,7 @@ LONGEST_GARBAGE = 40
 
 SEED = 1
 
-_TELLING = frozenset(
+_REQUESTS = frozenset(
     (
         dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
         dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
@@ -188,11 +188,11 @@ def _pilot(faults: Faults, text: str) -> Faults:
 
 
 def _prearm(faults: Faults, text: str) -> Faults:
-    until, colon, said = text.partition(":")
-    end, said = (_within(float(until)), said) if colon else (math.inf, text)
-    if not said.strip():
+    until, colon, message = text.partition(":")
+    end, message = (_within(float(until)), message) if colon else (math.inf, text)
+    if not message.strip():
         raise ValueError(text)
-    return replace(faults, prearm=(*faults.prearm, (end, said.strip())))
+    return replace(faults, prearm=(*faults.prearm, (end, message.strip())))
 
 
 def _reboot(faults: Faults, text: str) -> Faults:
@@ -334,7 +334,7 @@ class Character:
         kind = message.get_type()
         if kind in _IGNORED_BY_A_LIAR:
             return []
-        if kind in ("COMMAND_LONG", "COMMAND_INT") and message.command not in _TELLING:
+        if kind in ("COMMAND_LONG", "COMMAND_INT") and message.command not in _REQUESTS:
             sender = (message.get_srcSystem(), message.get_srcComponent())
             return [dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_ACCEPTED, 0, 0, *sender)]
         return None
@@ -351,7 +351,7 @@ class Character:
 
     def hinders(self, now: float) -> str:
         """Return the arming check that fails by a fault, in the vehicle's words; empty = none."""
-        return next((said for until, said in self._faults.prearm if now < until), "")
+        return next((message for until, message in self._faults.prearm if now < until), "")
 
     def switched_mode(self, now: float, mode: int, *, airborne: bool) -> int | None:
         """Return the mode that a pilot sets by his switch at `now` vehicle seconds; `mode`: the present one."""

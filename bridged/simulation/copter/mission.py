@@ -245,12 +245,12 @@ def _grip(copter: "Copter", action: float) -> Result:
         return Result.FAILED
     if action not in (0.0, 1.0):
         return Result.DENIED
-    copter.say(copter.outputs.grip(Grip(int(action)), copter.now))
+    copter.send_text(copter.outputs.grip(Grip(int(action)), copter.now))
     return Result.ACCEPTED
 
 
 def _unless(copter: "Copter", problem: str | None) -> Result:
     if problem is None:
         return Result.ACCEPTED
-    copter.say(problem)
+    copter.send_text(problem)
     return Result.FAILED

@@ -33,7 +33,7 @@ class PositionEstimate:
     """Whether the GPS is rejected."""
     failed: bool = False
     """Whether the position has been lost for long enough to act."""
-    said: tuple[bool, bool] = (False, False)
+    reported: tuple[bool, bool] = (False, False)
     """`glitching` and `failed`, as the autopilot has reported them."""
     _since: float | None = None
     """Since when another state than the present one is due."""

@@ -20,7 +20,7 @@ from bridged.simulation.copter.protocol.mavlink_interface import COMPONENT, Vehi
 LATE_S = 0.1
 """Wall seconds from which a round of the simulation counts as late: five steps at speed 1."""
 
-TELL_EVERY_S = 5.0
+REPORT_EVERY_S = 5.0
 """Wall seconds between two reports."""
 
 
@@ -28,15 +28,15 @@ TELL_EVERY_S = 5.0
 class RealtimeMonitor:
     """Counter of late rounds and skipped time; reports them now and then when they have grown."""
 
-    tell: Callable[[str], None]
+    log: Callable[[str], None]
     rounds: int = 0
     late: int = 0
     worst: float = 0.0
     """Wall seconds of the latest round."""
     lost: float = 0.0
     """Wall seconds that were skipped after the process stood still for too long."""
-    _told: tuple[int, float] = (0, 0.0)
-    _told_at: float = -math.inf
+    _reported: tuple[int, float] = (0, 0.0)
+    _reported_at: float = -math.inf
 
     def round(self, late: float, now: float) -> None:
         """Note a round that begins `late` wall seconds after it was due."""
@@ -44,15 +44,15 @@ class RealtimeMonitor:
         if late > LATE_S:
             self.late += 1
             self.worst = max(self.worst, late)
-        if now >= self._told_at + TELL_EVERY_S:
-            self._told_at = now
+        if now >= self._reported_at + REPORT_EVERY_S:
+            self._reported_at = now
             self.report()
 
     def report(self) -> None:
         """Report new counts."""
-        if (self.late, self.lost) != self._told:
-            self._told = self.late, self.lost
-            self.tell(
+        if (self.late, self.lost) != self._reported:
+            self._reported = self.late, self.lost
+            self.log(
                 f"late: {self.late} of {self.rounds} rounds by more than {LATE_S:g} s, at worst by {self.worst:.1f} s; "
                 f"{self.lost:.1f} s never happened"
             )

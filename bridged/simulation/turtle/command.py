@@ -188,10 +188,10 @@ def run(args: argparse.Namespace) -> int:
 async def simulation(args: argparse.Namespace, turtle: Turtle, stop: asyncio.Event) -> None:
     """Simulate a turtle until `stop` is set. Raises BusClosed if the router does not come before that."""
     endpoint, prefix = args.router or DEFAULT_ROUTER, _prefix(args)
-    said = f"simulated turtle on {prefix}/*, router {endpoint}, speed {args.speed:g}"
+    line = f"simulated turtle on {prefix}/*, router {endpoint}, speed {args.speed:g}"
 
     def announce() -> None:
-        print(said, file=sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
 
     await simulate(turtle, endpoint, f"{prefix}/", args.speed, stop, announce)
 

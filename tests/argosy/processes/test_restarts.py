@@ -86,13 +86,13 @@ async def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_pla
 @given(supervised)
 async def test_what_is_up_again_is_told_once(run: Run) -> None:
     first = await run.start(SLEEPS)
-    run.restarts.tell(lambda child: True)
+    run.restarts.report_restarted(lambda child: True)
     first.signal(signal.SIGKILL)
     await until(lambda: run.counts["daemon one"] == 1, "it runs again")
-    run.restarts.tell(lambda child: False)
+    run.restarts.report_restarted(lambda child: False)
     before = len(run.told)
-    run.restarts.tell(lambda child: True)
-    run.restarts.tell(lambda child: True)
+    run.restarts.report_restarted(lambda child: True)
+    run.restarts.report_restarted(lambda child: True)
     assert len(run.told) == before + 1
     assert run.told[-1].startswith("daemon one: up again after ")
 

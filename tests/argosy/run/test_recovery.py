@@ -36,7 +36,7 @@ def outcome(
     async def sleep(seconds: float) -> None:
         wall[0] += seconds
         if wall[0] >= bridge_dies:
-            bridge.told_to_leave, bridge.died = True, wall[0]
+            bridge.asked_to_leave, bridge.died = True, wall[0]
         if event := at.pop(int(wall[0]), None):
             event()
 

@@ -16,7 +16,7 @@ from argosy.cli.operator_bus import Where
 from argosy.fleet_model.model import FleetModel
 from argosy.ui.map_markers import marks
 from commd.bus.bus import Bus
-from commd.daemon import tell_mission
+from commd.daemon import publish_mission
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note, Outcome, RunPhase, RunState
@@ -382,7 +382,7 @@ async def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_st
         text = "mission: {}\nfleet: sar\nagents: {{scout: {{program: a.asl}}{}}}\ntimeout: {}min\n"
         ours = read_mission(text.format("ours", "", 7), tmp_path / "ours.yaml")
         theirs = read_mission(text.format("theirs", ", ghost: {program: a.asl}", 3), tmp_path / "theirs.yaml")
-        tell_mission(board, "local", ours)
+        publish_mission(board, "local", ours)
         board.token(keys.alive("sar", "local", "commd", board.boot))
         async with served(Where("sar", endpoint), theirs) as browser, browsing(browser.auth.url) as seen:
             await seen.shows("header .mission", "ours")

@@ -33,7 +33,7 @@ async def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> Non
 
 @async_test
 async def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.common.tasks.TELL_AGAIN", 0.05)
+    monkeypatch.setattr("commd.common.tasks.WARN_AGAIN", 0.05)
 
     async def forgets() -> None:
         with suppress(asyncio.CancelledError):

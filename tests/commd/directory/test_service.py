@@ -280,7 +280,7 @@ async def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet:
 
 @async_test
 async def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(directory_module, "MOST_SAID", 2_000)
+    monkeypatch.setattr(directory_module, "MAX_RECORD_BYTES", 2_000)
     async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
         assert (await a.ask("register", "x" * 1_000)).problem == ""
         problem = (await a.ask("register", "y" * 1_000)).problem

@@ -15,7 +15,7 @@ from argosy.__main__ import main as argosy
 from argosy.deploy import board_command
 from commd.bus.bus import open_bus
 from commd.bus.tls import files_in
-from commd.router.tls_rejections import in_words
+from commd.router.tls_rejections import reason_of
 from schemas.wire import keys
 from schemas.wire.records import Health
 from tests.support.buses import until
@@ -75,7 +75,7 @@ except OSError:
     ],
 )
 def test_what_zenoh_says_of_handshakes_is_told_in_words(said: str, words: str) -> None:
-    assert in_words(said) == words
+    assert reason_of(said) == words
 
 
 _SPEAKER = """

@@ -150,7 +150,7 @@ class ProcedureContext:
         send: Callable[[dialect.MAVLink_message], None],
         speed: float,
         limits: Limits,
-        tell: Callable[[Reading], None] = lambda reading: None,
+        report: Callable[[Reading], None] = lambda reading: None,
         failsafe: Failsafe = NOBODYS_FAILSAFE,
     ) -> None:
         self.vehicle = vehicle
@@ -165,7 +165,7 @@ class ProcedureContext:
         """The mode that we asked for last: one that it takes on while it cannot be heard is nobody else's."""
         self.message: dialect.MAVLink_message | None = None
         """The present message of the vehicle; None while only time passes."""
-        self.tell = tell
+        self.report = report
         """Takes readings of the driver's own sources."""
         self.interrupted: list[BoundAction] = []
         """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
@@ -253,7 +253,7 @@ class ProcedureContext:
         if asked not in self.parameters and len(self.parameters) >= MAX_PARAMETERS:
             self.parameters.pop(next(iter(self.parameters)))
         self.parameters[asked] = value
-        self.tell(Reading("PARAM", {"name": asked, "value": value}))
+        self.report(Reading("PARAM", {"name": asked, "value": value}))
 
     def expect_mode(self, mode: int) -> None:
         """Count `mode` as requested by us for a while: a pilot's change must be distinguished from ours."""

@@ -207,7 +207,7 @@ def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAct
         return Outcome("refused", broken, "limits")
     with mission_protocol(flight, run):
         yield from upload(flight, run, (_home(flight), *items))
-        tell_items(flight)
+        report_items(flight)
     return SUCCEEDED
 
 
@@ -216,7 +216,7 @@ def download_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundA
     with mission_protocol(flight, run):
         held = yield from download(flight, run)
         flight.plan.items, flight.plan.broken = held, ""
-        tell_items(flight)
+        report_items(flight)
     return SUCCEEDED
 
 
@@ -227,7 +227,7 @@ def clear_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     with mission_protocol(flight, run):
         yield from clear(flight, run)
         flight.plan.items, flight.plan.broken = (_home(flight),), ""
-        tell_items(flight)
+        report_items(flight)
     return SUCCEEDED
 
 
@@ -274,17 +274,17 @@ def _flown_now(flight: ProcedureContext) -> str:
     return ""
 
 
-def tell_items(flight: ProcedureContext) -> None:
+def report_items(flight: ProcedureContext) -> None:
     """Report the items as readings, after withdrawing those of an older mission."""
     items = flight.plan.items or ()
-    flight.tell(Reading("MISSION", None))
+    flight.report(Reading("MISSION", None))
     for seq, item in enumerate(items[1:], 1):
         place = item.place
         fields = {
             "seq": seq, "command": item.name, "latitude": place.latitude, "longitude": place.longitude,
             "altitude": place.altitude, "frame": item.frame, "count": len(items) - 1,
         }  # fmt: skip
-        flight.tell(Reading("MISSION", fields | {f"param{n}": one for n, one in enumerate(item.parameters, 1)}))
+        flight.report(Reading("MISSION", fields | {f"param{n}": one for n, one in enumerate(item.parameters, 1)}))
     waypoints = [
         {
             "frame": item.frame, "command": item.command, "is_current": False, "autocontinue": bool(item.autocontinue),
@@ -293,7 +293,7 @@ def tell_items(flight: ProcedureContext) -> None:
         }
         for item in items
     ]  # fmt: skip
-    flight.tell(Reading("MISSION_LIST", {"count": max(0, len(items) - 1), "waypoints": waypoints}))
+    flight.report(Reading("MISSION_LIST", {"count": max(0, len(items) - 1), "waypoints": waypoints}))
 
 
 def outside(flight: ProcedureContext, items: tuple[Item, ...]) -> str:

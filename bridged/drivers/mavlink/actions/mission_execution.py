@@ -37,8 +37,8 @@ from bridged.drivers.mavlink.actions.mission_actions import (
     go_to_item,
     mission_protocol,
     outside,
+    report_items,
     same_items,
-    tell_items,
 )
 from bridged.drivers.mavlink.actions.mission_items import Item
 from schemas.manifest.loader import Retry
@@ -206,7 +206,7 @@ def _read_within_limits(flight: ProcedureContext, run: ProcedureRun) -> Part:
         held = yield from download(flight, run)
     if flight.plan.items is None or not same_items(held, flight.plan.items):
         flight.plan.items = held
-        tell_items(flight)
+        report_items(flight)
     if broken := outside(flight, held[1:]):
         raise Ended("refused", broken, "limits")
 

@@ -116,7 +116,7 @@ def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAc
             if message.param_index not in indices:
                 indices.add(message.param_index)
                 tries = 0
-                flight.tell(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
+                flight.report(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
                 until = flight.now + flight.wait(*PULL_EVERY)
             run.feedback = {"params": float(len(indices)), "of": float(count)}
             run.waits_for = f"the rest of {count} parameters; {len(indices)} came"

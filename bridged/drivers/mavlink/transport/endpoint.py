@@ -55,7 +55,7 @@ class Peer:
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
     closed: bool = False  # a connection that ended; an address of UDP never does
-    told_at: float = -inf  # event loop time at which its clock was told last that it is behind
+    warned_at: float = -inf  # event loop time at which its clock was told last that it is behind
     systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last
     encoders: dict[Ids, Encoder] = field(default_factory=dict)
 
@@ -238,9 +238,9 @@ def _in_words(link: Link) -> Iterator[None]:
     try:
         yield
     except TimeoutError as error:
-        said = socket.gaierror(socket.EAI_AGAIN, f"no answer within {LOOKUP_TIMEOUT_S:g} s")
-        said.__cause__ = error
-        raise LinkError(f"link {link.address} cannot be opened: the name service does not answer") from said
+        timed_out = socket.gaierror(socket.EAI_AGAIN, f"no answer within {LOOKUP_TIMEOUT_S:g} s")
+        timed_out.__cause__ = error
+        raise LinkError(f"link {link.address} cannot be opened: the name service does not answer") from timed_out
     except OSError as error:
         raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
 

@@ -32,7 +32,7 @@ MAX_NOTED = 8
 """Most such vehicles, and such packets, that are remembered."""
 HOME_AFTER = 3.0
 """Wall seconds of silence after which packets of a camera or companion may come from another address."""
-TELL_AGAIN = 1.0
+WARN_AGAIN = 1.0
 """Wall seconds between two packets that tell a sender the time."""
 log = logging.getLogger("mavlink")
 
@@ -131,7 +131,7 @@ class SharedLink:
                     self._receive,
                     system=link_client.ids.system,
                     component=link_client.ids.component,
-                    on_state=self._tell_state,
+                    on_state=self._report_state,
                     make_gate=lambda peer: _ClientGate(self, peer),
                 )
             self.link_clients[link_client.vehicle] = link_client
@@ -237,9 +237,9 @@ class SharedLink:
     def refuse(self, system: int, objection: str, peer: Peer) -> None:
         """Take in that a packet of a system (MAVLink id) was refused for its signature."""
         what, now = (system, objection, str(peer)), asyncio.get_running_loop().time()
-        if objection == OUTDATED and now - peer.told_at >= TELL_AGAIN:
-            peer.told_at = now
-            self._tell_time(system, peer)
+        if objection == OUTDATED and now - peer.warned_at >= WARN_AGAIN:
+            peer.warned_at = now
+            self._send_time(system, peer)
         if what not in self._refused:
             self._refused = {other: at for other, at in self._refused.items() if at > now - STRANGE_FOR}
             if len(self._refused) >= MAX_NOTED:
@@ -247,7 +247,7 @@ class SharedLink:
             log.warning("%s packets of system %d from %s are refused", objection, system, peer)
         self._refused[what] = now
 
-    def _tell_time(self, system: int, peer: Peer) -> None:
+    def _send_time(self, system: int, peer: Peer) -> None:
         """Send the time in a signature: a vehicle whose clock stood still takes it over, and is refused until then.
 
         It has no route yet, so nothing else would reach it. The message itself asks only for an answer.
@@ -309,7 +309,7 @@ class SharedLink:
             if len(self._strangers) > MAX_NOTED:
                 del self._strangers[next(iter(self._strangers))]
 
-    def _tell_state(self, up: bool, why: str) -> None:
+    def _report_state(self, up: bool, why: str) -> None:
         log.info("link %s %s: %s", self.address, "up" if up else "down", why)
         for link_client in list(self.link_clients.values()):
             try:

@@ -213,10 +213,10 @@ class Timestamps:
     def _read(self) -> int:
         if self._file is None or not self._file.exists():
             return 0
-        said = self._file.read_text(encoding="ascii", errors="replace").strip()
-        if not (said.isascii() and said.isdigit() and int(said) <= LATEST):
-            raise SigningError(f"{self._file}: expected one number, the last timestamp, got {said[:40]!r}")
-        return int(said)
+        content = self._file.read_text(encoding="ascii", errors="replace").strip()
+        if not (content.isascii() and content.isdigit() and int(content) <= LATEST):
+            raise SigningError(f"{self._file}: expected one number, the last timestamp, got {content[:40]!r}")
+        return int(content)
 
     def _reserve(self, bound: int) -> None:
         try:

@@ -65,10 +65,10 @@ class VehicleAddress:
             return True
         self.foreign += 1
         known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
-        said = f"packets of system {self._system} from {peer} are refused: {known}"
+        warning = f"packets of system {self._system} from {peer} are refused: {known}"
         if now >= self._foreign_until:  # a sender at ever new ports does not fill the log
-            log.warning("%s", said)
-        self._foreign, self._foreign_until = said, now + NOTED_FOR
+            log.warning("%s", warning)
+        self._foreign, self._foreign_until = warning, now + NOTED_FOR
         return False
 
     def two_vehicles(self, now: float) -> str:

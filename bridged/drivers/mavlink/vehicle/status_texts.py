@@ -25,7 +25,7 @@ MAX_DISTINCT = 20
 """Different warnings in that time that are passed on; a vehicle that floods its link has the others counted."""
 
 
-class Said(NamedTuple):
+class StatusText(NamedTuple):
     """One whole text of the vehicle."""
 
     at: float
@@ -58,15 +58,15 @@ class Texts:
     """The last texts with the time at which they came; times are mission seconds."""
 
     def __init__(self) -> None:
-        self._texts: deque[Said] = deque(maxlen=MAX_TEXTS)
+        self._texts: deque[StatusText] = deque(maxlen=MAX_TEXTS)
         self._long: _Long | None = None
 
-    def receive(self, message: dialect.MAVLink_message, now: float) -> list[Said]:
+    def receive(self, message: dialect.MAVLink_message, now: float) -> list[StatusText]:
         """Take in a STATUSTEXT, or one chunk of a long one. Returns the texts that are whole by it.
 
         A long text of which a chunk was lost is given up when the next text begins.
         """
-        whole: list[Said] = []
+        whole: list[StatusText] = []
         if self._long is not None and message.id != self._long.number:
             whole += self._keep(self._long.severity, self._long.text(), now)
             self._long = None
@@ -82,8 +82,8 @@ class Texts:
 
     def since(self, when: float) -> str:
         """Return the warnings since `when`, without repetitions, or the last texts if there was no warning."""
-        said = [one.text for one in self._texts if one.at >= when]
-        return self.warnings(when) or "; ".join(dict.fromkeys(said[-MAX_INFORMATION:]))
+        texts = [one.text for one in self._texts if one.at >= when]
+        return self.warnings(when) or "; ".join(dict.fromkeys(texts[-MAX_INFORMATION:]))
 
     def warnings(self, when: float) -> str:
         """Return the warnings and worse since `when`, without repetitions."""
@@ -91,13 +91,13 @@ class Texts:
 
     def beginning(self, prefix: str, when: float) -> list[str]:
         """Return the rest of each text since `when` that begins with `prefix`, without repetitions."""
-        said = (one.text.removeprefix(prefix) for one in self._texts if one.at >= when and one.text.startswith(prefix))
-        return list(dict.fromkeys(said))
+        texts = (one.text.removeprefix(prefix) for one in self._texts if one.at >= when and one.text.startswith(prefix))
+        return list(dict.fromkeys(texts))
 
-    def _keep(self, severity: int, text: str, now: float) -> list[Said]:
+    def _keep(self, severity: int, text: str, now: float) -> list[StatusText]:
         if not (text := text.strip()):
             return []
-        self._texts.append(Said(now, severity, text))
+        self._texts.append(StatusText(now, severity, text))
         return [self._texts[-1]]
 
 
@@ -109,15 +109,15 @@ class Warnings:
         """Warnings so far that were not passed on, as there were too many."""
         self._heard: dict[tuple[int, str], float] = {}
 
-    def take(self, said: Said, within: float) -> bool | None:
+    def take(self, text: StatusText, within: float) -> bool | None:
         """Take in a text. Returns whether it is news, None if it is not passed on; `within`: mission seconds."""
-        if said.severity > NOTABLE:
+        if text.severity > NOTABLE:
             return None
-        self._heard = {known: at for known, at in self._heard.items() if said.at - at <= within}
-        known = (said.severity, said.text)
+        self._heard = {known: at for known, at in self._heard.items() if text.at - at <= within}
+        known = (text.severity, text.text)
         new = known not in self._heard
         if new and len(self._heard) >= MAX_DISTINCT:
             self.dropped += 1
             return None
-        self._heard[known] = said.at
+        self._heard[known] = text.at
         return new

@@ -100,7 +100,7 @@ class CommandContext:
                 if copter.armed:
                     return Result.TEMPORARILY_REJECTED
                 for problem in copter.arming_problems():
-                    copter.say(f"PreArm: {problem}", Severity.CRITICAL)
+                    copter.send_text(f"PreArm: {problem}", Severity.CRITICAL)
                 return Result.ACCEPTED
             case dialect.MAV_CMD_GET_HOME_POSITION:
                 return self._send(dialect.MAVLINK_MSG_ID_HOME_POSITION)
@@ -120,7 +120,7 @@ class CommandContext:
                     return Result.DENIED
                 if self.streams.set(whole(first), second, copter.now):
                     return Result.ACCEPTED
-                copter.say(f"No ap_message for mavlink id ({whole(first)})")
+                copter.send_text(f"No ap_message for mavlink id ({whole(first)})")
                 return Result.DENIED
         return Result.UNSUPPORTED
 
@@ -204,7 +204,7 @@ def global_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_GLOBAL_INT: one goal, or a velocity."""
     frame, mask = message.coordinate_frame, message.type_mask
     if frame not in GLOBAL_FRAMES + RELATIVE_FRAMES:
-        copter.say(f"Unknown mavlink coordinate frame {frame}")
+        copter.send_text(f"Unknown mavlink coordinate frame {frame}")
         return
     if mask & _IGNORE_POSITION:
         _drift(copter, message, (message.vx, message.vy, message.vz))

@@ -54,14 +54,14 @@ class SigningState:
     def set_up(self, message: dialect.MAVLink_message, copter: Copter) -> None:
         """SETUP_SIGNING: from now on the vehicle signs; a key of zeros ends it. Refused with motors on (ArduPilot)."""
         if copter.armed:
-            copter.say("ERROR: Won't setup signing when armed", Severity.CRITICAL)
+            copter.send_text("ERROR: Won't setup signing when armed", Severity.CRITICAL)
             return
         key = bytes(message.secret_key)
         if not any(key) and message.initial_timestamp == 0:
             self.signing = None
             return
         if message.initial_timestamp > LATEST:
-            copter.say("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
+            copter.send_text("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
             return
         self.signing = Signing(key)
         self.signing.timestamps.heard(message.initial_timestamp)
@@ -203,7 +203,7 @@ class Vehicle:
         here.heard = True
         replies = self.character.pretends(message)
         here.outbox += self._answer(message, here) if replies is None else replies
-        self._tell()
+        self._send_events()
         return self.character.says(here.take())
 
     def advance(self, seconds: float) -> Messages:
@@ -246,11 +246,11 @@ class Vehicle:
                 copter.set_mode(mode)
         copter.step(STEP_S)
         self.on_step()
-        self._tell()
+        self._send_events()
         for message in self._mission.advance():
             for channel in self.channels:
                 channel.outbox.append(message)
-        self._tell()
+        self._send_events()
         timesync = copter.now >= self._next_timesync
         if timesync:
             self._next_timesync += TIMESYNC_PERIOD_S
@@ -305,7 +305,7 @@ class Vehicle:
             parameter.name.encode(), parameter.value, parameter.kind, len(self.copter.parameters), index
         )
 
-    def _tell(self) -> None:
+    def _send_events(self) -> None:
         """Send events on every channel; STATUSTEXT only where a peer was heard (recorded)."""
         events, self.copter.events = self.copter.events, []
         for event in events:

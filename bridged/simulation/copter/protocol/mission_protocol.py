@@ -77,7 +77,7 @@ class MissionProtocol:
             return []
         if now - upload.heard >= _GIVE_UP_S:
             self._upload = None
-            self._copter.say("Mission upload timeout", Severity.WARNING)
+            self._copter.send_text("Mission upload timeout", Severity.WARNING)
             return [dialect.MAVLink_mission_ack_message(*upload.peer, _CANCELLED)]
         if now - upload.asked >= _REPEAT_S:
             return [self._ask(upload)]
@@ -121,7 +121,7 @@ class MissionProtocol:
             return [self._ask(upload)]
         self._upload = None
         self._copter.mission.store(upload.items)
-        self._copter.say("Flight plan received")
+        self._copter.send_text("Flight plan received")
         return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
 
     def _read(self, seq: int, peer: tuple[int, int], *, as_int: bool) -> Messages:

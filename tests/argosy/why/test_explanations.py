@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from argosy.why import Explanation, Line, MailFacts, Paragraph, plain, tell
+from argosy.why import Explanation, Line, MailFacts, Paragraph, explain_view, plain
 from argosy.why.question import subject_of, taken_apart
 from argosy.why.wording import without_annotations
 from schemas.humanize import span
@@ -36,7 +36,7 @@ LETTER = Message(id="sync1.uav.life", sender="uav", performative="askOne", recei
 def where(facts: MailFacts) -> list[str]:
     """The lines that say where the question is."""
     facts.asked = True
-    (paragraph,) = [one for one in tell(ASKING, facts=facts).paragraphs if one.kind == "question"]
+    (paragraph,) = [one for one in explain_view(ASKING, facts=facts).paragraphs if one.kind == "question"]
     assert paragraph.lines[0].text == (
         "12 s ago (mission second 8.0): asked base at u.asl:3: askOne depth(_). No answer yet."
     )
@@ -197,7 +197,9 @@ def test_what_is_dropped_of_messages_and_questions_is_told() -> None:
         DropView(what="messages", name="bob", count=2, first=1.0, last=2.0, reason="more than 3 messages wait"),
         DropView(what="questions", name="ann", count=1, first=3.0, last=3.0),
     )
-    told = tell(MindView(agent="uav", time=5.0, drops=drops, dropped={"messages": 2, "questions": 1, "events": 7}))
+    told = explain_view(
+        MindView(agent="uav", time=5.0, drops=drops, dropped={"messages": 2, "questions": 1, "events": 7})
+    )
     assert [line.text for one in told.paragraphs if one.kind == "dropped" for line in one.lines] == [
         "7 events were dropped because their queue was full.",
         "3.0 s ago (mission second 2.0): 2 messages of bob were dropped unread, the first 4.0 s ago (mission second "
@@ -214,8 +216,8 @@ def test_long_lines_are_broken_for_a_terminal_and_nothing_of_a_program_reaches_i
     )
     event = '+!say("\x1b[2J")'
     made = DecisionView(cycle=1, time=0.0, event=event, kind="+!", name="say/1")
-    assert plain(tell(MindView(agent="a", decisions=(made,)), "say")).isprintable() is False  # line feeds
-    assert "\x1b" not in plain(tell(MindView(agent="a", decisions=(made,)), "say"))
+    assert plain(explain_view(MindView(agent="a", decisions=(made,)), "say")).isprintable() is False  # line feeds
+    assert "\x1b" not in plain(explain_view(MindView(agent="a", decisions=(made,)), "say"))
 
 
 PLAN = PlanView(trigger='+!go("go/1")', position="go/uav.asl:4", uses={"!go/1": "go/uav.asl:5", "tell/1": "lib.asl:1"})
@@ -255,7 +257,7 @@ AT_HOME = MindView(
 
 
 def test_the_folder_of_a_program_is_cut_out_of_places_and_of_nothing_else() -> None:
-    explanation = tell(AT_HOME)
+    explanation = explain_view(AT_HOME)
     text = plain(explanation)
     assert 'at uav.asl:5 the action takeoff("go/uav") failed: "go/1" is bad.' in text
     assert 'for the goal !go("go/1") the plan +!go("go/1") (uav.asl:4) was chosen' in text
@@ -263,20 +265,22 @@ def test_the_folder_of_a_program_is_cut_out_of_places_and_of_nothing_else() -> N
     assert "go/uav.asl" not in text
     positions = {line.position for one in explanation.paragraphs for line in one.lines}
     assert positions == {"", "go/uav.asl:4", "go/uav.asl:5", "go/uav.asl:7", "go/uav.asl:9"}, "data has them whole"
-    assert "!go/1 is at uav.asl:5, in the plan" in plain(tell(replace(AT_HOME, decisions=(), failures=()), "!go/1"))
+    assert "!go/1 is at uav.asl:5, in the plan" in plain(
+        explain_view(replace(AT_HOME, decisions=(), failures=()), "!go/1")
+    )
 
 
 def test_of_a_paused_mind_it_is_said_that_more_may_wait() -> None:
-    text = plain(tell(MindView(agent="a", state="paused", paused_for=12.0)))
+    text = plain(explain_view(MindView(agent="a", state="paused", paused_for=12.0)))
     assert "Percepts, messages and goals that arrive meanwhile wait until it resumes." in text
     assert "It has no intentions" not in text
 
 
 def test_of_many_names_ten_are_told() -> None:
     beliefs = tuple(f"b{number}(1)" for number in range(30))
-    told = tell(MindView(agent="a", beliefs=beliefs), "zzzz")
+    told = explain_view(MindView(agent="a", beliefs=beliefs), "zzzz")
     assert not told.known
     assert told.paragraphs[0].lines[0].text == (
         "a has nothing called `zzzz`; known are b0, b1, b10, b11, b12, b13, b14, b15, b16, b17 and 20 more."
     )
-    assert tell(MindView(agent="a", beliefs=beliefs), "b3").known
+    assert explain_view(MindView(agent="a", beliefs=beliefs), "b3").known
