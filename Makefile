@@ -28,10 +28,10 @@ test-browser: $(VENV)/test.stamp byte-code  ## run the tests that drive chromium
 
 test-all: test test-boards test-browser  ## run all tests
 
-index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
+index: $(VENV)/test.stamp  ## count the recorded exchanges that the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay
 
-soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
+soak: $(VENV)/test.stamp  ## run the tests that are too long for CI; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
 	$(BIN)/python -m tests.soak
 	$(BIN)/python -m tests.soak.agreement
 	nice $(BIN)/python -m tests.soak.trials
@@ -55,12 +55,12 @@ field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes d
 bench: $(VENV)/bench.stamp byte-code  ## measure everything, an hour and a half on a quiet machine (ARGS="bridge mail": some); writes each figure of the pages
 	@$(BIN)/python -m benchmarks $(ARGS)
 
-docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a link that leads nowhere fails it (--quiet would hide it from --strict)
+docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a broken link fails it (--quiet would hide it from --strict)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --site-dir site
 	@! grep -rnoE '<(script|link|img|iframe)[^>]* (src|href)="?(https?:)?//[^">]*' site --include='*.html' \
 	  || { echo "error: the site loads this from elsewhere"; exit 1; }
 
-reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and parsers, and the grammar for editors
+reference: $(VENV)/test.stamp  ## write docs/reference from docstrings and parsers, and the grammar for editors
 	$(BIN)/python -m tests.docs.stdlib_page
 	$(BIN)/python -m tests.docs.commands_page
 	$(BIN)/python -m tests.docs.records_page
@@ -68,7 +68,7 @@ reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and 
 	$(BIN)/python -m agentd.editor.textmate
 	$(BIN)/python -m tests.support.texts
 
-pictures: $(VENV)/test.stamp  ## draw docs/watch-*.svg anew, the screens of argosy watch in a flight of a minute
+pictures: $(VENV)/test.stamp  ## draw docs/watch-*.svg, the screens of argosy watch in a flight of a minute
 	$(BIN)/python -m tests.docs.watch_pictures
 
 format: $(VENV)/lint.stamp  ## is every file formatted?
@@ -83,7 +83,7 @@ types: $(VENV)/lint.stamp
 contracts: $(VENV)/lint.stamp  ## who may import whom (docs/architecture/decisions.md)
 	$(BIN)/lint-imports
 
-# Where Python is told to write none (PYTHONDONTWRITEBYTECODE) each process would compile all of this for itself.
+# Where Python writes none (PYTHONDONTWRITEBYTECODE) each process would compile all of this for itself.
 byte-code: | $(BIN)/python
 	@$(BIN)/python -m compileall -q $(CODE)
 

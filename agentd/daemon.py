@@ -15,7 +15,7 @@ from commd.bus.bus import open_bus
 from commd.common.clock import Clock
 from commd.process.output import ERROR, stderr
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
-from commd.process.restart_counter import begin_life
+from commd.process.restart_counter import note_start
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Finding, Findings
 from schemas.mission.model import Mission, load_mission
@@ -84,7 +84,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         except CheckpointError as error:
             stderr().write(f"error: agentd: {error}", ERROR)
             return EXIT_FAILED
-        bus.restarts, bus.former_failure = begin_life(folder, "agentd", name)
+        bus.restarts, bus.former_failure = note_start(folder, "agentd", name)
         log.info("agents=%s", ",".join(agent_group.hosts))
         await agent_group.run(stop)
     return EXIT_DONE if agent_group.stopped is None else agent_group.stopped.exit_code

@@ -16,7 +16,7 @@ from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
-from commd.process.restart_counter import begin_life
+from commd.process.restart_counter import note_start
 from commd.process.state_dir import state_directory
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
@@ -94,7 +94,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
         await bus.permitted(puts=[key for part in parts for key in published_keys(bus, part)])
         folder = state_directory(args.state) / mission.fleet
-        bus.restarts, bus.former_failure = begin_life(folder, "bridged", parts[0].name)
+        bus.restarts, bus.former_failure = note_start(folder, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.run()) for bridge in bridges]

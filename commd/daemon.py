@@ -29,7 +29,7 @@ from commd.process.process import (
     run_daemon,
     tls_of,
 )
-from commd.process.restart_counter import begin_life
+from commd.process.restart_counter import note_start
 from commd.process.state_dir import state_directory
 from commd.process.systemd import Loop, Member, Unit
 from commd.router import config as router_config
@@ -164,7 +164,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ):
         await bus.claim(board)
         folder = state_directory(args.state) / mission.fleet
-        bus.restarts, bus.former_failure = begin_life(folder, "commd", board)
+        bus.restarts, bus.former_failure = note_start(folder, "commd", board)
         parts = await open_parts(stack, bus, mission, board, router, folder, clock)
         SelfCheck(bus, board, mission.board_names, folder)
         publish_mission(bus, board, mission)

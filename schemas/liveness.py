@@ -6,7 +6,7 @@ records), `commd.liveness.bridge_presence` (both, of one robot's bridge) and `ar
 
 from __future__ import annotations
 
-# How often what proves life is published (`schemas.wire.keys.CHANNELS` has the rates of all records).
+# How often proofs of liveness are published (`schemas.wire.keys.CHANNELS` has the rates of all records).
 HEALTH_EVERY = 1.0
 """The health record of each daemon."""
 STATUS_EVERY = 1.0
@@ -36,7 +36,7 @@ ROUTER_GRACE = 5.0
 BUS_GRACE = 5.0
 """Time without any router after which everybody else counts as lost."""
 FORGOTTEN_AFTER = 60.0
-"""A directory forgets an agent that has been gone for this long without saying that it stays."""
+"""A directory forgets an agent that has been absent for this long, unless it is declared as permanent."""
 
 # Actions, by their statuses.
 ACTION_ASKED_AGAIN = 3 * STATUS_EVERY

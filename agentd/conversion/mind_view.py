@@ -48,9 +48,9 @@ _MOST_LOOKED_AT: Final = 2_000
 class MindViews:
     """The views of one mind."""
 
-    def __init__(self, mind: Mind, life: str = "") -> None:
-        """``life`` is the end of the ids of this life's messages."""
-        self._mind, self._life = mind, life
+    def __init__(self, mind: Mind, agent_boot: str = "") -> None:
+        """``agent_boot`` is the end of the ids of its messages."""
+        self._mind, self._agent_boot = mind, agent_boot
         self._beliefs, self._plans = Beliefs(mind), Plans(mind)
 
     def view(self, look: Look, now: float) -> MindView:
@@ -74,7 +74,7 @@ class MindViews:
             events=events,
             events_left_out=events_left_out,
             mailbox=len(mind.mailbox),
-            questions=questions_of(mind, self._life),
+            questions=questions_of(mind, self._agent_boot),
             plans=self._plans.shown(look),
             plan_count=len(mind.plans.plans),
             decisions=decisions,
@@ -190,9 +190,9 @@ def events_of(mind: Mind, about: str) -> tuple[tuple[EventView, ...], int]:
     return tuple(map(event_view, shown)), max(0, len(events) - MOST_EVENTS)
 
 
-def questions_of(mind: Mind, life: str) -> tuple[QuestionView, ...]:
-    """The synchronous asks without an answer; ``life`` is what ids of messages end with on the bus."""
-    return tuple(question_views(mind, life)[:MOST_QUESTIONS])
+def questions_of(mind: Mind, agent_boot: str) -> tuple[QuestionView, ...]:
+    """The synchronous asks without an answer; ``agent_boot`` is the end of the ids of its messages on the bus."""
+    return tuple(question_views(mind, agent_boot)[:MOST_QUESTIONS])
 
 
 class Plans:

@@ -3,11 +3,11 @@ have done.
 
     result = replay(batches, decisions)                       # the recorded program: exact, cycle by cycle
     result = compare(batches, program=Path("edited.asl"))     # another program beside the recorded one
-    life = ReplayedMind(batches[0]); life.feed(batches[0]); life.mind   # to inspect a former state
+    rebuilt = ReplayedMind(batches[0]); rebuilt.feed(batches[0]); rebuilt.mind   # to inspect a former state
 
-`batches` are the `MindInputs` of one life, in order from number 0; `decisions` are recorded `MindDecisions` of the same
-agent, which describe a difference better. The only I/O is reading an edited program. Python that a program uses runs
-again: if it reads the outside world, the replay may differ there.
+`batches` are the `MindInputs` of one start of an agent, in order from number 0; `decisions` are recorded
+`MindDecisions` of the same agent, which describe a difference better. The only I/O is reading an edited program. Python
+that a program uses runs again: if it reads the outside world, the replay may differ there.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from agentd.replay.replayed_mind import CannotReplay, Done, ReplayedMind, digest
 from agentd.trace.decision_digest import brief
 from agentd.trace.input_records import CameBack, Given, MailRefused, NamesRead
 from schemas.files.text_files import read_bounded
-from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
+from schemas.wire.mind_records import DecisionView, InitialMind, MindDecisions, MindInputs
 
 __all__ = ["Act", "CannotReplay", "Difference", "ReplayedMind", "Result", "acts", "compare", "replay"]
 
@@ -57,7 +57,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first difference of two lives."""
+    """The first difference between a recorded and a replayed mind."""
 
     cycle: int
     time: float
@@ -77,7 +77,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The agreement of two lives."""
+    """The agreement of a recorded and a replayed mind."""
 
     agent: str
     program: str
@@ -106,8 +106,8 @@ class Result:
 class _Tally:
     """Counts the agreeing parts."""
 
-    def __init__(self, life: ReplayedMind) -> None:
-        self._life = life
+    def __init__(self, rebuilt: ReplayedMind) -> None:
+        self._rebuilt = rebuilt
         self.batches = self.inputs = self.cycles = self.decisions = self.effects = self.proven = 0
         self.unheard = 0
         """Batches that have no digest."""
@@ -138,16 +138,16 @@ class _Tally:
             self.notes.append(
                 f"{self.unheard} of {self.batches} batches have no digest: nobody listened when they were made"
             )
-        birth = self._life.birth
+        initial = self._rebuilt.initial
         return Result(
-            agent=self._life.agent,
-            program=birth.program,
+            agent=self._rebuilt.agent,
+            program=initial.program,
             batches=self.batches,
             inputs=self.inputs,
             cycles=self.cycles,
             decisions=self.decisions,
             effects=self.effects,
-            until=self._life.now,
+            until=self._rebuilt.now,
             proven=self.proven,
             unlike=tuple(self.unlike),
             difference=difference,
@@ -165,12 +165,12 @@ def replay(
 
     Raises CannotReplay.
     """
-    life, rest = _first(batches)
-    tally, before = _Tally(life), 0
+    rebuilt, rest = _first(batches)
+    tally, before = _Tally(rebuilt), 0
     for batch in rest:
-        done = life.feed(batch)
-        if batch.digest and digest_of(done, life.birth.decisions > 0) != (batch.decided, batch.digest):
-            return tally.result(_where(life, batch, done, before, decisions))
+        done = rebuilt.feed(batch)
+        if batch.digest and digest_of(done, rebuilt.initial.decisions > 0) != (batch.decided, batch.digest):
+            return tally.result(_where(rebuilt, batch, done, before, decisions))
         tally.batch(batch)
         before = batch.last
         tally.count(done)
@@ -193,27 +193,27 @@ def compare(
     place of further files, by their recorded paths. Plans are distinguished by trigger and body, not by their place.
     Raises CannotReplay.
     """
-    life, rest = _first(batches)
-    birth = life.birth
+    rebuilt, rest = _first(batches)
+    initial = rebuilt.initial
     first = next(rest)
-    other, tally = ReplayedMind(first, program=_texts(birth, program, files)), _Tally(life)
+    other, tally = ReplayedMind(first, program=_texts(initial, program, files)), _Tally(rebuilt)
     keys = _Keys()
     for batch in chain((first,), rest):
-        life.take(batch)
+        rebuilt.take(batch)
         other.take(batch)
         exact: list[Done] = []
-        while life.mind.cycle < batch.last:
-            own, others = life.cycle(), other.cycle()
+        while rebuilt.mind.cycle < batch.last:
+            own, others = rebuilt.cycle(), other.cycle()
             exact += own
             place = keys.difference(own, others)
             if place is not None:
                 tally.count(own[:place])
-                tally.cycles = life.mind.cycle - 1
-                return tally.result(_parting(life, other, batch, rest, own[place:], others[place:]))
+                tally.cycles = rebuilt.mind.cycle - 1
+                return tally.result(_parting(rebuilt, other, batch, rest, own[place:], others[place:]))
             tally.count(own)
-        life.end_of_batch()
+        rebuilt.end_of_batch()
         other.end_of_batch()
-        alike = not batch.digest or digest_of(exact, birth.decisions > 0) == (batch.decided, batch.digest)
+        alike = not batch.digest or digest_of(exact, initial.decisions > 0) == (batch.decided, batch.digest)
         tally.batch(batch, alike=alike)
         if progress is not None:
             progress(batch)
@@ -231,25 +231,25 @@ def acts(
 
     `program` and `files` as in `compare`. Raises CannotReplay.
     """
-    life, rest = _first(batches, program, files)
+    rebuilt, rest = _first(batches, program, files)
     for batch in rest:
-        life.take(batch)
-        while life.mind.cycle < (batch.last if until is None else min(until, batch.last)):
-            for one in life.cycle():
-                yield _act(life, one)
+        rebuilt.take(batch)
+        while rebuilt.mind.cycle < (batch.last if until is None else min(until, batch.last)):
+            for one in rebuilt.cycle():
+                yield _act(rebuilt, one)
         if until is not None and batch.last >= until:
             return
-        life.end_of_batch()
+        rebuilt.end_of_batch()
 
 
-def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str] | None) -> dict[str, str]:
+def _texts(initial: InitialMind, program: Path | str | None, files: Mapping[str, str] | None) -> dict[str, str]:
     """Return the texts that replace recorded ones. Raises CannotReplay."""
     texts = dict(files or {})
-    if unknown := sorted(texts.keys() - birth.files.keys()):
-        known = ", ".join(birth.files) or "none"
+    if unknown := sorted(texts.keys() - initial.files.keys()):
+        known = ", ".join(initial.files) or "none"
         raise CannotReplay(f"the recorded program has no file {unknown[0]}; its files are {known}")
     if program is not None:
-        texts[birth.program] = program if isinstance(program, str) else _text(program)
+        texts[initial.program] = program if isinstance(program, str) else _text(program)
     return texts
 
 
@@ -261,7 +261,7 @@ def _first(
     first = next(rest, None)
     if first is None:
         raise CannotReplay("there are no inputs of a mind in the recording")
-    texts = {} if first.birth is None else _texts(first.birth, program, files)
+    texts = {} if first.initial is None else _texts(first.initial, program, files)
     return ReplayedMind(first, program=texts), chain((first,), rest)
 
 
@@ -278,15 +278,15 @@ def _text(path: Path) -> str:
 
 
 def _where(
-    life: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
+    rebuilt: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
 ) -> Difference:
     """Find the first difference in a batch with another digest, by the recorded decisions."""
     own = [one for one in done if type(one.what) is tuple]
-    views = [(one, view) for one in own if (view := life.view_of(one)) is not None]
+    views = [(one, view) for one in own if (view := rebuilt.view_of(one)) is not None]
     known = {_decided(view): (one, view) for one, view in views}
-    recorded = [d for some in decisions if some.agent == life.agent for d in some.decisions]
+    recorded = [d for some in decisions if some.agent == rebuilt.agent for d in some.decisions]
     recorded = [d for d in recorded if before < d.cycle <= batch.last]
-    inputs = tuple(f"cycle {cycle}: {given_text(item)}" for cycle, item in life.lasts)
+    inputs = tuple(f"cycle {cycle}: {given_text(item)}" for cycle, item in rebuilt.lasts)
     for view in recorded:
         if _decided(view) in known:
             continue
@@ -298,19 +298,19 @@ def _where(
             batch=batch.number,
             exact=True,
             recorded=act,
-            replayed=None if mine is None else _act(life, mine[0]),
+            replayed=None if mine is None else _act(rebuilt, mine[0]),
             inputs=inputs,
-            replayed_next=tuple(_act(life, one) for one in done if one.cycle > view.cycle)[:NEXT],
+            replayed_next=tuple(_act(rebuilt, one) for one in done if one.cycle > view.cycle)[:NEXT],
         )
     return Difference(
         cycle=batch.last,
-        time=life.now,
+        time=rebuilt.now,
         batch=batch.number,
         exact=False,
         recorded=None,
         replayed=None,
         inputs=inputs,
-        replayed_next=tuple(_act(life, one) for one in done[:NEXT]),
+        replayed_next=tuple(_act(rebuilt, one) for one in done[:NEXT]),
     )
 
 
@@ -355,7 +355,7 @@ _PLACE: Final = re.compile(r":\d+(:\d+)?\b")
 
 
 def _parting(
-    life: ReplayedMind,
+    rebuilt: ReplayedMind,
     other: ReplayedMind,
     batch: MindInputs,
     rest: Iterator[MindInputs],
@@ -363,25 +363,25 @@ def _parting(
     others: list[Done],
 ) -> Difference:
     """Describe a difference; `own` and `others` are the differing acts of this cycle. Find the next acts of each."""
-    cycle, time = life.mind.cycle, life.now
-    inputs = tuple(f"cycle {at}: {given_text(item)}" for at, item in life.lasts)
-    recorded, replayed = (_act(life, own[0]) if own else None), (_act(other, others[0]) if others else None)
-    mine, theirs = [_act(life, one) for one in own[1:]], [_act(other, one) for one in others[1:]]
+    cycle, time = rebuilt.mind.cycle, rebuilt.now
+    inputs = tuple(f"cycle {at}: {given_text(item)}" for at, item in rebuilt.lasts)
+    recorded, replayed = (_act(rebuilt, own[0]) if own else None), (_act(other, others[0]) if others else None)
+    mine, theirs = [_act(rebuilt, one) for one in own[1:]], [_act(other, one) for one in others[1:]]
     limit, here = cycle + NEXT_CYCLES, batch
-    while life.mind.cycle < limit and (len(mine) < NEXT or len(theirs) < NEXT):
-        if life.mind.cycle >= here.last:
+    while rebuilt.mind.cycle < limit and (len(mine) < NEXT or len(theirs) < NEXT):
+        if rebuilt.mind.cycle >= here.last:
             following = next(rest, None)
             if following is None:  # no more inputs: the edited program may end what it has begun
                 theirs += [_act(other, one) for one in other.go_on(AHEAD)]
                 break
             here = following
-            life.take(here)
+            rebuilt.take(here)
             other.take(here)
             continue
-        if life.at_boundary:
+        if rebuilt.at_boundary:
             theirs += [_act(other, one) for one in other.go_on(AHEAD)]
-        mine += [_act(life, one) for one in life.cycle()]
-        other.mind.cycle = life.mind.cycle - 1  # inputs are numbered by the recorded cycles
+        mine += [_act(rebuilt, one) for one in rebuilt.cycle()]
+        other.mind.cycle = rebuilt.mind.cycle - 1  # inputs are numbered by the recorded cycles
         theirs += [_act(other, one) for one in other.cycle()]
     return Difference(
         cycle=cycle,
@@ -399,10 +399,10 @@ def _parting(
 # --- as text ---
 
 
-def _act(life: ReplayedMind, done: Done) -> Act:
+def _act(rebuilt: ReplayedMind, done: Done) -> Act:
     what = done.what
     if type(what) is tuple:
-        view = life.view_of(done)
+        view = rebuilt.view_of(done)
         text = done.line if view is None else _decision_text(view)
         return Act(done.cycle, done.time, "decision", text, view)
     text = done.line.partition(" ")[2]
@@ -430,8 +430,8 @@ def given_text(item: Given) -> str:
             return f"the team is {', '.join(names)}"
         case MailRefused():
             return f"message {item.msg_id} was refused: {item.message}"
-        case CameBack(life=life):
-            return f"restart no. {life:g}"
+        case CameBack(life=number):
+            return f"restart no. {number:g}"
     literal = getattr(item, "literal", None)
     kind = type(item).__name__
     return kind if literal is None else f"{_WORDS.get(kind, kind)} {short_text(literal)}"

@@ -25,7 +25,7 @@ from agentd.runtime.program_loader import goal_of, read_item, recorded_program
 from agentd.trace.decision_digest import DecisionDigest, DecisionLines, effect_line
 from agentd.trace.initial_state import Texts, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
-from schemas.wire.mind_records import DecisionView, MindBirth, MindInputs
+from schemas.wire.mind_records import DecisionView, InitialMind, MindInputs
 
 REMEMBERED: Final = 5_000
 """Decisions that a replayed mind remembers, to show them."""
@@ -59,13 +59,15 @@ class ReplayedMind:
 
     def __init__(self, first: MindInputs, *, program: Mapping[str, str] | None = None) -> None:
         """`first` is batch 0; `program` has texts by path that replace recorded ones. Raises CannotReplay."""
-        if first.number != 0 or first.birth is None:
-            raise CannotReplay(f"the recording of {first.agent} begins with batch {first.number}: its birth is missing")
-        if first.birth.unknown:
-            raise CannotReplay(f"{first.agent} cannot live again: {first.birth.unknown}")
+        if first.number != 0 or first.initial is None:
+            raise CannotReplay(
+                f"the recording of {first.agent} begins with batch {first.number}: its initial is missing"
+            )
+        if first.initial.unknown:
+            raise CannotReplay(f"{first.agent} cannot be replayed: {first.initial.unknown}")
         allow_deep_calls()  # as deep as in the recorded process
-        self.agent, self.birth, self.number = first.agent, first.birth, -1
-        self.now = first.birth.start
+        self.agent, self.initial, self.number = first.agent, first.initial, -1
+        self.now = first.initial.start
         self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)
         """The last inputs."""
         self._done: list[Done] = []
@@ -82,34 +84,34 @@ class ReplayedMind:
         self._early = [item for item in map(_read, first.inputs) if item[0] == 0]
         for _, item in self._early:
             self._note(item)
-        self.mind = self._make(first.birth, {**first.birth.files, **(program or {})})
+        self.mind = self._make(first.initial, {**first.initial.files, **(program or {})})
 
-    def _make(self, birth: MindBirth, texts: dict[str, str]) -> Mind:
-        program, self._instead = program_of(birth, texts)
+    def _make(self, initial: InitialMind, texts: dict[str, str]) -> Mind:
+        program, self._instead = program_of(initial, texts)
         try:
-            zone = zone_of(birth.zone)
-            stored = unpack(birth.memory) if birth.memory else None
+            zone = zone_of(initial.zone)
+            stored = unpack(initial.memory) if initial.memory else None
         except ValueError as error:
-            raise CannotReplay(f"the birth of {self.agent} cannot be read: {error}") from None
-        self.keeper = Keeper(stored) if birth.kept else None
+            raise CannotReplay(f"the initial state of {self.agent} cannot be read: {error}") from None
+        self.keeper = Keeper(stored) if initial.kept else None
         mind = Mind(
             self.agent,
             program,
-            seed=birth.seed,
-            start=birth.start,
-            names_variables=birth.names_variables,
+            seed=initial.seed,
+            start=initial.start,
+            names_variables=initial.names_variables,
             clock=self._clock,
             agents=lambda: self._names,
-            has_team=birth.has_team,
-            ask_timeout=birth.ask_timeout,
-            epoch=birth.epoch,
+            has_team=initial.has_team,
+            ask_timeout=initial.ask_timeout,
+            epoch=initial.epoch,
             zone=zone,
             decisions=REMEMBERED,
             keeper=self.keeper,
         )
         self._times.clear()
-        for text in birth.formulas:
-            mind.query(parse_formula(text, birth.mission))
+        for text in initial.formulas:
+            mind.query(parse_formula(text, initial.mission))
         mind.post_office = self._send
         mind.most_frames, mind.asleep = float("inf"), None
         assert mind.recorder is not None
@@ -262,15 +264,15 @@ def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
     return acts.take()
 
 
-def program_of(birth: MindBirth, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:
+def program_of(initial: InitialMind, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:
     """Compile a program from recorded texts; return it with the goal of a restart. Raises CannotReplay."""
     read = Texts(texts).parse_file
     try:
-        main = read(birth.program) if birth.program else Program("")
-        program = recorded_program(main, birth.beliefs, birth.goals, birth.mission)
+        main = read(initial.program) if initial.program else Program("")
+        program = recorded_program(main, initial.beliefs, initial.goals, initial.mission)
         instead = None
-        if birth.on_restart:
-            found = read_item(goal_of(birth.on_restart), birth.mission, Goal)[0]
+        if initial.on_restart:
+            found = read_item(goal_of(initial.on_restart), initial.mission, Goal)[0]
             instead = found if isinstance(found, Goal) else None
         return compile_program(program, read), instead
     except SyntaxErrors as errors:

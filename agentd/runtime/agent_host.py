@@ -49,7 +49,7 @@ from commd.process.output import stdout
 from commd.process.systemd import Loop
 from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
-from schemas.wire.mind_records import MindBirth, MindView
+from schemas.wire.mind_records import InitialMind, MindView
 from schemas.wire.records import AgentHealth, Note, Perception
 
 log = logging.getLogger("agent")
@@ -105,7 +105,7 @@ class AgentHost:
         self._reasons = False
         """Whether the state of a former life is restored, so that the agent reasons."""
         life = boot_id()
-        settings = MindBirth(
+        settings = InitialMind(
             program="",
             seed=part.own_seed,
             start=clock.now(),
@@ -116,8 +116,8 @@ class AgentHost:
             decisions=part.decisions,
             kept=memory is not None,
         )
-        birth = InitialState(settings, part.sources, stored)
-        self._tracing = Tracing(bus, clock, part.name, birth, directory, life, self._tasks, subscribers)
+        initial = InitialState(settings, part.sources, stored)
+        self._tracing = Tracing(bus, clock, part.name, initial, directory, life, self._tasks, subscribers)
         self._mind = Mind(
             part.name,
             part.program,

@@ -42,7 +42,7 @@ class Viewer:
         """`part` has the mission's formulas; `prints` holds the last lines that were printed."""
         self._bus, self._clock, self._mind, self._part = bus, clock, mind, part
         self._control, self._tracing, self._prints = control, tracing, prints
-        self._views = MindViews(mind, tracing.life)
+        self._views = MindViews(mind, tracing.agent_boot)
         self._made: dict[Look, tuple[float, MindView]] = {}
         """The last views, and their times in wall seconds."""
         self._key = keys.mind(bus.fleet, mind.name)

@@ -34,12 +34,12 @@ _DETAIL: Final = signature("detail", 1)
 class ActivityEvents:
     """The events of one agent since the last `take`."""
 
-    def __init__(self, agent: str, boot: str, life: str, clock: Clock) -> None:
-        """`boot` and `life` are parts of the ids of this life's actions and messages on the bus."""
+    def __init__(self, agent: str, boot: str, agent_boot: str, clock: Clock) -> None:
+        """`boot` and `agent_boot` are parts of the ids of the agent's actions and messages on the bus."""
         self.listened = False
         self.actions: deque[ActivityEvent] = deque(maxlen=LAST_ACTIONS)
         """The last actions and their outcomes."""
-        self._agent, self._boot, self._life, self._now = agent, boot, life, clock.now
+        self._agent, self._boot, self._agent_boot, self._now = agent, boot, agent_boot, clock.now
         self._new: list[ActivityEvent] = []
         self._lines = self._left_out = 0
 
@@ -141,7 +141,7 @@ class ActivityEvents:
         return f"{self._agent}:{self._boot}:{number}"
 
     def _mail_id(self, identity: str) -> str:
-        return f"{identity}.{self._life}"
+        return f"{identity}.{self._agent_boot}"
 
     def _action(self, event: ActivityEvent) -> None:
         self.actions.append(event)

@@ -1,4 +1,4 @@
-"""Decisions and effects of a mind as lines of text and as a digest: two lives are equal if their digests are."""
+"""Decisions and effects of a mind as lines of text and as a digest: equal digests prove equal decisions."""
 
 from __future__ import annotations
 

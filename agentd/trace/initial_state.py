@@ -19,7 +19,7 @@ from agentd.language.parse import parse_program, parse_source
 from agentd.language.syntax_tree.nodes import Program
 from agentd.language.syntax_tree.source import Source, read_source
 from agentd.mind.persistence.rows import StoredMind
-from schemas.wire.mind_records import MindBirth
+from schemas.wire.mind_records import InitialMind
 
 MOST_MEMORY: Final = 2_000_000
 """Bytes of restored state in a record, compressed; more does not fit."""
@@ -85,22 +85,22 @@ class Texts:
 class InitialState:
     """The initial state of one mind; compressed only when `record` is called."""
 
-    settings: MindBirth
+    settings: InitialMind
     """The record without the texts of the program and the restored state."""
     sources: Sources | None = None
     stored: StoredMind | None = None
-    """What was restored of a former life."""
+    """The state restored after a restart."""
     unknown: str = ""
     """Why the mind cannot be rebuilt; empty: it can."""
 
-    def record(self) -> MindBirth:
+    def record(self) -> InitialMind:
         """Return the complete record."""
         sources, unknown = self.sources or Sources(), self.unknown
         if self.sources is None:
             unknown = unknown or "the sources of its program were not kept"
         memory = "" if self.stored is None else pack(self.stored)
         if len(memory) > MOST_MEMORY:
-            unknown = unknown or f"what it had kept of a former life is too large to record: {len(memory)} bytes"
+            unknown = unknown or f"its restored state is too large to record: {len(memory)} bytes"
             memory = ""
         return msgspec.structs.replace(
             self.settings,

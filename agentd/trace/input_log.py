@@ -1,7 +1,7 @@
 """Log of every input to one mind, in batches: published while there are subscribers, kept for late joiners.
 
 The inputs are kept as they are and become records on request. When they take too much memory, everything kept is
-dropped, because a mind can be rebuilt from its birth only. The time is noted where it has made a difference
+dropped, because a mind can be rebuilt from its initial state only. The time is noted where it has made a difference
 (`agentd.mind.data.intention.Timers.looks`), and at intervals.
 """
 
@@ -29,10 +29,10 @@ from agentd.mind.data.inputs import (
 from agentd.mind.data.intention import Timers
 from agentd.trace.decision_digest import DecisionDigest, effect_line
 from agentd.trace.input_records import CameBack, Given, Included, MailRefused, NamesRead, written
-from schemas.wire.mind_records import MindBirth, MindInputs, MindStep
+from schemas.wire.mind_records import InitialMind, MindInputs, MindStep
 
 MOST_BYTES: Final = 2_000_000
-"""Bytes (estimated) of the inputs kept since birth at most."""
+"""Maximum size of the inputs kept since the agent's start, in bytes (estimated)."""
 INPUT_BYTES: Final = 200
 """Estimated bytes of an input besides its term."""
 PART_BYTES: Final = 50
@@ -67,7 +67,7 @@ class InputBatch:
         self.published = published
         """Whether it is published when it is closed, or was later."""
         self.final = False
-        """Whether it is the last one of this life."""
+        """Whether it is the agent's last one."""
 
 
 class InputLog:
@@ -76,12 +76,12 @@ class InputLog:
     def __init__(
         self,
         agent: str,
-        birth: Callable[[], MindBirth | None],
+        initial: Callable[[], InitialMind | None],
         names: Collection[str],
         room: Callable[[], int] = lambda: MOST_BYTES,
         dropped: Callable[[], None] = lambda: None,
     ) -> None:
-        """`birth` returns the initial state of the mind; `names` can be sent to, always up to date.
+        """`initial` returns the initial state of the mind; `names` can be sent to, always up to date.
 
         `room` returns the bytes that may be kept; `dropped` is called when that was too little.
         """
@@ -92,12 +92,12 @@ class InputLog:
         self.listened = False
         """Whether there are subscribers."""
         self.on = True
-        """Whether inputs are noted: from birth until they are dropped, and while there are subscribers."""
-        self._agent, self._birth, self._names, self._room, self._on_dropped = agent, birth, names, room, dropped
+        """Whether inputs are noted: from the start until they are dropped, and while there are subscribers."""
+        self._agent, self._initial, self._names, self._room, self._on_dropped = agent, initial, names, room, dropped
         self._mind: Mind
         self._timers: Timers
         self._kept: list[InputBatch] | None = []
-        """The batches since birth."""
+        """The batches since the agent's start."""
         self._kept_inputs = self._kept_bytes = 0
         self._names_read: tuple[str, ...] | None = None
         """The names that the mind has read last."""
@@ -185,15 +185,15 @@ class InputLog:
             self.close()
 
     def end(self) -> None:
-        """Publish a last batch, empty or not: the life has ended without a defect."""
+        """Publish a last batch, empty or not: the agent has ended without a defect."""
         self._open.final = True
         self.close()
 
     def drop(self) -> None:
-        """Drop what is kept since birth: late joiners will not get it."""
+        """Drop what is kept since initial: late joiners will not get it."""
         self._kept = None
         self.included.clear()
-        self._birth = lambda: None
+        self._initial = lambda: None
         if not self.listened:
             self.dropped += self._kept_inputs
             self.on = False
@@ -206,8 +206,8 @@ class InputLog:
             batch.published = True
         return found
 
-    def since_birth(self) -> Iterator[MindInputs] | None:
-        """Return all batches since birth; None if they were dropped."""
+    def since_start(self) -> Iterator[MindInputs] | None:
+        """Return all batches since the start; None if they were dropped."""
         if self._kept is None:
             return None
         self.flush()
@@ -218,7 +218,7 @@ class InputLog:
         return MindInputs(
             agent=self._agent,
             number=batch.number,
-            birth=self._birth() if batch.number == 0 else None,
+            initial=self._initial() if batch.number == 0 else None,
             last=batch.last,
             steps=tuple(MindStep(first=f, now=n) for f, n in zip(batch.firsts, batch.times, strict=True)),
             inputs=tuple(written(cycle, item, self.included) for cycle, item in batch.inputs),

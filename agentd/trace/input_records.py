@@ -63,7 +63,7 @@ class CameBack:
 
 @dataclass(slots=True)
 class Interrupted:
-    """An action of a former life has ended, and no plan has waited for it."""
+    """An action of before a restart has ended, and no plan waited for it."""
 
     literal: Literal
 

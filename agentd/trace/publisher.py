@@ -44,7 +44,7 @@ MOST: Final = 100
 MOST_TOGETHER: Final = 4 * MOST_BYTES
 """Bytes (estimated) of inputs that all agents of the process keep together."""
 TOO_LATE: Final = (
-    "the beginning of this life is not kept any more: more has gone into it since than is kept; "
+    "the inputs since the agent's start exceed the limit, and its first ones were dropped; "
     "begin to record before the agent begins"
 )
 
@@ -62,20 +62,20 @@ class Tracing:
         bus: Bus,
         clock: Clock,
         agent: str,
-        birth: InitialState,
+        initial: InitialState,
         directory: AgentDirectory,
-        life: str,
+        agent_boot: str,
         tasks: Tasks,
         subscribers: TraceSubscribers,
     ) -> None:
-        """`life` is the end of the ids of this life's messages."""
-        self.birth = birth
-        self.inputs = InputLog(agent, birth.record, directory.names, self._room, self._hook)
-        self.activity = ActivityEvents(agent, bus.boot, life, clock)
+        """`agent_boot` identifies this start of the agent; the ids of its messages end with it."""
+        self.initial = initial
+        self.inputs = InputLog(agent, initial.record, directory.names, self._room, self._hook)
+        self.activity = ActivityEvents(agent, bus.boot, agent_boot, clock)
         self.ran: Ran | None = None
         """To be called after each run of the mind; None while nobody needs it."""
         self._mind: Mind
-        self.life = life
+        self.agent_boot = agent_boot
         self._bus, self._clock, self._agent, self._tasks = bus, clock, agent, tasks
         self._subscribers = subscribers
         self._heard: set[Channel] = set()
@@ -91,7 +91,7 @@ class Tracing:
         self._mind = mind
         self.inputs.follow(mind)
         self._withdraw.append(
-            self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_birth, observers=True)
+            self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_start, observers=True)
         )
         self._subscribers.add(self._agent, self._listened)
         self._withdraw.append(partial(self._subscribers.remove, self._agent))
@@ -150,7 +150,7 @@ class Tracing:
 
     def cloned(self, other: str) -> None:
         """Note that the mind is a copy of another one, so that it cannot be rebuilt."""
-        self.birth.unknown = f"it is a clone of {other}, and what that had become is not recorded"
+        self.initial.unknown = f"it is a clone of {other}, and what that had become is not recorded"
 
     def _given(self, cycle: int, item: Given) -> None:
         """Take an input while the channel `activity` has subscribers."""
@@ -222,7 +222,7 @@ class Tracing:
             self.inputs.flush()
 
     def close(self, *, in_order: bool) -> None:
-        """Publish the last events; `in_order`: the life has ended without a defect."""
+        """Publish the last events; `in_order`: the agent has ended without a defect."""
         self.flush()
         if in_order and self.inputs.listened:
             self.inputs.end()
@@ -243,9 +243,9 @@ class Tracing:
             await asyncio.sleep(0)
 
     def _header(self, channel: Channel) -> Header:
-        """Return the next header on a channel. Its `boot` is the life of the agent: a process may have several."""
+        """Return the next header on a channel. Its `boot` is that of the agent: a process may have several."""
         header = self._bus.header(f"trace/{channel}", self._agent)
-        return msgspec.structs.replace(header, boot=self.life)
+        return msgspec.structs.replace(header, boot=self.agent_boot)
 
     def _put_activity(self) -> None:
         events, left_out = self.activity.take()
@@ -283,11 +283,11 @@ class Tracing:
         self._bus.put(self._keys["decisions"], record)
         self._per_view += 0.2 * ((perf_counter() - begin) / shown - self._per_view)
 
-    async def _answer_since_birth(self, query: Query[MindInputs]) -> None:
-        """Answer a query for all inputs since birth, but not one for every key there is."""
+    async def _answer_since_start(self, query: Query[MindInputs]) -> None:
+        """Answer a query for all inputs since the agent's start, unless its key covers every agent."""
         if not query.key.endswith("/trace/inputs"):
             return
-        batches = self.inputs.since_birth()
+        batches = self.inputs.since_start()
         self._hook()
         if batches is None:
             query.reply_error(TOO_LATE)

@@ -12,7 +12,7 @@ REMEDIES = {
     "(docs/guides/mavlink.md)",
     "failsafe_none": "if the vehicle's own ground-station failsafe (FS_GCS_ENABLE) is to watch this bridge: "
     "`failsafe: {gcs: bridge}` at the robot in the mission, else `human` or `none` (docs/guides/mavlink.md)",
-    "failsafe_off": "set FS_GCS_ENABLE on the vehicle, or say `failsafe: {gcs: none}` in the mission",
+    "failsafe_off": "set FS_GCS_ENABLE on the vehicle, or set `failsafe: {gcs: none}` in the mission",
     "failsafe_unknown": "is it an ArduPilot? `failsafe: {gcs: none}` for vehicles that have none",
     "foreign_packets": "who speaks there? Sign the vehicle's link (docs/guides/mavlink.md, signing)",
     "link_down": "see `vehicles`: cable, device, baud rate or address of the robot's `link` in the mission",
@@ -21,9 +21,9 @@ REMEDIES = {
     "(docs/guides/mail.md)",
     "no_heartbeat": "see `vehicles`: is it switched on, is this its `sysid` and `link` in the mission?",
     "operator_order": "when the agents may act again: `argosy stop release`",
-    "robot_unattended": "`argosy why AGENT` tells what its program did last; `argosy stop land|rtl` acts now",
+    "robot_unattended": "`argosy why AGENT` shows what its program did last; `argosy stop land|rtl` acts now",
     "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/guides/security.md)",
-    "two_vehicles": "give each its own MAV_SYSID; if there is only one, somebody forges it: sign its link",
+    "two_vehicles": "give each its own MAV_SYSID; if there is only one, another sender forges it: sign its link",
 }
 """Remedy of each note, by its code."""
 GRAVE = frozenset({"autopilot_unknown", "robot_unattended", "session_id_forged"})

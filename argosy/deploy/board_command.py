@@ -148,7 +148,7 @@ class Parts:
                 log.info("agentd has ended: a program has stopped its team; the board goes on without agents")
                 continue
             if code == EXIT_DONE and not ending and not self._stops[name].is_set():
-                code, why = EXIT_FAILED, "it ended although nobody had told it to"
+                code, why = EXIT_FAILED, "it ended by itself"
             if code != EXIT_DONE:
                 log.error("%s has failed, the board ends: %s", name, why)
                 self._code = self._code or (EXIT_BAD_INPUT if code == EXIT_BAD_INPUT else EXIT_FAILED)

@@ -135,7 +135,7 @@ async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
         missing = "".join(f"\n  {line}" for line in await unreached(bus))
         raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
     if len(fleets) > 1:
-        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; say which by --fleet")
+        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; choose one by --fleet")
     return fleets[0]
 
 
@@ -144,7 +144,7 @@ async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None
     try:
         return await bus.ask_one(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)
     except QueryTimeout:
-        remedy = "; `argosy manifest get` tells whether the change is in effect" if change is not None else ""
+        remedy = "; `argosy manifest get` shows whether the change is in effect" if change is not None else ""
         raise Unanswered(f"{robot}: its bridge did not answer within {ANSWER_TIMEOUT:g} s{remedy}") from None
     except QueryFailed as failed:
         raise Unanswered(f"{robot}: {failed}") from None

@@ -28,7 +28,7 @@ NOTHING: Final[dict[Panel, str]] = {
     "altitude": "no altitudes: no percept altitude(Metres)",
     "modes": "no modes: no percept state(Mode, Connected, Armed)",
     "actions": "no actions",
-    "messages": "no messages: no agent told what it sent and received",
+    "messages": "no messages: no agent published its activity",
 }
 """Message for a panel without data."""
 _DIGITS = re.compile(rb"<!--.*?-->|scale\([^)]*\)|(-?\d+\.\d\d)\d+", re.DOTALL)

@@ -33,7 +33,7 @@ AGAIN = (0.3, 1.0, 3.0)
 LOOK = 1.0
 """Wall seconds between two checks for missing batches."""
 TRIES = 3
-"""Queries for the same missing batches of a life."""
+"""Maximum number of queries for the same missing batches of a mind."""
 AT_ONCE = 8
 """Concurrent queries."""
 REPLIES = 100_000

@@ -21,12 +21,13 @@ from argosy.recording.reader import Recording, open_recording
 from argosy.recording.records import TokenSeen
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.text_files import read_bounded
+from schemas.humanize import count
 from schemas.wire import keys
 from schemas.wire.mind_records import MindDecisions, MindInputs
 
 FOR_A_MIND: Mapping[str, tuple[str, object]] = {
     "--program": ("program", []),
-    "--life": ("life", None),
+    "--start": ("start", None),
     "--until": ("until", None),
     "--why": ("why", None),
     "--show": ("show", SHOWN),
@@ -60,7 +61,7 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
         help="use this program instead of the recorded file of the same name, or of the main file if there is none; "
         "shows what it would have done (repeatable)",
     )
-    group.add_argument("--life", type=int, metavar="N", help="only its Nth life, if it was restarted")
+    group.add_argument("--start", type=int, metavar="N", help="only its Nth start, 1 or more, if it was restarted")
     group.add_argument("--until", type=float, metavar="S", help="stop at this mission second")
     group.add_argument("--why", metavar="NAME", help="print every decision about goals and beliefs of this name")
     group.add_argument(
@@ -83,7 +84,7 @@ def run_mind(args: Namespace) -> int:
         return EXIT_BAD_INPUT
     recording = open_recording(args.file)
     fleet = _fleet(recording, args)
-    asked = _lives(recording, args, fleet, edited)
+    asked = _checks(recording, args, fleet, edited)
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     discover()
@@ -124,40 +125,40 @@ def _fleet(recording: Recording, args: Namespace) -> str:
         others = f"there are those of {known}" if known else "nor of any other agent"
         raise BadInput(f"{args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
     if len(fleets) > 1:
-        raise BadInput(f"{args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
+        raise BadInput(f"{args.file}: {args.mind} is in several fleets: add --fleet {' or '.join(fleets)}")
     return fleets[0]
 
 
-def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[ReplayCheck]:
-    """Return the lives that were asked for. Raises BadInput."""
-    lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
-    if not lived:
+def _checks(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[ReplayCheck]:
+    """Return the recorded minds that were asked for. Raises BadInput."""
+    recorded = [mind for mind in recording.minds(args.mind) if mind.fleet == fleet]
+    if not recorded:
         raise BadInput(f"{args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
-    last, there = len(lived), _lives_on(recording, lived[-1])
+    last, there = len(recorded), _still_runs(recording, recorded[-1])
     found = [
-        ReplayCheck(number, life, args, edited, followed=number < last, lives_on=there and number == last)
-        for number, life in enumerate(lived, 1)
+        ReplayCheck(number, mind, args, edited, followed=number < last, still_runs=there and number == last)
+        for number, mind in enumerate(recorded, 1)
     ]
-    if args.life is None:
+    if args.start is None:
         return found
-    if not 1 <= args.life <= len(found):
-        raise BadInput(f"{args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it")
-    return [found[args.life - 1]]
+    if not 1 <= args.start <= len(found):
+        raise BadInput(f"{args.file}: --start {args.start}: {args.mind} has {count(len(found), 'start')} in it")
+    return [found[args.start - 1]]
 
 
-def _lives_on(recording: Recording, life: mind_inputs.Life) -> bool:
-    """Whether the recording came to its end in order, and the daemon that this life was in was still there then."""
+def _still_runs(recording: Recording, mind: mind_inputs.RecordedMind) -> bool:
+    """Whether the recording came to its end in order, and the daemon of this mind was still running then."""
     since: dict[str, int] = {}
     """When each daemon first held its token."""
     there: set[str] = set()
     heard = 0
-    only = (f"{keys.ROOT}/{life.fleet}/{life.agent}/alive/agentd", keys.trace(life.fleet, life.agent, "inputs"))
+    only = (f"{keys.ROOT}/{mind.fleet}/{mind.agent}/alive/agentd", keys.trace(mind.fleet, mind.agent, "inputs"))
     for message in recording.messages(only=only, records=(TokenSeen, MindInputs)):
         match message.record:
             case TokenSeen(key=key, alive=alive):
                 since.setdefault(key, message.at)
                 (there.add if alive else there.discard)(key)
-            case MindInputs(header=header) if header.boot == life.boot:
+            case MindInputs(header=header) if header.boot == mind.boot:
                 heard = message.at
     itself = any(since[key] <= heard for key in there)  # not the next one, of which no inputs have come yet
     return itself and recording.end is not None and not recording.missing

@@ -1,4 +1,4 @@
-"""The inputs of minds in a recording, batch by batch: which lives they make up, and which batches are missing."""
+"""The inputs of minds in a recording, batch by batch: which minds they belong to, and which batches are missing."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import msgspec
 from schemas.wire.mind_records import MindInputs
 
 PART = "trace/inputs"
-MOST_LIVES = 10_000
+MAX_MINDS = 10_000
 """Lives that a recorder follows; gaps of further ones are not reported."""
 MOST_MISSING = 100_000
-"""Missing batches of one life that are known by number; further ones are only counted."""
+"""Missing batches of one mind that are known by number; further ones are only counted."""
 
 
 @dataclass
-class Life:
-    """One life of an agent, from its birth to its end or to that of the recording."""
+class RecordedMind:
+    """The inputs of an agent from one start to its end, or to that of the recording."""
 
     fleet: str
     agent: str
@@ -36,8 +36,8 @@ class Life:
 
     @property
     def whole(self) -> bool:
-        """Whether it can be replayed: from its birth, without a gap. Its end may be missing: `ended`."""
-        return bool(self.batches) and self.batches[0].birth is not None and not self.missing
+        """Whether it can be replayed: from its start, without a gap. Its end may be missing: `ended`."""
+        return bool(self.batches) and self.batches[0].initial is not None and not self.missing
 
     @property
     def ended(self) -> bool:
@@ -67,7 +67,7 @@ def range_text(missing: Iterable[range]) -> str:
 
 
 class Whose(NamedTuple):
-    """Identifies one life of an agent."""
+    """Identifies one start of an agent."""
 
     fleet: str
     agent: str
@@ -75,7 +75,7 @@ class Whose(NamedTuple):
 
 
 class Gap(msgspec.Struct, frozen=True):
-    """The missing inputs of one life of an agent, as the end of a recording holds them; as text for people."""
+    """The missing inputs of one start of an agent, as the end of a recording holds them; as text for people."""
 
     fleet: str
     agent: str
@@ -102,7 +102,7 @@ class _Progress:
     """Missing numbers beyond `MOST_MISSING`."""
     ended: bool = False
     """Whether the final batch was received."""
-    gone: bool = False
+    absent: bool = False
     """Whether its agent has lost its token."""
 
 
@@ -110,51 +110,53 @@ class Minds:
     """The batches that a recorder has received; filled by its thread, read by the event loop."""
 
     def __init__(self) -> None:
-        self._lives: dict[Whose, _Progress] = {}
+        self._progress: dict[Whose, _Progress] = {}
 
     def heard(self, whose: Whose, number: int, *, final: bool = False) -> bool:
         """Note the batch of this `number`, which counts from 0. Returns whether it is new."""
-        life = self._lives.get(whose)
-        if life is None:
-            if len(self._lives) >= MOST_LIVES:
+        progress = self._progress.get(whose)
+        if progress is None:
+            if len(self._progress) >= MAX_MINDS:
                 return True
-            life = self._lives[whose] = _Progress()
-        life.ended = life.ended or final
-        if number < life.next:
-            if number not in life.missing:
+            progress = self._progress[whose] = _Progress()
+        progress.ended = progress.ended or final
+        if number < progress.next:
+            if number not in progress.missing:
                 return False
-            life.missing = life.missing - {number}  # a new set: another thread may look at the old one
+            progress.missing = progress.missing - {number}  # a new set: another thread may look at the old one
             return True
-        if number > life.next:
-            room = max(0, MOST_MISSING - len(life.missing))
-            stretch = range(life.next, number)
-            life.missing = life.missing.union(stretch[-room:] if room else ())
-            life.uncounted += max(0, number - life.next - room)  # `len` has 63 bits, a stranger's number any
-        life.next = number + 1
+        if number > progress.next:
+            room = max(0, MOST_MISSING - len(progress.missing))
+            stretch = range(progress.next, number)
+            progress.missing = progress.missing.union(stretch[-room:] if room else ())
+            progress.uncounted += max(0, number - progress.next - room)  # `len` has 63 bits, a stranger's number any
+        progress.next = number + 1
         return True
 
-    def gone(self, whose: Whose) -> None:
+    def agent_left(self, whose: Whose) -> None:
         """Note that an agent has lost its token."""
-        if (life := self._lives.get(whose)) is not None:
-            life.gone = True
+        if (progress := self._progress.get(whose)) is not None:
+            progress.absent = True
 
     def missing(self) -> dict[Whose, frozenset[int]]:
-        """Return the missing numbers of each life that has a gap."""
-        return {whose: frozenset(life.missing) for whose, life in list(self._lives.items()) if life.missing}
+        """Return the missing numbers of each mind that has a gap."""
+        return {
+            whose: frozenset(progress.missing) for whose, progress in list(self._progress.items()) if progress.missing
+        }
 
     def gaps(self) -> list[Gap]:
-        """Return the gap of each life that has one."""
+        """Return the gap of each mind that has one."""
         found = []
         for whose, numbers in self.missing().items():
-            life = self._lives[whose]
+            progress = self._progress[whose]
             missing = tuple((one.start, one.stop - 1) for one in stretches(numbers))
-            found.append(Gap(*whose, missing, life.uncounted, life.next))
+            found.append(Gap(*whose, missing, progress.uncounted, progress.next))
         return found
 
     def cut_short(self) -> list[str]:
-        """Return a line for each life that is over and whose final batch is missing."""
+        """Return a line for each agent that has ended and whose final batch is missing."""
         return [
-            f"{whose.agent} (boot {whose.boot}): the end of its life is missing: it was killed, or its last inputs lost"
-            for whose, life in list(self._lives.items())
-            if life.gone and not life.ended
+            f"{whose.agent} (boot {whose.boot}): its end is missing: it was killed, or its last inputs were lost"
+            for whose, progress in list(self._progress.items())
+            if progress.absent and not progress.ended
         ]

@@ -1,4 +1,4 @@
-"""Verify one life of a mind by a replay: which inputs there are, whether it decides the same, what is not proved."""
+"""Verify a recorded mind by a replay: which inputs there are, whether it decides the same, what is not proved."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from argosy.recording.reader import Recording
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import count, shortened
 from schemas.version import RELEASE
-from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
+from schemas.wire.mind_records import DecisionView, InitialMind, MindDecisions, MindInputs
 
 OTHER_VERSION = f"another version of Argosy wrote them, this is {RELEASE}"
 
@@ -29,16 +29,16 @@ NO_END = "its end is not in the recording"
 
 @dataclass
 class ReplayCheck:
-    """A life that is to be replayed."""
+    """A recorded mind that is to be replayed."""
 
     number: int
-    life: mind_inputs.Life
+    recorded_mind: mind_inputs.RecordedMind
     args: Namespace
     edited: dict[Path, str]
     """The texts of the edited program."""
     followed: bool = False
-    """Whether another life came after it."""
-    lives_on: bool = False
+    """Whether its agent was restarted after it."""
+    still_runs: bool = False
     """Whether its daemon was still there when the recording ended."""
     texts: dict[str, str] = field(default_factory=dict)
     """The same by the recorded paths of the files whose place they take."""
@@ -49,18 +49,18 @@ class ReplayCheck:
 
     @property
     def name(self) -> str:
-        """The agent's, with the number of this life if it is not the first."""
-        return self.life.agent if self.number == 1 else f"{self.life.agent}, life {self.number}"
+        """The agent's, with the number of its start if it is not the first."""
+        return self.recorded_mind.agent if self.number == 1 else f"{self.recorded_mind.agent}, start {self.number}"
 
     @property
     def batches(self) -> list[MindInputs]:
-        """What there is without a gap from birth on, and within `--until`."""
+        """The batches without a gap from the start on, and within `--until`."""
         return list(takewhile(self._in_time, self._unbroken))
 
     @property
     def _unbroken(self) -> Iterator[MindInputs]:
-        """What there is without a gap from birth on."""
-        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.life.batches))
+        """The batches without a gap from the start on."""
+        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.recorded_mind.batches))
         return (batch for _, batch in whole)
 
     @property
@@ -70,20 +70,20 @@ class ReplayCheck:
 
     def _in_time(self, batch: MindInputs) -> bool:
         until = self.args.until
-        return until is None or batch.birth is not None or not batch.steps or batch.steps[0].now <= until
+        return until is None or batch.initial is not None or not batch.steps or batch.steps[0].now <= until
 
     def verify(self, recording: Recording, decisions: list[MindDecisions], unread: int) -> int:
-        """Replay it and print the result; `unread` batches belong to some life. Returns the exit code."""
+        """Replay it and print the result; `unread` batches belong to some recorded mind. Returns the exit code."""
         batches, lacks = self.batches, self._lacks(recording)
         if unread and not self._as_asked:
             lacks.append(f"{count(unread, 'batch', 'batches')} of its inputs cannot be read: {OTHER_VERSION}")
-        if not batches or batches[0].birth is None:
+        if not batches or batches[0].initial is None:
             return self._print_nothing(lacks)
-        for line in self._take_names(batches[0].birth):
+        for line in self._take_names(batches[0].initial):
             print(line, file=sys.stderr)
         known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
         try:
-            own = [one for one in decisions if one.header.boot == self.life.boot]
+            own = [one for one in decisions if one.header.boot == self.recorded_mind.boot]
             result, itself = self._result(batches, own), self.edited and replay(batches, own)
             wall = time.monotonic() - begun
             if itself and itself.difference is not None:
@@ -95,19 +95,19 @@ class ReplayCheck:
         foreign = sorted({str(name) for name in {*ACTIONS, *FUNCTIONS} - known})
         return self._print_result(result, wall, lacks, foreign)
 
-    def _take_names(self, birth: MindBirth) -> list[str]:
+    def _take_names(self, initial: InitialMind) -> list[str]:
         """Find whose place each edited file takes: that of the recorded one of its name, or of the main program.
 
         Returns a note for each file that takes the place of one of several under another name: it may be a wrong one.
         """
-        names = {Path(path).name: path for path in birth.files}
-        places = {names.get(path.name, birth.program): path for path in self.edited}
+        names = {Path(path).name: path for path in initial.files}
+        places = {names.get(path.name, initial.program): path for path in self.edited}
         self.texts = {place: self.edited[path] for place, path in places.items()}
-        self.recorded = nearer(birth.files, {})
-        self.other = nearer(birth.files, {place: str(path) for place, path in places.items()})
-        if len(birth.files) == 1:
+        self.recorded = nearer(initial.files, {})
+        self.other = nearer(initial.files, {place: str(path) for place, path in places.items()})
+        if len(initial.files) == 1:
             return []
-        main, known = Path(birth.program).name, ", ".join(sorted(names))
+        main, known = Path(initial.program).name, ", ".join(sorted(names))
         return [
             f"note: {path} takes the place of {main}: no recorded file is called {path.name}, there are {known}"
             for path in self.edited
@@ -128,23 +128,24 @@ class ReplayCheck:
 
     def _lacks(self, recording: Recording) -> list[str]:
         """Return what is missing of it, as text."""
-        there, life = self.life.batches, (self.life.fleet, self.life.agent, self.life.boot)
-        if not there or there[0].birth is None:
+        mind = self.recorded_mind
+        there, whose = mind.batches, (mind.fleet, mind.agent, mind.boot)
+        if not there or there[0].initial is None:
             missing = _batches([range(there[0].number)] if there else [])
-            return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
+            return [f"its start is missing, with {missing} of its inputs: begin to record sooner"]
         if self._as_asked:
             return []
-        lost = self.life.missing
+        lost = self.recorded_mind.missing
         found = [f"{_batches(lost)} of its inputs {'is' if _is_one(lost) else 'are'} missing"] if lost else []
         if recording.end is not None and not lost:
-            found += [str(gap) for gap in recording.end.gaps if (gap.fleet, gap.agent, gap.boot) == life]
-        if self.life.ended:
+            found += [str(gap) for gap in recording.end.gaps if (gap.fleet, gap.agent, gap.boot) == whose]
+        if self.recorded_mind.ended:
             return found
         if self.followed:
             found.append(f"{NO_END}: it was killed, at most 0.25 s later, and started again")
         elif recording.missing:
             found.append("the recording was cut off: what went in after its end is not known")
-        elif not self.lives_on:
+        elif not self.still_runs:
             found.append(f"{NO_END}: it was killed, or its last inputs were lost")
         return found
 
@@ -191,7 +192,7 @@ class ReplayCheck:
             who = f"{self.name} with {', '.join(map(str, self.edited))}" if self.edited else self.name
             if self._as_asked:
                 agrees = f"agrees up to second {self.args.until:g}, as asked"
-            elif not self.life.ended:
+            elif not self.recorded_mind.ended:
                 agrees = "agrees as far as the recording goes"
                 notes.append("the recording ends before the agent: what became of it is not in it")
             print(f"{who}: {agrees}: {compared}")
@@ -220,7 +221,7 @@ def _is_one(numbers: list[range]) -> bool:
 
 
 SHOWN = 5
-"""Inputs that are shown of what came in before a difference, and decisions and effects of each life after it."""
+"""Number of inputs shown before a difference, and of decisions and effects of each mind after it."""
 LONGEST = 200
 """Characters of a line: what programs print may be long."""
 
@@ -247,7 +248,7 @@ def nearer(files: Iterable[str], edited: Mapping[str, str]) -> Named:
 
 
 def figures(result: Result, inputs: int, wall: float) -> str:
-    """Return the figures of a comparison of two lives as text.
+    """Return the figures of a comparison as text.
 
     `inputs`: number of inputs by then; `wall`: duration of the replay, in seconds.
     """
@@ -265,10 +266,10 @@ def figures(result: Result, inputs: int, wall: float) -> str:
 def difference_lines(
     difference: Difference, recorded: Named, other: Named, *, edited: bool, shown: int = SHOWN
 ) -> Iterator[str]:
-    """Yield lines about where two lives differ.
+    """Yield lines about the first difference.
 
     `edited`: the other program was changed on purpose; `shown`: inputs before the difference, and decisions and
-    effects of each life after it, that are shown.
+    effects of each mind after it, that are shown.
     """
     where = f"at {difference.time:.3f} s of mission time, in cycle {difference.cycle}"
     if not difference.exact:
@@ -285,7 +286,7 @@ def difference_lines(
 
 
 def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) -> Iterator[str]:
-    """Yield lines about what one of the two lives did."""
+    """Yield lines about what one of the two minds did."""
     if act is None:
         yield f"{who}: nothing, or it is not known"
     elif act.decision is not None:

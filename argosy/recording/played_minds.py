@@ -1,6 +1,7 @@
 """The minds of a recording that is played: rebuilt from their recorded inputs as far as these are published.
 
-They answer queries for views of minds, `{agent}/mind`, as the agents did. A mind lives on when it is asked for.
+They answer queries for views of minds, `{agent}/mind`, as the agents did. A query replays a
+mind up to the present.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ class _Which(Record, frozen=True, kw_only=True):
 
 
 class PlayedMind:
-    """Serves views of one agent's mind, of one life after the other."""
+    """Serves views of one agent's mind, of one start after the other."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self.withdraw: Callable[[], None] = bus.serve(key, MindView, self._show, observers=True)
         self._bus, self._key, self._boot = bus, key, ""
         self._waiting: dict[int, bytes] = {}
-        """The inputs that the mind has not lived, by number, as the recording has them."""
+        """The inputs that were not fed yet, by number, as the recording has them."""
         self._broken = ""
-        """Why no more can be replayed of this life; empty = it can."""
+        """Why this mind cannot be replayed further; empty = it can."""
         self._actions: deque[ActivityEvent] = deque(maxlen=MOST_ACTIONS)
-        self._lived: tuple[ReplayedMind, MindViews] | None = None
+        self._rebuilt: tuple[ReplayedMind, MindViews] | None = None
 
     def take(self, message: Recorded) -> None:
         """Take what was published of the mind."""
@@ -52,11 +53,11 @@ class PlayedMind:
         except BadRecord:
             return  # a later batch shows that one is missing
         if which.header.boot != self._boot:
-            self._boot, self._lived, self._broken = which.header.boot, None, ""
+            self._boot, self._rebuilt, self._broken = which.header.boot, None, ""
             self._waiting.clear()
             self._actions.clear()
         if message.name == MindInputs.__name__:
-            if self._lived is None or which.number > self._lived[0].number:
+            if self._rebuilt is None or which.number > self._rebuilt[0].number:
                 self._waiting[which.number] = message.data
         elif isinstance(record := message.record, MindActivity):
             self._actions += [event for event in record.events if event.kind in ("action", "outcome")]
@@ -71,24 +72,24 @@ class PlayedMind:
 
     def _view(self, look: Look) -> MindView:
         """Return the mind after all inputs so far. Raises CannotReplay."""
-        if self._lived is None:
+        if self._rebuilt is None:
             if 0 not in self._waiting:
-                raise CannotReplay("the beginning of its life is not in the recording")
+                raise CannotReplay("its start is not in the recording")
             discover()
-            lived = ReplayedMind(_inputs(self._waiting[0]))
-            self._lived = lived, MindViews(lived.mind)
-        lived, views = self._lived
+            rebuilt = ReplayedMind(_inputs(self._waiting[0]))
+            self._rebuilt = rebuilt, MindViews(rebuilt.mind)
+        rebuilt, views = self._rebuilt
         if self._broken:
             raise CannotReplay(self._broken)
         try:
-            while (batch := self._waiting.pop(lived.number + 1, None)) is not None:
-                lived.feed(_inputs(batch))
+            while (batch := self._waiting.pop(rebuilt.number + 1, None)) is not None:
+                rebuilt.feed(_inputs(batch))
         except CannotReplay as bad:
             self._broken = str(bad)
             raise
         if self._waiting:
-            lived.take(_inputs(self._waiting[min(self._waiting)]))  # raises: the batches before it are missing
-        return replace(views.view(look, lived.now), actions=tuple(self._actions))
+            rebuilt.take(_inputs(self._waiting[min(self._waiting)]))  # raises: the batches before it are missing
+        return replace(views.view(look, rebuilt.now), actions=tuple(self._actions))
 
 
 def _inputs(batch: bytes) -> MindInputs:

@@ -14,7 +14,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from argosy.recording.mcap_records import BadRecording as BadRecording
 from argosy.recording.mcap_records import Damage, McapFile
 from argosy.recording.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
-from argosy.recording.mind_inputs import PART, Life
+from argosy.recording.mind_inputs import PART, RecordedMind
 from argosy.recording.records import PREFIX, RECORDS, fleet_of, is_plain
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
@@ -144,8 +144,8 @@ class Recording:
             if isinstance(found, record):
                 yield message, found
 
-    def lives(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[Life]:
-        """Return the recorded lives of all minds, or of one agent's, ordered by their first batch in the file.
+    def minds(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[RecordedMind]:
+        """Return the recorded minds of all agents, or of one, ordered by their first batch in the file.
 
         Adds to `unread` the number of batches that do not decode, by fleet and agent.
         """
@@ -158,7 +158,9 @@ class Recording:
                 found.setdefault((parsed[0], parsed[1], batch.header.boot), {}).setdefault(batch.number, batch)
             elif unread is not None:
                 unread[parsed[0], parsed[1]] += 1
-        return [Life(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()]
+        return [
+            RecordedMind(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()
+        ]
 
     def _look_through(self) -> Facts:
         """Read all files once, to count messages and find what is missing."""

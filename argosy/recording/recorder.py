@@ -102,7 +102,7 @@ class Filter:
         seen = codec(TokenSeen).decode(heard.payload)
         parsed = keys.parse(seen.key)
         if parsed is not None and not seen.alive and parsed[2][:2] == ["alive", "agentd"]:
-            self._minds.gone(Whose(parsed[0], parsed[1], parsed[2][-1]))
+            self._minds.agent_left(Whose(parsed[0], parsed[1], parsed[2][-1]))
 
 
 class Recorder:

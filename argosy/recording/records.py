@@ -70,7 +70,7 @@ class RecordHead(msgspec.Struct, frozen=True):
     number: int = 0
     """Of a batch of a mind's inputs."""
     final: bool = False
-    """Whether that batch is the last one of its life."""
+    """Whether that batch is the last one of its agent."""
 
 
 _HEAD = msgspec.json.Decoder(RecordHead)

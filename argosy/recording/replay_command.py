@@ -23,7 +23,7 @@ from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, wh
 from argosy.cli.port_check import in_use
 from argosy.recording.metadata import SECOND
 from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
-from argosy.recording.mind_inputs import MOST_MISSING, PART, Life, range_text
+from argosy.recording.mind_inputs import MOST_MISSING, PART, RecordedMind, range_text
 from argosy.recording.player import LATE, Part, Player, foreign
 from argosy.recording.reader import Recording, open_recording
 from argosy.recording.records import wanted_keys
@@ -224,11 +224,11 @@ Unread = Counter[tuple[str, str]]
 def contents(recording: Recording, *, as_json: bool = False) -> str:
     """Return what a recording holds, as text or JSON."""
     unread: Unread = Counter()
-    lives = recording.lives(unread=unread)
+    minds = recording.minds(unread=unread)
     if as_json:
-        return json.dumps(_data(recording, lives, unread), indent=2, ensure_ascii=False) + "\n"
+        return json.dumps(_data(recording, minds, unread), indent=2, ensure_ascii=False) + "\n"
     return (
-        "\n".join(map(printable, [*_head(recording), "", *_minds(recording, lives, unread), "", *_topics(recording)]))
+        "\n".join(map(printable, [*_head(recording), "", *_minds(recording, minds, unread), "", *_topics(recording)]))
         + "\n"
     )
 
@@ -256,9 +256,9 @@ def _head(recording: Recording) -> list[str]:
     return lines
 
 
-def _minds(recording: Recording, lives: list[Life], unread: Unread) -> list[str]:
-    width = max((len(agent) for agent in [*(life.agent for life in lives), *(agent for _, agent in unread)]), default=0)
-    lines = [f"  {life.agent:{width}}  {life.boot:8}  {_life(life)}" for life in lives]
+def _minds(recording: Recording, minds: list[RecordedMind], unread: Unread) -> list[str]:
+    width = max((len(agent) for agent in [*(mind.agent for mind in minds), *(agent for _, agent in unread)]), default=0)
+    lines = [f"  {mind.agent:{width}}  {mind.boot:8}  {_extent(mind)}" for mind in minds]
     for (_, agent), number in sorted(unread.items()):
         batches = count(number, "batch", "batches")
         lines.append(f"  {agent:{width}}  {batches} of its inputs cannot be read: another version of Argosy wrote them")
@@ -269,17 +269,17 @@ def _minds(recording: Recording, lives: list[Life], unread: Unread) -> list[str]
     return ["no minds: `trace/inputs` was not recorded"]
 
 
-def _life(life: Life) -> str:
-    last = life.batches[-1]
-    if life.whole:
-        birth = life.batches[0].birth
-        unknown = f", cannot be replayed: {birth.unknown}" if birth is not None and birth.unknown else ""
-        decided = sum(batch.decided for batch in life.batches)
-        extent = "whole" if life.ended else f"from birth to {life.until:.1f} s of mission time, its end is missing"
+def _extent(mind: RecordedMind) -> str:
+    last = mind.batches[-1]
+    if mind.whole:
+        initial = mind.batches[0].initial
+        unknown = f", cannot be replayed: {initial.unknown}" if initial is not None and initial.unknown else ""
+        decided = sum(batch.decided for batch in mind.batches)
+        extent = "whole" if mind.ended else f"from its start to {mind.until:.1f} s of mission time, its end is missing"
         return f"{extent}, {last.last} cycles, {decided} decisions and effects{unknown}"
-    if life.missing:
-        return f"incomplete: batches {range_text(life.missing)} of {last.number + 1} of its inputs are missing"
-    return "incomplete: its birth is missing"
+    if mind.missing:
+        return f"incomplete: batches {range_text(mind.missing)} of {last.number + 1} of its inputs are missing"
+    return "incomplete: its initial is missing"
 
 
 def _topics(recording: Recording) -> list[str]:
@@ -295,7 +295,7 @@ def _topics(recording: Recording) -> list[str]:
     return [f"  {'':{width}}  {'':{names}}  {'number':>7}  {'Hz':>8}", *rows]
 
 
-def _data(recording: Recording, lives: list[Life], unread: Unread) -> dict[str, Any]:
+def _data(recording: Recording, minds: list[RecordedMind], unread: Unread) -> dict[str, Any]:
     facts, end = recording.facts, recording.end
     return {
         "files": [str(file) for file in recording.files],
@@ -311,14 +311,14 @@ def _data(recording: Recording, lives: list[Life], unread: Unread) -> dict[str, 
         "notes": dict(facts.notes),
         "minds": [
             {
-                "agent": life.agent,
-                "boot": life.boot,
-                "whole": life.whole and life.ended,
-                "end": life.ended,
-                "batches": len(life.batches),
-                "missing": list(islice(chain.from_iterable(life.missing), MOST_MISSING)),
+                "agent": mind.agent,
+                "boot": mind.boot,
+                "whole": mind.whole and mind.ended,
+                "end": mind.ended,
+                "batches": len(mind.batches),
+                "missing": list(islice(chain.from_iterable(mind.missing), MOST_MISSING)),
             }
-            for life in lives
+            for mind in minds
         ],
         "unread_inputs": [
             {"fleet": fleet, "agent": agent, "batches": count} for (fleet, agent), count in sorted(unread.items())

@@ -45,7 +45,7 @@ def _line(status: Status, robot: FleetRobot) -> str:
     order = left.order if left is not None else None
     where = "ARMED" if seen.altitude is not None and seen.altitude < ON_GROUND else "IN THE AIR"
     if left is not None:
-        how = f"{order.upper()} confirmed by its bridge" if order else f"its bridge says: {left.text}"
+        how = f"{order.upper()} confirmed by its bridge" if order else f"its bridge reports: {left.text}"
     elif name in status.killed:
         how = "its bridge did not leave and was killed, no order was confirmed"
     else:

@@ -315,7 +315,7 @@ class MissionRunner:
 
     async def _stop(self, children: list[Child], patience: float) -> None:
         for late in await self._supervisor.leave(children, patience, self._recovery.hurry):
-            within = "at once, as you wanted," if self._recovery.hurry.is_set() else f"within {patience:g} s"
+            within = "immediately, as you ordered," if self._recovery.hurry.is_set() else f"within {patience:g} s"
             self._journal.add(late.name, f"did not leave {within} and was killed", "warning")
             if late.process.kind.name == "bridged":
                 self.status.killed.update(late.process.subject.split())
@@ -360,7 +360,7 @@ class MissionRunner:
             if self.finished is not None:
                 be = "is" if all(robot.seen.armed for robot in armed) else "may be"
                 names = ", ".join(robot.name for robot in armed)
-                text = f"{names} {be} armed and is brought home: ctrl-C again leaves at once"
+                text = f"{names} {be} armed and is brought home: ctrl-C again leaves immediately"
                 self._journal.add("argosy", text, "warning")
             return
         self._recovery.hurry.set()

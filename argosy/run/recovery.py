@@ -138,7 +138,7 @@ class Recovery:
     def _unheard(self, bridge: Child) -> list[str]:
         """Return the vehicles that were heard before a bridge was started, and not since, for `HEARD_WITHIN`.
 
-        A bridge that is told to leave leaves unheard vehicles as if they were on the ground.
+        On SIGTERM a bridge leaves unheard vehicles as if they were on the ground.
         """
         age = time.monotonic() - bridge.started if bridge.alive else 0.0
         if age > HEARD_WITHIN or not (bridge.alive or bridge.replaced):

@@ -36,7 +36,7 @@ class Watchdog:
             if not (child.alive and child.process.kind.daemon and (stopped or self._is_silent(child))):
                 self._since.pop(child.pid, None)
             elif now - self._since.setdefault(child.pid, now) >= PATIENCE:
-                how = "is stopped" if stopped else "says nothing"
+                how = "is stopped" if stopped else "publishes nothing"
                 text = f"hangs: it {how} for {PATIENCE:g} s, and is killed"
                 self._status.journal.add(child.name, text, "warning")
                 child.signal(signal.SIGKILL)

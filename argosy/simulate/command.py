@@ -108,7 +108,7 @@ def _machine(mission: Mission, asked: str | None, known: list[str]) -> str:
     there = f"there is {', '.join(known)}" if known else "the mission has no simulated robot"
     if asked is None:
         if len(known) != 1:
-            raise Findings([_finding(mission, f"which machine is this? Say it by --board: {there}")])
+            raise Findings([_finding(mission, f"name this machine by --board: {there}")])
         return known[0]
     if asked not in known:
         raise Findings(

@@ -143,7 +143,7 @@ async def actions(bus: Bus, where: Where, agent: str) -> tuple[str, list[ActionD
             if reply.record is not None and (parsed := keys.parse(reply.key)) is not None:
                 found.setdefault(parsed[0], []).append(reply.record)
     if len(found) > 1:
-        raise Unanswered(f"fleets {' and '.join(sorted(found))} each have an agent `{agent}`: say which by --fleet")
+        raise Unanswered(f"fleets {' and '.join(sorted(found))} each have an agent `{agent}`: choose one by --fleet")
     if not found:
         raise Unanswered(await _nobody(bus, where, agent))
     return next(iter(found.items()))

@@ -136,7 +136,7 @@ def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) ->
     if "agentd" in found.daemons:
         for part in ("inputs", "decisions", "activity"):
             key = f"{at}/trace/{part}"
-            yield f"  put    {key}{_record(key) if types else ''}  while somebody listens"
+            yield f"  put    {key}{_record(key) if types else ''}  while there are subscribers"
     for rest, (count, size) in sorted(found.records.items()):
         key = f"{at}/{rest}"
         yield f"  put    {key}{_record(key) if types else ''}  {count / seconds:.1f} Hz, {size} B"

@@ -180,7 +180,7 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
         sources = f"[{','.join(f'source({source})' for source in belief.sources)}]"  # the heading has them
         row = Row(joined(f"  {belief.text.removesuffix(sources)}", (age, DIM)), indent=4)
-        groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
+        groups.setdefault(", ".join(belief.sources) or "without a source", []).append(row)
     rows = _old(agent, now)
     for source in sorted(groups, key=lambda one: ({"percept": 1, "self": 2}.get(one, 0), one)):
         rows += [head(f"from {source} {len(groups[source])}"), *groups[source]]

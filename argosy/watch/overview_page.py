@@ -140,7 +140,7 @@ def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
     if agent.silent is not None:
         does = joined((f"SILENT for {span(now - agent.silent)}; was:", BAD), does)
     elif agent.standing == "silent":
-        does = joined(("tells nothing;", BAD), does)
+        does = joined(("no reports;", BAD), does)
     at = place(mind.intentions[0].at) if mind.intentions else ""
     return [
         _mark(agent, glyphs),

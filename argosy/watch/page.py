@@ -245,7 +245,7 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
                 if live.other_fleets
                 else ""
             )
-            lines.append(safe_text(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
+            lines.append(safe_text(f"{others}is it started (argosy run, or its units)? see argosy doctor", WARN))
     if live.run_silent is not None:
         lines.append(
             safe_text(

@@ -24,19 +24,19 @@ WIDE, HIGH = 120, 30
 MOST_FLEET = 0.6
 """Share of the screen that the fleet may take; the timeline has the rest."""
 HELP = """\
-argosy watch looks at a running fleet. It listens and asks, and orders nothing: `argosy stop` does that.
+argosy watch shows a running fleet. It only reads; `argosy stop` gives orders.
 
   arrows, page up and down, home, end   move                  tab, shift-tab   next pane
-  enter    look into the agent; tell why a decision was made  escape           back
-  /        show only what has these words; -word hides        space            pause the view, not the fleet
+  enter    open the agent; explain a decision                 escape           back
+  /        show only rows with these words; -word hides       space            pause the view, not the fleet
   1 2 3 4  an agent's mind, beliefs, decisions, timeline      q, ctrl-c        leave
   left, right   the agent before and after                    ?                this page
 
 Marks: {well} there and well, in red: not well   {away} not there   {runs} an action that runs
 {under} waits for the goal above it   ! a warning of a daemon
 
-What is old says how old it is: a vehicle in dim letters was not heard for 3 s, a mind is SILENT that has not
-answered for 5 s. The mind of the agent that is looked at is asked twice a second, each other one every 2 s,
+Old values show their age: a vehicle is dim if it was not heard for 3 s, a mind is SILENT if it has not
+answered for 5 s. The mind of the opened agent is queried twice a second, each other one every 2 s,
 the mailboxes every 2 s. Ages of beliefs and intentions are seconds of the mission's clock.
 """
 MOST_ENTRIES = 2_000

@@ -113,7 +113,7 @@ async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
     found = await _all(bus, selector, MindView, ANSWER_TIMEOUT)
     if len(found) > 1:
         fleets = ", ".join(sorted(_chunk(key, 0) for key in found))
-        raise Unanswered(f"several fleets have an agent {agent}: {fleets}; say which by --fleet")
+        raise Unanswered(f"several fleets have an agent {agent}: {fleets}; choose one by --fleet")
     for key, view in found.items():
         if isinstance(view, MindView):
             return _chunk(key, 0), view

@@ -13,7 +13,7 @@ from agentd.conversion.mind_view import MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError
-from argosy.recording.mind_inputs import Life, range_text
+from argosy.recording.mind_inputs import RecordedMind, range_text
 from argosy.recording.played_minds import MOST_ACTIONS
 from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
@@ -34,58 +34,60 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     Raises BadRecording and NotRecorded.
     """
     recording = open_recording(file)
-    life = _life(recording, agent, at)
-    batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(life.batches))]
-    if not batches or batches[0].birth is None:
-        raise NotRecorded(f"{file}: it lacks the beginning of {agent}'s life: start to record before the agent starts")
+    recorded = _mind_at(recording, agent, at)
+    batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(recorded.batches))]
+    if not batches or batches[0].initial is None:
+        raise NotRecorded(f"{file}: it lacks the start of {agent}: begin to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
-    if life.missing:
-        notes.append(f"batches {range_text(life.missing)} of its inputs are missing: it is told up to there")
+    if recorded.missing:
+        notes.append(f"batches {range_text(recorded.missing)} of its inputs are missing: the explanation ends there")
     discover()
     try:
-        lived = ReplayedMind(batches[0])
+        rebuilt = ReplayedMind(batches[0])
         for batch in batches:
-            if not _live(lived, batch, at):
+            if not _replay(rebuilt, batch, at):
                 break
     except CannotReplay as error:
         raise NotRecorded(f"{file}: {error}") from None
-    if at is not None and lived.now < at and lived.mind.cycle >= batches[-1].last:
-        notes.append(f"it is told up to mission second {lived.now:.1f}: no more went into it after that")
-    now = lived.now if at is None else max(lived.now, at)
-    view = MindViews(lived.mind).view(LOOK, now)
-    actions = tuple(_actions(recording, life, at))
-    return replace(view, agent=lived.agent, program=lived.birth.program, actions=actions), notes
+    if at is not None and rebuilt.now < at and rebuilt.mind.cycle >= batches[-1].last:
+        notes.append(f"the explanation ends at mission second {rebuilt.now:.1f}: no later input is recorded")
+    now = rebuilt.now if at is None else max(rebuilt.now, at)
+    view = MindViews(rebuilt.mind).view(LOOK, now)
+    actions = tuple(_actions(recording, recorded, at))
+    return replace(view, agent=rebuilt.agent, program=rebuilt.initial.program, actions=actions), notes
 
 
-def _life(recording: Recording, agent: str, at: float | None) -> Life:
-    """Return the life at a mission second: the last one that has begun by then."""
+def _mind_at(recording: Recording, agent: str, at: float | None) -> RecordedMind:
+    """Return the recorded mind at a mission second: the last one that has begun by then."""
     parsed = (keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__)
     known = sorted({one[1] for one in parsed if one is not None})
     if agent not in known:
         hint = did_you_mean(agent, known) or ", nor of any other agent"
         raise NotRecorded(f"{recording.path}: there are no inputs of {agent} in it{hint}")
-    lives = recording.lives(agent)
-    births = [life.batches[0].birth if life.batches else None for life in lives]
+    minds = recording.minds(agent)
+    initials = [recorded.batches[0].initial if recorded.batches else None for recorded in minds]
     begun = [
-        life for life, birth in zip(lives, births, strict=True) if at is None or birth is None or birth.start <= at
+        recorded
+        for recorded, initial in zip(minds, initials, strict=True)
+        if at is None or initial is None or initial.start <= at
     ]
-    return begun[-1] if begun else lives[0]
+    return begun[-1] if begun else minds[0]
 
 
-def _live(lived: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
+def _replay(rebuilt: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
     """Replay a batch, up to a mission second. Returns whether more follows."""
     later = [] if at is None else [step.first for step in batch.steps if step.now > at]
     last = min([batch.last, *(first - 1 for first in later[:1])])
-    lived.take(batch)
-    while lived.mind.cycle < last:
-        lived.cycle()
+    rebuilt.take(batch)
+    while rebuilt.mind.cycle < last:
+        rebuilt.cycle()
     if not later:
-        lived.end_of_batch()
+        rebuilt.end_of_batch()
     return not later
 
 
-def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[ActivityEvent]:
-    only = (keys.trace(life.fleet, life.agent, "activity"),)
-    records = [one for _, one in recording.typed(MindActivity, only) if one.header.boot == life.boot]
+def _actions(recording: Recording, recorded: RecordedMind, at: float | None) -> Iterable[ActivityEvent]:
+    only = (keys.trace(recorded.fleet, recorded.agent, "activity"),)
+    records = [one for _, one in recording.typed(MindActivity, only) if one.header.boot == recorded.boot]
     events = (event for record in records for event in record.events if event.kind in ("action", "outcome"))
     return [event for event in events if at is None or event.time <= at][-MOST_ACTIONS:]

@@ -67,7 +67,7 @@ def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterat
                 hint = f", did you mean `{near}`?"
             yield f"No board knows an agent `{receiver}`{hint}", ""
         elif home is not None and home in facts.silent:
-            yield f"{receiver} lives on {home}, which does not answer: {facts.silent[home]}.", ""
+            yield f"{receiver} belongs to {home}, which does not answer: {facts.silent[home]}.", ""
         else:
             yield f"No board holds the message, and {receiver} does not answer queries.", ""
         return

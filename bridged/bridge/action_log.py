@@ -18,7 +18,7 @@ import msgspec
 from msgspec.structs import replace
 
 from bridged.drivers.api import Order
-from commd.process.restart_counter import machine_life
+from commd.process.restart_counter import machine_boot
 from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Header, Note, State
 
@@ -154,14 +154,14 @@ class ActionLog:
 
     def hold(self, agent: str, free: bool) -> None:
         """Record which agent answers for the robot, and whether another may take it. Raises OSError."""
-        self._append(replace(self._standing, at=self._wall(), boot=machine_life(), holder=agent, free=free))
+        self._append(replace(self._standing, at=self._wall(), boot=machine_boot(), holder=agent, free=free))
 
     def held(self) -> tuple[str, bool]:
         """Return what `hold` recorded in this boot of the machine or within the last hour.
 
         Else the agent whose action was begun last within that hour. A clock that is set does not end a boot.
         """
-        same = self._standing.boot == machine_life() != ""
+        same = self._standing.boot == machine_boot() != ""
         if same or (self._standing.at and self._standing.at >= self._wall() - KEEP):
             return self._standing.holder, self._standing.free
         recent = (one for one in reversed(self._entries.values()) if one.at >= self._wall() - KEEP)

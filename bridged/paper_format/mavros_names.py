@@ -115,7 +115,7 @@ TOPICS: Mapping[str, Heard] = MappingProxyType({
     "global_position/compass_hdg": Heard(
         _POSITION,
         {"data": Field(field="hdg", scale=0.01, absent=65535)},
-        note="no percept while the heading is not known; mavros tells NaN",
+        note="no percept while the heading is not known; mavros publishes NaN",
     ),
     "global_position/local": Heard(
         PerceptEntry(source="LOCAL_POSITION_NED", rate=10.0, ttl=Duration(3)),
@@ -127,7 +127,7 @@ TOPICS: Mapping[str, Heard] = MappingProxyType({
             "twist.twist.linear.y": Field(field="vx"),
             "twist.twist.linear.z": Field(field="vz"),
         },
-        note=f"{_ESTIMATOR}; `twist.twist.linear.z` counts downwards, as mavros tells it",
+        note=f"{_ESTIMATOR}; `twist.twist.linear.z` counts downwards, as in mavros",
     ),
     "home_position/home": Heard(
         PerceptEntry(source="HOME_POSITION"),
@@ -153,7 +153,7 @@ TOPICS: Mapping[str, Heard] = MappingProxyType({
     "mission/waypoints": Heard(
         PerceptEntry(source="MISSION_LIST"),
         {"waypoints": Field(field="waypoints")} | {f"waypoints.{name}": Field(field=name) for name in _WAYPOINT},
-        note="told when a mission was sent or read; the first is home, as mavros tells it",
+        note="published when a mission was sent or read; the first waypoint is home, as in mavros",
     ),
     "mission/reached": Heard(PerceptEntry(source="MISSION_ITEM_REACHED"), {"wp_seq": Field(field="seq")}),
     "param/param_value": Heard(
@@ -268,7 +268,7 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         ActionEntry(call="mission_upload", fields={"home_first": True}, deadline=Duration(120), motion=False),
         {"waypoints": Into("items", "list")},
         ("waypoints",),
-        note="the first waypoint stands for home, as ArduPilot has it with mavros; always the whole mission",
+        note="the first waypoint is home, as in ArduPilot with mavros; always the whole mission",
     ),
     "mission/pull": Taken("service", ActionEntry(call="mission_download", deadline=Duration(120), motion=False)),
     "mission/clear": Taken("service", ActionEntry(call="mission_clear", deadline=Duration(120), motion=False)),
@@ -281,7 +281,7 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
     "param/pull": Taken(
         "service",
         ActionEntry(call="param_pull", deadline=Duration(120), motion=False),
-        note="the values come as percepts of `param/param_value`, told as often as its `rate` says",
+        note="the values become percepts of `param/param_value`, at its `rate`",
     ),
     "param/get": Taken(
         "service",
@@ -295,7 +295,7 @@ CALLS: Mapping[str, Taken] = MappingProxyType({
         ActionEntry(call="param_set", deadline=Duration(90), motion=False),
         {"param_id": Into("name", "string"), "value.integer": Into("value", "int"), "value.real": Into("value")},
         ("param_id",),
-        note="one form of the value, whichever the manifest has; succeeds when the vehicle tells it back",
+        note="one form of the value, whichever the manifest has; succeeds when the vehicle reports it",
     ),
 })  # fmt: skip
 """By the name below `mavros/`: what can be done."""

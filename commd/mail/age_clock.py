@@ -20,7 +20,7 @@ import msgspec
 from msgspec.structs import replace
 
 from commd.mail import schema
-from commd.process.restart_counter import machine_life
+from commd.process.restart_counter import machine_boot
 from schemas.wire.records import BoardServices, MailSeen, Note
 
 SAVE_EVERY = 10.0
@@ -41,7 +41,7 @@ class MailClock:
     """Seconds that never go back."""
 
     def __init__(self, since_boot: Callable[[], float] = SINCE_BOOT, boot: str | None = None) -> None:
-        self._since_boot, self._boot = since_boot, machine_life() if boot is None else boot
+        self._since_boot, self._boot = since_boot, machine_boot() if boot is None else boot
         self._zero = since_boot()
         """Reading of the kernel's clock at 0 of this one."""
         self.found: float | None = None

@@ -91,7 +91,7 @@ class LogHandler(logging.Handler):
         try:
             self._take(record)
         except Exception as error:
-            self._take(_plain(record, f"a line that cannot be told ({type(error).__name__}): {record.msg!r:.200}"))
+            self._take(_plain(record, f"a line that cannot be formatted ({type(error).__name__}): {record.msg!r:.200}"))
 
     def _take(self, record: logging.LogRecord) -> None:
         if not isinstance(record.msg, str):  # everything that is not text is one kind

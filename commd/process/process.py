@@ -26,7 +26,7 @@ from commd.bus.tls import Tls, tls_in
 from commd.common.clock import Clock
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
-from commd.process.restart_counter import end_lives
+from commd.process.restart_counter import note_ends
 from schemas.files.findings import Findings
 from schemas.files.units import check_endpoint
 from schemas.liveness import HEALTH_EVERY
@@ -92,7 +92,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
 
     def aborted(words: str) -> None:
         stderr().write(f"error: {name}: {words}", ERROR)
-        end_lives(one_line(words))
+        note_ends(one_line(words))
         flush()
 
     words = ""
@@ -120,7 +120,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         stderr().write(f"error: {name}: {words}; ARGOSY_DEBUG=1 shows where", ERROR)
         return EXIT_FAILED
     finally:
-        end_lives(one_line(words))
+        note_ends(one_line(words))
         logs.end_window()
         flush()
 

@@ -14,7 +14,7 @@ import msgspec
 
 from commd.process.state_dir import make_private_file, make_private_folder
 
-log = logging.getLogger("lives")
+log = logging.getLogger("restarts")
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 MUTE = "the process before it ended without a message: killed, or out of memory"
@@ -39,7 +39,7 @@ class RestartCounter:
         self.before = ""
         """How the process before this one failed, if it did."""
         self._path = path
-        self._note = _Note(machine_life() if machine is None else machine, running=True)
+        self._note = _Note(machine_boot() if machine is None else machine, running=True)
         try:
             make_private_folder(path.parent)
             former = self._former()
@@ -80,26 +80,26 @@ class RestartCounter:
         os.replace(new, self._path)
 
 
-def begin_life(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
+def note_start(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
     """Note in `folder` that a daemon runs, after it has claimed its name; `end_lives` notes its end.
 
     Returns its restarts after failures since the machine's boot (None: not known), and how the process before it
     failed, if it did.
     """
-    life = RestartCounter(folder / f"{name}.{daemon}.life")
-    if life.before:
-        log.warning("restarts=%s %s", life.restarts, life.before)
-    _open.append(life)
-    return life.restarts, life.before
+    counter = RestartCounter(folder / f"{name}.{daemon}.restarts")
+    if counter.before:
+        log.warning("restarts=%s %s", counter.restarts, counter.before)
+    _open.append(counter)
+    return counter.restarts, counter.before
 
 
-def end_lives(words: str = "") -> None:
+def note_ends(words: str = "") -> None:
     """Note the end of all daemons of this process; `words`: how they failed, empty = as ordered."""
     while _open:
         _open.pop().end(words)
 
 
-def machine_life() -> str:
+def machine_boot() -> str:
     """Return the machine's boot id, or ARGOSY_BOOT of its unit, which may hide it; empty if unknown."""
     if given := os.environ.get("ARGOSY_BOOT"):
         return given

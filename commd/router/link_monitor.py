@@ -104,7 +104,7 @@ class Links:
             return
         who, count = linked.most_common(1)[0]
         whose = f"`{who}` has {count} of them" if who else f"{count} of them are on this board's socket"
-        full = f"{self._links} of {self._most} links are taken, {whose}: whoever comes when there are none is refused"
+        full = f"{self._links} of {self._most} links are taken, {whose}: with none left, further machines are refused"
         if not self._full:
             log.error("%s", full)
         self._full = full

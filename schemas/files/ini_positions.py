@@ -1,4 +1,4 @@
-"""Reads INI text with the line of each section and option, which Python's `configparser` does not tell."""
+"""Reads INI text with the line of each section and option, which Python's `configparser` does not report."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class _Reader:
         name = found[1].strip() if found else ""
         if not name:
             self._problem(number, f"expected a section such as `[takeoff]`, got `{text}`")
-            self._section = Section("", number)  # what stands below it is read, and dropped with it
+            self._section = Section("", number)  # its options are read, and dropped with it
             return
         if earlier := self.sections.get(name):
             self._problem(number, f"`[{name}]` is repeated, first at line {earlier.line}")

@@ -30,7 +30,7 @@ def changed(document: Mapping[str, Any], change: ManifestChange) -> tuple[dict[s
     for path, value in change.set.items():
         try:
             if _holds_nothing(value):
-                raise BadPath(f"{path}: expected a value, got null; what is to go stands under `remove`")
+                raise BadPath(f"{path}: expected a value, got null; to remove it, list it under `remove`")
             _set(made, path, value)
         except BadPath as error:
             problems.append(str(error))

@@ -387,7 +387,7 @@ def _named_parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
     if len(types) != len(names) and len(options.findings) == before:
         options.problem(f"{len(names)} names in `params_name`, {len(types)} types here", "params_type")
     read: list[Parameter] = []
-    for name, kind in zip(names, types, strict=False):  # that there are as many is told above
+    for name, kind in zip(names, types, strict=False):  # unequal numbers are reported above
         try:
             read.append(read_parameter(name, kind))
         except BadList as error:

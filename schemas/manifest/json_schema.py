@@ -35,7 +35,7 @@ Name = Annotated[str, Meta(pattern=f"^{FUNCTOR.pattern}$")]
 
 
 class Document(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A robot, declaratively: what it tells, what it can do, and by which driver."""
+    """A robot, declaratively: its percepts, its actions, and their driver."""
 
     robot: RobotEntry
     percepts: dict[Name, PerceptEntry] = {}

@@ -52,7 +52,7 @@ FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 RESERVED = {
     "percepts": {
         "bridge": "whether it is there",
-        "feedback": "what the bridge itself tells of running actions",
+        "feedback": "progress of running actions, from the bridge",
         "holder": "which of its agents has the robot",
         "paused": "that the operator has paused the robot",
     },

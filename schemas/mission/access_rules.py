@@ -147,7 +147,7 @@ def check(mission: Mission) -> None:
     for board in mission.board_names:
         for name, home in homes.items():
             if name.startswith(made_on(board)) and home != board:
-                where = f"lives on {home}" if home else "is no agent"
+                where = f"belongs to {home}" if home else "is no agent"
                 text = (
                     f"`{name}` {where}, but names that begin with `{made_on(board)}` are for agents that {board} makes"
                 )

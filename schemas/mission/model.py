@@ -463,7 +463,7 @@ def _check(mission: Mission) -> list[Finding]:
             wrong(("robots", name, "link"), text)
         _check_lease(mission, name, wrong)
         if robot.agent_silence < LEAST_SILENCE:
-            text = f"an agent says something once a second: expected {LEAST_SILENCE} s or more"
+            text = f"an agent reports once a second: expected {LEAST_SILENCE} s or more"
             wrong(("robots", name, "agent_silence"), f"agent_silence: {text}, got {robot.agent_silence}")
     for field, endings in (("done", mission.done), ("failed", mission.failed)):
         for index, ending in enumerate(endings):

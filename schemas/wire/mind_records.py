@@ -262,7 +262,7 @@ class MindOrder(Record, frozen=True, kw_only=True):
     """The goal or belief, in the syntax of programs: `go(3,4)`."""
 
 
-class MindBirth(Record, frozen=True, kw_only=True):
+class InitialMind(Record, frozen=True, kw_only=True):
     """The initial data of a mind: with these and its inputs it can be replayed (docs/reference/mind-records.md)."""
 
     program: str
@@ -322,7 +322,7 @@ class MindInputs(Record, frozen=True, kw_only=True):
     agent: str = ""
     number: int = 0
     """Number of the section, from 0; a replay needs all sections."""
-    birth: MindBirth | None = None
+    initial: InitialMind | None = None
     """In section 0."""
     last: int = 0
     """The last cycle of this section."""

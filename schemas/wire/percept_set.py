@@ -132,8 +132,8 @@ class PerceptSet:
         `reported` is the digest in the bridge's health, which follows its percepts. If its seq is behind ours, somebody
         else has published in the bridge's name.
         """
-        life, _, content = reported.rpartition(":")
-        boot, _, seq = life.rpartition(":")
+        place, _, content = reported.rpartition(":")
+        boot, _, seq = place.rpartition(":")
         readable = seq.isascii() and seq.isdigit() and len(seq) <= _DIGITS
         if readable and boot == self.boot and int(seq) < self.seq:
             self._reported = int(seq)

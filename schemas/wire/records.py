@@ -154,7 +154,7 @@ class Message(Record, frozen=True, kw_only=True):
     content: Term
     in_reply_to: str = ""
     ttl: float | None = None
-    """Time to live in wall seconds; none = it waits for ever."""
+    """Time to live in wall seconds, 0 or more; none = no limit."""
 
 
 class Mail(Record, frozen=True, kw_only=True):

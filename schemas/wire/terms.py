@@ -62,7 +62,7 @@ class OpenList(_Kind, frozen=True, tag="open_list"):
 
 
 class Source(_Kind, frozen=True, tag="source"):
-    """A term that only source text can say: `{ +!g : c <- !a }`, `{ h :- b }`, `(X+1)`."""
+    """A term that only source text can express: `{ +!g : c <- !a }`, `{ h :- b }`, `(X+1)`."""
 
     of: Literal["plan", "rule", "trigger", "body", "expression"]
     text: str
@@ -142,12 +142,12 @@ def _term(value: Any) -> Any:
         if "kind" not in value:
             raise ValueError("Expected a term: an object needs `kind`, one of " + ", ".join(_TAGS))
         tag = value["kind"]
-        # Not to the union of all: msgspec studies a union anew each time, ten times as long as the conversion itself.
+        # Not to the union of all: msgspec analyses a union each time, ten times as long as the conversion.
         kind = _BY_TAG.get(tag, Kind) if isinstance(tag, str) else Kind
         try:
             return msgspec.convert(value, kind, dec_hook=decode_hook)
         except msgspec.ValidationError as error:
-            raise ValueError(f"{tag}: {error}") from None  # so that msgspec adds where the term stands
+            raise ValueError(f"{tag}: {error}") from None  # so that msgspec adds the place of the term
     if isinstance(value, KINDS):
         return value
     raise ValueError(f"Expected a term, got `{'null' if value is None else type(value).__name__}`")

@@ -12,7 +12,7 @@ from agentd.mind.data.effects import Effect
 from agentd.trace.initial_state import InitialState, Sources
 from agentd.trace.input_log import InputBatch, InputLog
 from schemas.wire.codec import codec
-from schemas.wire.mind_records import MindBirth, MindInputs
+from schemas.wire.mind_records import InitialMind, MindInputs
 
 
 class OpenMind(Mind):
@@ -36,10 +36,10 @@ class Traced:
         listened: bool = True,
         **arguments: Any,
     ) -> None:
-        settings = MindBirth(program="", decisions=decisions, seed=seed, start=start, epoch=epoch)
+        settings = InitialMind(program="", decisions=decisions, seed=seed, start=start, epoch=epoch)
         self.start = start
-        self.birth = InitialState(settings, sources)
-        self.course = InputLog(name, self.birth.record, agents)
+        self.initial = InitialState(settings, sources)
+        self.course = InputLog(name, self.initial.record, agents)
         self.mind = mind = OpenMind(
             name,
             program,

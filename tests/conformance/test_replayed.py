@@ -80,7 +80,7 @@ def test_a_mind_that_lives_again_does_the_same(
             if id(traced) in clones or included or not batches:
                 continue
             program = traced.mind.program
-            monkeypatch.setattr(replayed_mind, "program_of", lambda birth, texts, program=program: (program, None))
+            monkeypatch.setattr(replayed_mind, "program_of", lambda initial, texts, program=program: (program, None))
             life = ReplayedMind(batches[0])
             life.mind.post_office = None
             for batch in batches:

@@ -85,7 +85,7 @@ def course_of(recording: Path) -> Course:
         chosen = [(one.name, one.chosen.position) for one in record.decisions if one.chosen is not None]
         decided += [f"{name} at {Path(position).name}" for name, position in chosen]
     course.orders = {name: tuple(order) for name, order in orders.items()}
-    for life in read.lives():
+    for life in read.minds():
         lived, noted = ReplayedMind(life.batches[0]), dict[str, None]()
         views = MindViews(lived.mind)
         for batch in life.batches:

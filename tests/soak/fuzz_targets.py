@@ -47,7 +47,7 @@ from schemas.manifest.loader import load_manifest
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
-from schemas.wire.mind_records import MindBirth, MindInput, MindInputs, MindStep
+from schemas.wire.mind_records import InitialMind, MindInput, MindInputs, MindStep
 from schemas.wire.records import Action, Header, Mail, Message, Perception, Record
 from schemas.wire.terms import Atom, Map, Source, Structure, Variable
 from tests.agentd.trials import TooLong, at_most
@@ -377,13 +377,13 @@ def _read_recording(data: bytes, _: random.Random) -> None:
     recording = open_recording(path)
     for message in recording.messages():
         _ = message.record
-    recording.lives()
+    recording.minds()
 
 
 _LIFE = MindInputs(
     header=Header(seq=0, stamp=1, boot="b1"),
     agent="uav",
-    birth=MindBirth(program="a.asl", files={"a.asl": "+said(X) <- .print(X). +!go(X) <- +at(X). +?where(h)."}),
+    initial=InitialMind(program="a.asl", files={"a.asl": "+said(X) <- .print(X). +!go(X) <- +at(X). +?where(h)."}),
     last=1,
 )
 

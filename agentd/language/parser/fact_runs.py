@@ -122,7 +122,7 @@ Parse = Callable[[Source, int, int], Sequence[Item]]
 
 
 def has_many_facts(text: str) -> bool:
-    """Estimate whether a program has so many facts, or such large ones, that recognising them saves time."""
+    """Estimate whether the number or size of a program's facts is large enough for recognising them to save time."""
     many = 1 if len(text) >= LARGE else MANY
     return next(islice(_FACT_FOLLOWS.finditer(text), many - 1, None), None) is not None
 

@@ -357,7 +357,7 @@ def further(rest: int, pending: Iterable[Any], what: str) -> tuple[int, int]:
 
 
 def _cyclic(roots: Iterable[Any]) -> bool:
-    """Whether a term holds itself. Each part is looked at once."""
+    """Whether a term holds itself. Each part is visited one time."""
     path: set[int] = set()
     done: set[int] = set()
     work: list[tuple[Any, bool]] = [(root, False) for root in roots]

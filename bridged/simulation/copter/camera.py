@@ -2,7 +2,7 @@
 
 A victim is seen within the camera's range over ground, unless a fault hides it, and from then on for `MEMORY` more: the
 tracker behind a real camera keeps what it has found for a while too, and a router that restarts just then does not hide
-anybody. Nothing is told of a victim that was never in range.
+anybody. A victim that was never in range is not reported.
 """
 
 from __future__ import annotations

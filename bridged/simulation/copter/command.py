@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=HOME,
         type=_place,
         metavar="LAT,LON,ALT",
-        help=f"where it stands: degrees, degrees, metres above mean sea level (default {HOME})",
+        help=f"its home: degrees, degrees, metres above mean sea level (default {HOME})",
     )
     parser.add_argument(
         "--heading",
@@ -90,16 +90,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--servo-log", type=Path, metavar="FILE", help="write what its servo outputs do, where and when: JSON lines"
     )
     parser.add_argument(
-        "--victims", type=_victims, metavar="N,SEED,SOUTH,WEST,NORTH,EAST", help="who is in the water below its camera"
+        "--victims",
+        type=_victims,
+        metavar="N,SEED,SOUTH,WEST,NORTH,EAST",
+        help="number and seed of victims in the water, and their area",
     )
     parser.add_argument(
         "--camera",
         type=number_in("metres", 0.1, 10_000),
         metavar="M",
-        help="its camera sees victims so far away over ground",
+        help="range of its camera, in metres over ground",
     )
     parser.add_argument(
-        "--camera-key", default="camera/victim", metavar="KEY", help="where its camera tells them (camera/victim)"
+        "--camera-key",
+        default="camera/victim",
+        metavar="KEY",
+        help="the key on which its camera publishes them (camera/victim)",
     )
     parser.add_argument(
         "--router", default=DEFAULT_ROUTER, type=_endpoint, metavar="ENDPOINT", help="the router that its camera is on"

@@ -206,10 +206,10 @@ def _within(value: float, most: float = 1e9) -> float:
 
 
 TABLE: dict[str, Row] = {
-    "loss": Row("loss=SHARE", "so many of the packets are lost, both ways", _share("loss")),
-    "duplicate": Row("duplicate=SHARE", "so many come twice", _share("duplicate")),
-    "reorder": Row("reorder=SHARE", "so many come after the one that follows them", _share("reorder")),
-    "garbage": Row("garbage=SHARE", "before so many come bytes that are no packet", _share("garbage")),
+    "loss": Row("loss=SHARE", "share of packets that are lost, both ways", _share("loss")),
+    "duplicate": Row("duplicate=SHARE", "share of packets that arrive twice", _share("duplicate")),
+    "reorder": Row("reorder=SHARE", "share of packets that arrive after the following one", _share("reorder")),
+    "garbage": Row("garbage=SHARE", "share of packets preceded by bytes that are no packet", _share("garbage")),
     "mute-acks": Row("mute-acks", "the vehicle acts and never acknowledges", _flag("mute_acks")),
     "lie": Row("lie", "the vehicle acknowledges commands and obeys none; goals it ignores", _flag("lie")),
     "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
@@ -234,7 +234,7 @@ TABLE: dict[str, Row] = {
     ),
     "autopilot": Row(
         "autopilot=N",
-        "its HEARTBEATs say that it is another autopilot (12 is PX4); it stays an ArduCopter",
+        "autopilot number in its HEARTBEATs (12: PX4); it behaves as an ArduCopter",
         lambda f, text: replace(f, autopilot=int(_within(int(text), 255))),
     ),
     "seed": Row("seed=N", f"another row of dice (default {SEED})", lambda f, text: replace(f, seed=int(text))),
@@ -310,7 +310,7 @@ class Air:
     def _noise(self) -> bytes:
         self.counters.garbage += 1
         noise = self._dice.randbytes(self._dice.randint(1, LONGEST_GARBAGE))
-        # Half of it begins as a packet would: the worst that can stand before one.
+        # Half of it begins as a packet would: the worst that can precede one.
         return noise if self._dice.random() < 0.5 else bytes([dialect.PROTOCOL_MARKER_V2]) + noise
 
 

@@ -38,7 +38,7 @@ class Transmitter:
     """RC_CHANNELS. An override expires RC_OVERRIDE_TIME seconds after its last message; `now`: vehicle seconds."""
 
     parameters: Parameters
-    _overrides: dict[int, tuple[int, float]] = field(default_factory=dict)  # pulse, when it was said
+    _overrides: dict[int, tuple[int, float]] = field(default_factory=dict)  # pulse, time of receipt
     _switch: int | None = None
     _pushed: bool = False
 

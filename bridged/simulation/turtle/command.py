@@ -155,7 +155,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `bridged simulate turtle`."""
     add_router_argument(parser)
     parser.add_argument("--name", default="turtle1", help="the first part of its keys (default turtle1)")
-    parser.add_argument("--prefix", default="", help="what stands before the name, as `prefix` of a mission's robot")
+    parser.add_argument("--prefix", default="", help="prefix of its keys, as `prefix` of a mission's robot")
     parser.add_argument(
         "--speed", default=1.0, type=number_in("a factor", 0.1, 100), metavar="X", help="times real time (default 1)"
     )

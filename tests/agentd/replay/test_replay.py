@@ -317,11 +317,11 @@ def _with(batches: list[Any], number: int, **fields: Any) -> list[Any]:
 
 def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
     batches = _flown().batches
-    born = batches[0].birth
+    born = batches[0].initial
     assert born is not None
     with pytest.raises(CannotReplay, match="there are no inputs of a mind in the recording"):
         replay([])
-    with pytest.raises(CannotReplay, match="begins with batch 1: its birth is missing"):
+    with pytest.raises(CannotReplay, match="begins with batch 1: its initial is missing"):
         replay(batches[1:])
     with pytest.raises(CannotReplay, match=r"batch 1 is missing: what went in then is not known"):
         replay([batches[0], msgspec.structs.replace(batches[1], number=2)])
@@ -332,8 +332,8 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
     with pytest.raises(CannotReplay, match="counts cycles in which nothing can have happened"):
         replay([*batches[:-1], msgspec.structs.replace(batches[-1], last=10**30)])
     cloned = msgspec.structs.replace(born, unknown="it is a clone of ann")
-    with pytest.raises(CannotReplay, match="bob cannot live again: it is a clone of ann"):
-        replay(_with(batches, 0, birth=cloned))
+    with pytest.raises(CannotReplay, match="bob cannot be replayed: it is a clone of ann"):
+        replay(_with(batches, 0, initial=cloned))
     with pytest.raises(CannotReplay, match=r"bob\.asl:1:1: "):
         compare(batches, program="} no program")
     with pytest.raises(CannotReplay, match=r"gone\.asl: No such file"):
@@ -348,13 +348,13 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
 def test_a_life_that_was_another_is_reported_with_the_decision_that_differs() -> None:
     traced = _flown()
     batches = traced.batches
-    born = batches[0].birth
+    born = batches[0].initial
     assert born is not None
     views = [view for view in traced.mind.decision_views() if hasattr(view, "chosen")]
     records = tuple(msgspec.convert(view, DecisionView, from_attributes=True) for view in views)
     decisions = [MindDecisions(agent="bob", decisions=records)]
     other = msgspec.structs.replace(born, files={"bob.asl": LANDS.replace("A > 10", "A > 8")})
-    changed = _with(batches, 0, birth=other)
+    changed = _with(batches, 0, initial=other)
     result = replay(changed, decisions)
     assert result.difference is not None
     assert result.difference.exact
@@ -371,7 +371,7 @@ def test_a_life_that_was_another_is_reported_with_the_decision_that_differs() ->
 def test_batches_made_while_nobody_listened_are_lived_but_not_proven() -> None:
     traced = Traced.of(LANDS, listened=False)
     live(traced, [(0.1, [PerceptReplaced(term(f"altitude({level})"))]) for level in (1, 9, 12)])
-    kept = traced.course.since_birth()
+    kept = traced.course.since_start()
     assert kept is not None
     result = replay(list(kept))
     assert (result.agrees, result.proven) == (True, 0)

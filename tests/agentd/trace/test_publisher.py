@@ -92,10 +92,10 @@ async def test_once_the_beginning_is_dropped_who_is_late_is_warned_and_nothing_i
         assert course.dropped > 10
         assert agent.host.health().counters["trace_dropped"] == course.dropped
         late = Recorder(bus, "uav")
-        assert "the beginning of this life is not kept any more" in await late.catch_up()
+        assert "the inputs since the agent's start exceed the limit" in await late.catch_up()
         await until(lambda: len(late.batches) > 1, "what goes in is published from now on")
         assert min(late.batches) > 0
-        with pytest.raises(CannotReplay, match="its birth is missing"):
+        with pytest.raises(CannotReplay, match="its initial is missing"):
             replay(late.inputs)
 
 
@@ -141,7 +141,7 @@ async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect:
         agent.host._ordered("goal !fly(3)")
         await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is published")
         found = {one.kind: one for one in activity.activity if one.other != "ann" or "hello" in one.text}
-        life = agent.host._tracing.life
+        life = agent.host._tracing.agent_boot
         assert found["received"].text == "hello(7)"
         assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
         assert (found["sent"].text, found["sent"].other, found["sent"].performative) == ("hello(7)", "ann", "tell")
@@ -254,7 +254,7 @@ async def test_each_life_of_an_agent_that_is_kept_lives_again(connect: Connect, 
             await until(lambda one=recorder: one.inputs[-1].final, "its end is published")
         lives.append(recorder)
     for number, recorder in enumerate(lives):
-        born = recorder.inputs[0].birth
+        born = recorder.inputs[0].initial
         assert born is not None
         assert bool(born.memory) == (number > 0)
         assert born.kept
@@ -312,7 +312,7 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
         result = replay(batches, recorders[name].decided)
         assert result.agrees, (name, result.difference)
         assert result.proven >= result.batches - 1
-    born = recorders["a"].inputs[0].birth
+    born = recorders["a"].inputs[0].initial
     assert born is not None
     assert (born.goals, born.beliefs) == (("extra",), ("told(1)",))
     assert list(born.files) == [str(tmp_path / "a.asl")]
@@ -322,5 +322,5 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
     heard = {one.id for one in recorders["kid"].activity if one.kind == "received"}
     assert heard
     assert heard <= sent
-    with pytest.raises(CannotReplay, match="twin cannot live again: it is a clone of a, and what that had become"):
+    with pytest.raises(CannotReplay, match="twin cannot be replayed: it is a clone of a, and what that had become"):
         replay(recorders["twin"].inputs)

@@ -178,7 +178,7 @@ def test_a_part_that_ends_although_nobody_told_it_to_has_failed(name: str, caplo
     doubles = _Doubles()
     parts = {one: doubles.obedient(one) for one in ("commd", "bridged", "agentd")} | {name: doubles.failing(0)}
     assert _run(**parts) == 1
-    assert f"{name} has failed, the board ends: it ended although nobody had told it to" in caplog.text
+    assert f"{name} has failed, the board ends: it ended by itself" in caplog.text
 
 
 def test_a_part_that_does_not_end_is_told_and_left(

@@ -15,7 +15,7 @@ from argosy.recording.write_queue import Heard
 from argosy.recording.writer import Compression, RecordingWriter
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
-from schemas.wire.mind_records import MindBirth, MindInputs
+from schemas.wire.mind_records import InitialMind, MindInputs
 from schemas.wire.records import Header, Perception, Record
 
 SECOND = 1_000_000_000
@@ -38,9 +38,9 @@ def altitude(number: int, value: float, wire: Wire = "json") -> Heard:
 
 def stretch(number: int, boot: str = "b1", agent: str = "uav") -> MindInputs:
     """A stretch of a mind's inputs."""
-    birth = MindBirth(program="a.asl", files={"a.asl": "!go."}) if number == 0 else None
+    initial = InitialMind(program="a.asl", files={"a.asl": "!go."}) if number == 0 else None
     header = Header(seq=number, stamp=1, boot=boot)
-    return MindInputs(header=header, agent=agent, number=number, birth=birth, last=number)
+    return MindInputs(header=header, agent=agent, number=number, initial=initial, last=number)
 
 
 def write(path: Path, messages: Sequence[Heard], compression: Compression = "lz4") -> RecordingWriter:

@@ -159,12 +159,12 @@ def test_of_minds_it_tells_which_stretches_are_missing(tmp_path: Path) -> None:
     numbers = [3, 0, 1, 3, 6]
     others = [stretch(1, "b2"), stretch(0, "b3")]
     write(path, [heard(key, one) for one in [*map(stretch, numbers), *others]]).close(END)
-    first, second, third = open_recording(path).lives("uav")
+    first, second, third = open_recording(path).minds("uav")
     assert [batch.number for batch in first.batches] == [0, 1, 3, 6]
     assert (first.missing, first.whole) == ([range(2, 3), range(4, 6)], False)
     assert (second.missing, second.whole) == ([range(1)], False)
     assert (third.missing, third.whole) == ([], True)
-    assert open_recording(path).lives("other") == []
+    assert open_recording(path).minds("other") == []
 
 
 def recorded(path: Path, limits: Limits, messages: list[Heard], write_queue: WriteQueue | None = None) -> Recorder:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.recording.mind_inputs import MOST_MISSING, Life, Minds, Whose, range_text, stretches
+from argosy.recording.mind_inputs import MOST_MISSING, Minds, RecordedMind, Whose, range_text, stretches
 from schemas.wire.mind_records import MindInputs
 
 ABSURD = 10**30
@@ -14,8 +14,8 @@ def test_stretches_of_numbers_are_told_as_such() -> None:
 
 
 def test_a_number_beyond_all_others_is_told_and_costs_nothing() -> None:
-    life = Life("test", "uav", "b1", [MindInputs(number=number) for number in (0, 1, ABSURD)])
-    assert range_text(life.missing) == f"2-{ABSURD - 1}"
+    mind = RecordedMind("test", "uav", "b1", [MindInputs(number=number) for number in (0, 1, ABSURD)])
+    assert range_text(mind.missing) == f"2-{ABSURD - 1}"
     minds = Minds()
     whose = Whose("test", "uav", "b1")
     assert minds.heard(whose, 0)

@@ -18,7 +18,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.recording.metadata import End
-from argosy.recording.mind_inputs import Life
+from argosy.recording.mind_inputs import RecordedMind
 from argosy.recording.reader import BadRecording, open_recording
 from argosy.recording.records import TokenSeen
 from argosy.recording.write_queue import Heard
@@ -197,9 +197,9 @@ def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed
     """The digest of what was decided does not fit any more: the recorded decision is shown beside the other one."""
 
     def other_limit(batch: MindInputs) -> MindInputs:
-        if batch.birth is None:
+        if batch.initial is None:
             return batch
-        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, beliefs=("limit(9)",)))
+        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, beliefs=("limit(9)",)))
 
     code, out, _ = replayed("buyer", path=recorded.changed("other.mcap", other_limit))
     assert code == 1
@@ -211,7 +211,7 @@ def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed
 
 
 def test_nothing_is_proved_beyond_inputs_that_are_missing(recorded: Recorded, replayed: Replay) -> None:
-    last = max(batch.number for batch in open_recording(recorded.path).lives("buyer")[0].batches)
+    last = max(batch.number for batch in open_recording(recorded.path).minds("buyer")[0].batches)
     path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
     code, out, _ = replayed("buyer", path=path)
     assert code == 1
@@ -232,7 +232,8 @@ def test_a_life_whose_end_is_missing_does_not_agree_although_its_daemon_was_seen
     assert main(["replay", str(path), "--info"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"^  seller +\w+ +whole, ", out, re.MULTILINE)
-    assert re.search(r"^  buyer +\w+ +from birth to [\d.]+ s of mission time, its end is missing, ", out, re.MULTILINE)
+    lines = r"^  buyer +\w+ +from its start to [\d.]+ s of mission time, its end is missing, "
+    assert re.search(lines, out, re.MULTILINE)
 
 
 def test_a_recording_that_ended_before_the_agent_says_so(recorded: Recorded, replayed: Replay) -> None:
@@ -259,8 +260,7 @@ def test_a_recording_that_began_too_late_proves_nothing(recorded: Recorded, repl
     code, out, _ = replayed("buyer", path=path)
     assert (code, out) == (
         1,
-        "buyer: nothing can be proved\n  the beginning of its life is missing, batch 0 of its inputs: "
-        "begin to record sooner\n",
+        "buyer: nothing can be proved\n  its start is missing, with batch 0 of its inputs: begin to record sooner\n",
     )
 
 
@@ -293,9 +293,9 @@ def test_inputs_that_this_version_cannot_read_are_told_and_never_agree(recorded:
 
 def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed: Replay) -> None:
     def unknown(batch: MindInputs) -> MindInputs:
-        if batch.birth is None:
+        if batch.initial is None:
             return batch
-        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, unknown="it is a clone"))
+        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, unknown="it is a clone"))
 
     code, out, _ = replayed("buyer", path=recorded.changed("clone.mcap", unknown))
     assert code == 1
@@ -303,13 +303,13 @@ def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed
     assert "it is a clone" in out
 
 
-def cut_off(recorded: Recorded, good: Callable[[Life], bool]) -> Path:
+def cut_off(recorded: Recorded, good: Callable[[RecordedMind], bool]) -> Path:
     """Return the longest beginning of the file, the file itself aside, of which the buyer's life is as is wanted."""
     whole, cut = recorded.path.read_bytes(), recorded.path.with_name("cut.mcap")
     for size in range(len(whole) - 1000, 1000, -500):
         cut.write_bytes(whole[:size])
         with suppress(BadRecording):
-            if any(good(life) for life in open_recording(cut).lives("buyer")):
+            if any(good(life) for life in open_recording(cut).minds("buyer")):
                 return cut
     raise AssertionError("there is no such beginning")
 
@@ -335,7 +335,7 @@ def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
 
 
 def test_what_was_asked_for_in_part_agrees_in_part(recorded: Recorded, replayed: Replay) -> None:
-    last = max(batch.number for batch in open_recording(recorded.path).lives("buyer")[0].batches)
+    last = max(batch.number for batch in open_recording(recorded.path).minds("buyer")[0].batches)
     path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
     code, out, _ = replayed("buyer", "--until", "0.1", path=path)
     assert code == 0
@@ -360,7 +360,7 @@ def test_one_of_several_fleets_has_to_be_named(recorded: Recorded, replayed: Rep
     path = recorded.changed("fleets.mcap", lambda batch: batch, twice="other")
     code, out, err = replayed("buyer", path=path)
     assert (code, out) == (2, "")
-    assert err == f"error: {path}: buyer is in several fleets: say --fleet lamp or other\n"
+    assert err == f"error: {path}: buyer is in several fleets: add --fleet lamp or other\n"
     for fleet in ("lamp", "other"):
         code, out, _ = replayed("buyer", "--fleet", fleet, path=path)
         assert code == 0
@@ -374,10 +374,10 @@ def test_it_is_said_which_file_an_edited_one_of_another_name_takes_the_place_of(
     recorded: Recorded, replayed: Replay
 ) -> None:
     def with_an_include(batch: MindInputs) -> MindInputs:
-        if batch.birth is None:
+        if batch.initial is None:
             return batch
-        files = {**batch.birth.files, str(Path(batch.birth.program).with_name("flying.asl")): "height(3).\n"}
-        return msgspec.structs.replace(batch, birth=msgspec.structs.replace(batch.birth, files=files))
+        files = {**batch.initial.files, str(Path(batch.initial.program).with_name("flying.asl")): "height(3).\n"}
+        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, files=files))
 
     several = recorded.changed("several.mcap", with_an_include)
     (recorded.path.parent / "flyin.asl").write_text(BUYER, encoding="utf-8")
@@ -399,7 +399,7 @@ def test_options_that_have_no_meaning_for_a_mind_are_refused(option: str, replay
     assert err == f"error: {option.split()[0]}: has no meaning with --mind, which publishes nothing\n"
 
 
-@pytest.mark.parametrize("option", ["--program buyer.asl", "--life 1", "--until 2", "--why offer", "--show 1"])
+@pytest.mark.parametrize("option", ["--program buyer.asl", "--start 1", "--until 2", "--why offer", "--show 1"])
 def test_options_that_have_a_meaning_for_a_mind_only_are_refused_without(
     option: str, recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -411,7 +411,7 @@ def test_options_that_have_a_meaning_for_a_mind_only_are_refused_without(
     ("arguments", "told"),
     [
         (["nobody"], "error: lamp.mcap: there are no inputs of nobody in it, there are those of buyer, seller"),
-        (["buyer", "--life", "2"], "error: lamp.mcap: --life 2: there are 1 lives of buyer in it"),
+        (["buyer", "--start", "2"], "error: lamp.mcap: --start 2: buyer has 1 start in it"),
         (["buyer", "--program", "none.asl"], "error: none.asl: No such file or directory"),
         (["buyer", "--program", "lamp.yaml"], "lamp.yaml:1:"),
         (["buyer", "--program", "lamp.mcap"], "lamp.mcap:1"),
@@ -475,8 +475,9 @@ def test_a_mind_that_was_killed_and_came_back_is_proved_but_for_the_end_of_its_f
     assert lines[0].startswith("counter: the same for ")
     assert lines[0].endswith("but not all of it is proved:\n")
     assert lines[1].startswith("  its end is not in the recording: it was killed, ")
-    assert AGREES.fullmatch(lines[2].replace(", life 2", ""))
-    assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter", "--life", "2", "--why", "restarted"]) == 0
+    assert AGREES.fullmatch(lines[2].replace(", start 2", ""))
+    file = str(tmp_path / "count.mcap")
+    assert main(["replay", file, "--mind", "counter", "--start", "2", "--why", "restarted"]) == 0
     assert "+restarted(1)" in capfd.readouterr().out
     assert main(["why", "counter", "restarted", "--recording", str(tmp_path / "count.mcap")]) == 0
     said = capfd.readouterr().out

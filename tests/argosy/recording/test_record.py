@@ -158,7 +158,7 @@ async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lo
         await seen(path, INPUTS, 7)
         code, out, _ = await recorder.end()
     assert (code, "missing" in out) == (0, False)
-    (life,) = open_recording(path).lives()
+    (life,) = open_recording(path).minds()
     assert life.batches == kept
     assert life.whole
 
@@ -183,7 +183,7 @@ async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(
     found = open_recording(path)
     assert found.end is not None
     assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
-    assert found.lives()[0].missing == [range(1, 3)]
+    assert found.minds()[0].missing == [range(1, 3)]
 
 
 @bus_test
@@ -203,7 +203,7 @@ async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(
             buses[name].withdraw(tokens[name])
             await seen(path, f"argosy/{FLEET}/{name}/alive/agentd", 2)
         code, out, _ = await recorder.end()
-    told = "the end of its life is missing: it was killed, or its last inputs lost"
+    told = "its end is missing: it was killed, or its last inputs were lost"
     warnings = [line for line in out.splitlines() if line.startswith("warning")]
     assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
 

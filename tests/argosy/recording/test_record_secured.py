@@ -43,7 +43,7 @@ def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
         fleet.start("pi2", "agentd").says("agents=b")
         asyncio.run(record(fleet))
     recording = open_recording(path)
-    assert {life.agent: life.whole for life in recording.lives()} == {"a": True, "b": True}
+    assert {life.agent: life.whole for life in recording.minds()} == {"a": True, "b": True}
     said = Counter((m.key, one.header.boot, one.header.seq) for m, one in recording.typed(Health))
     assert set(said.values()) == {1}
     assert validated(path) > 20

@@ -365,7 +365,7 @@ def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
         (
             "b",
             [other, inputs],
-            ["minds", "  uav  b1        from birth to 0.0 s of mission time, its end is missing, 0"],
+            ["minds", "  uav  b1        from its start to 0.0 s of mission time, its end is missing, 0"],
         ),
         ("c", [inputs._replace(encoding="text/plain;x")], ["no minds: the messages on `trace/inputs` are not"]),
         ("d", fast(1), ["no minds: `trace/inputs` was not recorded"]),

@@ -45,7 +45,7 @@ def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> No
 @pytest.mark.parametrize(
     ("left", "killed", "how"),
     [
-        (SILENT, False, "its bridge says: armed, and it has not confirmed rtl: no answer"),
+        (SILENT, False, "its bridge reports: armed, and it has not confirmed rtl: no answer"),
         (None, True, "its bridge did not leave and was killed, no order was confirmed"),
         (None, False, "its bridge is dead, no order was confirmed"),
     ],

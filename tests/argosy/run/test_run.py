@@ -180,7 +180,7 @@ def test_a_mission_that_is_done_has_failed_if_its_vehicle_is_left_armed(
         single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
     running = start(single_uav, "--speed", "1", fault="done-aloft")
     running.until("argosy: done")
-    for told in ("to be disarmed", "ctrl-C again leaves at once") if hurried else ():
+    for told in ("to be disarmed", "ctrl-C again leaves immediately") if hurried else ():
         running.until(told)
         running.process.send_signal(signal.SIGINT)
     code, out, err = ended(running, 40)

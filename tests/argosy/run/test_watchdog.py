@@ -85,7 +85,7 @@ async def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is
     bridge, agent = await one.start("bridged", "uav1"), await one.start("agentd", "uav")
     await one.until(lambda: not agent.alive)
     assert bridge.alive
-    assert one.recording.lines[-1] == "agentd uav: hangs: it says nothing for 0.2 s, and is killed"
+    assert one.recording.lines[-1] == "agentd uav: hangs: it publishes nothing for 0.2 s, and is killed"
     one.recording.at = 10.0
     await one.until(lambda: not bridge.alive)
 

@@ -69,7 +69,7 @@ def test_a_simulator_on_the_board_of_its_robot_calls_it_there(field: Path) -> No
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ([], "which machine is this? Say it by --board: there is pi2, sim"),
+        ([], "name this machine by --board: there is pi2, sim"),
         (["--board", "sin"], "nothing is simulated on `sin`, did you mean `sim`?"),
         (["--board", "sim", "--real", "uav7"], "--real uav7: there is no such robot"),
         (["--board", "sim", "--real", "all"], "nothing is simulated on `sim`"),

@@ -161,7 +161,7 @@ SHOWN: dict[str, Looks] = {
         lambda: flying().waits(8),
         (160, 24),
         (),
-        ("tells nothing;  +!visit(3)", "as it was 9.0 s ago: its bridged is silent"),
+        ("no reports;  +!visit(3)", "as it was 9.0 s ago: its bridged is silent"),
     ),
     "who is gone": (
         lambda: flying().goes("scout", "agentd").waits(4),

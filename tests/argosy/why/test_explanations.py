@@ -92,7 +92,7 @@ FAILED = FailureView(
         ),
         (
             MailFacts(homes={"base": "pi2"}, silent={"pi2": "no rights"}),
-            ["base lives on pi2, which does not answer: no rights."],
+            ["base belongs to pi2, which does not answer: no rights."],
         ),
         (
             MailFacts(homes={"base": "pi2"}),

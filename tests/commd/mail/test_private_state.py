@@ -15,7 +15,7 @@ from agentd.persistence.checkpoint import Checkpoint
 from argosy.recording.writer import _opened
 from bridged.bridge.action_log import ActionLog
 from commd.mail.sqlite_file import alone, connect
-from commd.process.restart_counter import begin_life
+from commd.process.restart_counter import note_start
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         checkpoint = Checkpoint.open(state / "fleet" / "bob" / "mind.sqlite", "bob")
         AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
         action_log = ActionLog(state / "fleet" / "uav1.actions")
-        begin_life(state / "fleet", "agentd", "bob")
+        note_start(state / "fleet", "agentd", "bob")
         _opened(state / "fleet" / "rec.mcap", overwrite=False).close()
         modes = {path: stat.S_IMODE(path.stat().st_mode) for path in [state, *state.rglob("*")]}
         wrong = {str(path): oct(mode) for path, mode in modes.items() if mode != (0o700 if path.is_dir() else 0o600)}

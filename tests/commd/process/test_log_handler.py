@@ -245,8 +245,8 @@ def test_an_error_that_does_not_pass_is_still_the_last_one(desk: Desk) -> None:
         ({"battery": 3}, (), "{'battery': 3}"),
         (["a"], (), "['a']"),
         (ValueError("no fix"), (), "no fix"),
-        ("battery %d", ("full",), "a line that cannot be told (TypeError): 'battery %d'"),
-        ("one %s", ("1", "2"), "a line that cannot be told (TypeError): 'one %s'"),
+        ("battery %d", ("full",), "a line that cannot be formatted (TypeError): 'battery %d'"),
+        ("one %s", ("1", "2"), "a line that cannot be formatted (TypeError): 'one %s'"),
     ],
 )
 def test_whoever_logs_what_is_no_line_is_not_stopped_by_it_and_floods_nobody(

@@ -14,11 +14,11 @@ from tests.support.processes import ROOT
 DAEMON = """\
 import os, sys
 from pathlib import Path
-from commd.process.restart_counter import begin_life
+from commd.process.restart_counter import note_start
 from commd.process.process import run_daemon
 
 async def main(stop):
-    print(*begin_life(Path(sys.argv[1]), "agentd", "a"))
+    print(*note_start(Path(sys.argv[1]), "agentd", "a"))
     if sys.argv[2] == "dies":
         sys.stdout.flush()
         os.kill(os.getpid(), 9)
@@ -43,7 +43,7 @@ def test_killed_and_failed_lives_are_counted_and_those_that_ended_as_told_are_no
 
 
 def test_a_machine_that_started_anew_begins_at_nought(tmp_path: Path) -> None:
-    note = tmp_path / "pi1.commd.life"
+    note = tmp_path / "pi1.commd.restarts"
     assert [RestartCounter(note, "one").restarts for _ in range(3)] == [0, 1, 2]
     rebooted = RestartCounter(note, "two")
     assert (rebooted.restarts, rebooted.before) == (0, "")
@@ -51,7 +51,7 @@ def test_a_machine_that_started_anew_begins_at_nought(tmp_path: Path) -> None:
 
 
 def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    note = tmp_path / "pi1.commd.life"
+    note = tmp_path / "pi1.commd.restarts"
     note.write_text('{"restarts": "many"')
     assert RestartCounter(note, "one").restarts == 0
     assert "restarts are counted from 0" in caplog.text
@@ -62,7 +62,7 @@ def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, capl
 def test_a_note_that_a_power_failure_kept_from_the_disk_is_none(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, left: bytes
 ) -> None:
-    note = tmp_path / "pi1.commd.life"
+    note = tmp_path / "pi1.commd.restarts"
     note.write_bytes(left)
     assert RestartCounter(note, "two").restarts == 0
     assert not caplog.text
@@ -70,7 +70,7 @@ def test_a_note_that_a_power_failure_kept_from_the_disk_is_none(
 
 def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "file").write_text("")
-    life = RestartCounter(tmp_path / "file" / "pi1.commd.life", "one")
+    life = RestartCounter(tmp_path / "file" / "pi1.commd.restarts", "one")
     assert life.restarts is None
     assert "restarts are not counted" in caplog.text
     life.end("whatever")
@@ -79,7 +79,7 @@ def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, cap
 def test_which_life_of_the_machine_it_is_may_be_told_by_the_unit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    note = tmp_path / "pi1.commd.life"
+    note = tmp_path / "pi1.commd.restarts"
     lives = []
     for boot in ("one", "one", "two", "two"):
         monkeypatch.setenv("ARGOSY_BOOT", boot)

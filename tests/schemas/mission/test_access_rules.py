@@ -186,7 +186,7 @@ def test_a_robot_on_zenoh_speaks_on_its_own_board_alone() -> None:
 def test_a_name_that_looks_as_if_another_board_had_made_it_is_refused() -> None:
     access_rules.check(mission())
     with pytest.raises(
-        Findings, match="`pi1_b` lives on pi2, but names that begin with `pi1_` are for agents that pi1"
+        Findings, match="`pi1_b` belongs to pi2, but names that begin with `pi1_` are for agents that pi1"
     ):
         access_rules.check(mission(FLEET.replace("  b:", "  pi1_b:")))
     with pytest.raises(Findings, match="`pi2_eye` is no agent"):

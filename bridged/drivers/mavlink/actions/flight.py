@@ -257,7 +257,7 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
         stop = BoundAction(dialect.MAV_CMD_COMPONENT_ARM_DISARM, retry=action.retry)
         stopped = yield from _outcome_of(arm(flight, run, stop))
         if stopped.state == "succeeded" or not vehicle.armed:
-            return stopped  # else it is not on the ground as it said: it flies, and the mode is what is left
+            return stopped  # else it is not on the ground as it reported: it flies, and only the mode can stop it
     mode, under_way = int(action.parameters[1]), vehicle.modes.order_of(vehicle.mode)
     if run.yields and defers(vehicle.modes.order_of(mode), under_way):
         return Outcome("succeeded", f"{under_way} is under way: the vehicle is in {vehicle.mode_name}")

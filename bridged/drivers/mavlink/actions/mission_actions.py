@@ -34,7 +34,7 @@ RESULTS = {
     dialect.MAV_MISSION_ERROR: "it failed",
     dialect.MAV_MISSION_UNSUPPORTED_FRAME: "the frame of an item is not supported",
     dialect.MAV_MISSION_UNSUPPORTED: "a command is not supported",
-    dialect.MAV_MISSION_NO_SPACE: "there is no space for so many items",
+    dialect.MAV_MISSION_NO_SPACE: "the vehicle has no space for all items",
     dialect.MAV_MISSION_INVALID: "an item is invalid",
     dialect.MAV_MISSION_INVALID_PARAM1: "param1 of an item is invalid",
     dialect.MAV_MISSION_INVALID_PARAM2: "param2 of an item is invalid",
@@ -261,7 +261,7 @@ def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Part
                     flight, message
                 ):
                     raise Ended("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
-    raise Ended("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
+    raise Ended("failed", f"the vehicle did not go to item {wanted}; does its mission have that many items?")
 
 
 def _flown_now(flight: ProcedureContext) -> str:

@@ -55,7 +55,7 @@ class Peer:
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
     closed: bool = False  # a connection that ended; an address of UDP never does
-    warned_at: float = -inf  # event loop time at which its clock was told last that it is behind
+    warned_at: float = -inf  # event loop time of the last message to it that its clock is behind
     systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last
     encoders: dict[Ids, Encoder] = field(default_factory=dict)
 

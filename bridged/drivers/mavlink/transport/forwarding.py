@@ -25,7 +25,7 @@ from schemas.wire.records import Note
 TRY_AGAIN = 5.0
 """Wall seconds between attempts to open a link to a ground station: in flight a free port is waited for, not needed."""
 LISTENS_FOR = 30.0
-"""Wall seconds for which somebody who called at a listening port is sent packets without saying anything."""
+"""Wall seconds for which a silent peer of a listening port is still sent packets."""
 ECHO_FOR = 10.0
 """Wall seconds for which a part of a vehicle that spoke on its link is no part of it that speaks from a station."""
 NEVER_SENT = (255, 190)

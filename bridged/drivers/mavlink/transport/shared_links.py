@@ -33,7 +33,7 @@ MAX_NOTED = 8
 HOME_AFTER = 3.0
 """Wall seconds of silence after which packets of a camera or companion may come from another address."""
 WARN_AGAIN = 1.0
-"""Wall seconds between two packets that tell a sender the time."""
+"""Wall seconds between two packets that send the time to a sender."""
 log = logging.getLogger("mavlink")
 
 
@@ -315,7 +315,7 @@ class SharedLink:
             try:
                 link_client.on_state(up)
             except Exception as error:  # of one robot: the link is opened again for all of them
-                what = f"{self.address}: telling {link_client.robot} of the link failed"
+                what = f"{self.address}: {link_client.robot} failed on a change of the link"
                 asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 

@@ -70,12 +70,12 @@ class MavlinkCommand:
 
     @property
     def accepted(self) -> bool:
-        """Whether the vehicle said ACCEPTED."""
+        """Whether the vehicle acknowledged with ACCEPTED."""
         return bool(self.result == dialect.MAV_RESULT_ACCEPTED)
 
     @property
     def refused(self) -> bool:
-        """Whether the vehicle said no."""
+        """Whether the vehicle refused."""
         return self.result is not None and not self.accepted
 
     @property

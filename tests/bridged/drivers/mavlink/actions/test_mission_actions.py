@@ -135,7 +135,7 @@ def test_a_refused_mission_tells_why_in_words(sky: Sky) -> None:
     sky.hears_us = refuse
     final = sky.do("upload_mission", TOUR)
     assert final.state == "refused"
-    assert final.reason == "the vehicle refused the mission: there is no space for so many items"
+    assert final.reason == "the vehicle refused the mission: the vehicle has no space for all items"
 
 
 def test_answers_to_another_ground_station_are_not_taken_for_ours(sky: Sky) -> None:
@@ -313,7 +313,10 @@ def test_the_next_item_is_set_and_one_that_is_not_there_is_refused(sky: Sky) -> 
 def test_an_item_that_a_mission_of_somebody_else_does_not_have_fails_in_words(sky: Sky) -> None:
     sky.wait(3)
     final = sky.do("set_mission_item", 9)
-    assert (final.state, final.reason) == ("failed", "the vehicle did not go to item 9; has its mission so many?")
+    assert (final.state, final.reason) == (
+        "failed",
+        "the vehicle did not go to item 9; does its mission have that many items?",
+    )
 
 
 def test_one_action_at_a_time_speaks_the_mission_protocol(sky: Sky) -> None:
