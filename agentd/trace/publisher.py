@@ -285,6 +285,7 @@ class Tracing:
 
     async def _answer_since_start(self, query: Query[MindInputs]) -> None:
         """Answer a query for all inputs since the agent's start, unless its key covers every agent."""
+        self._subscribers.settle(self._agent)
         if not query.key.endswith("/trace/inputs"):
             return
         batches = self.inputs.since_start()

@@ -41,6 +41,12 @@ class TraceSubscribers:
     def add(self, agent: str, follow: Follow) -> None:
         """Call `follow` whenever the first subscriber to a channel of an agent appears or the last one ends."""
         self._agents[agent] = follow
+        self.settle(agent)
+
+    def settle(self, agent: str) -> None:
+        """Call what is due for an agent before it answers a subscriber, who expects to hear all that follows.
+
+        Zenoh reports the subscriber before the query that it sends next; a listener of the agent's own comes later."""
         for channel in self._somebody:
             self._listen(agent, channel)
 

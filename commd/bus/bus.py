@@ -160,7 +160,7 @@ class Bus(QuerySession):
     def listened(self, key: str, handler: Callable[[bool], None]) -> Callable[[], None]:
         """Call `handler(somebody)` on the event loop when the first subscriber to a key appears or the last one ends.
 
-        It is called soon if there is one already. Returns what ends that; without it, it lasts as long as the session.
+        It is called here if there is one already. Returns what ends that; without it, it lasts as long as the session.
         """
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
         last = ended = False
@@ -173,7 +173,7 @@ class Bus(QuerySession):
 
         listener = publisher.declare_matching_listener(self._dispatch.callback(lambda status: changed(status.matching)))
         if matching(publisher):
-            self._dispatch.put(changed, True)
+            changed(True)
         declared = [Declaration(listener), Declaration(publisher)]
         self._listened += declared
 
