@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace as changed
 from functools import partial
@@ -503,10 +503,11 @@ class FleetModel:
             return None
         return parsed[1]
 
-    def _positions(self) -> set[Position]:
-        """Return the known positions of the fleet."""
-        known = (one.seen.position or one.seen.home for one in self.robots.values())
-        return {position for position in known if position is not None}
+    def _positions(self) -> Iterator[Position]:
+        """Yield the known positions of the fleet."""
+        for one in self.robots.values():
+            if (position := one.seen.position or one.seen.home) is not None:
+                yield position
 
 
 def named(key: str) -> tuple[str, str, list[str]] | None:

@@ -6,7 +6,7 @@ Programs do not say which of their numbers are degrees. Two neighbouring numbers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -22,6 +22,8 @@ MOST = 1_000
 """Places that are kept."""
 NEAR = 30_000.0
 """Metres from a robot within which two numbers count as a place."""
+NEAR_NORTH = 0.28
+"""Degrees of latitude that are more than `NEAR`."""
 OWN = frozenset({"global_pos", "home_pos"})
 """Percepts of the robot's own position."""
 
@@ -54,7 +56,7 @@ class Places:
         self.all: dict[str, Place] = {}
         self._most = most
 
-    def percept(self, agent: str, percept: Perception, robots: Callable[[], Collection[Position]], now: float) -> None:
+    def percept(self, agent: str, percept: Perception, robots: Callable[[], Iterable[Position]], now: float) -> None:
         """Take a percept of an agent; `robots` returns the known positions of the fleet."""
         if percept.name in OWN:
             return
@@ -74,7 +76,7 @@ class Places:
         text = shortened(written(percept.name, percept.parameters))
         self._keep(Place(id, "percept", shortened(percept.name), text, agent, position, now))
 
-    def action(self, action: ActionSeen, robots: Callable[[], Collection[Position]], now: float) -> None:
+    def action(self, action: ActionSeen, robots: Callable[[], Iterable[Position]], now: float) -> None:
         """Take the state of an action."""
         known = self.all.get(action.id)
         if known is not None:
@@ -105,10 +107,12 @@ class Places:
             del self.all[gone]
 
 
-def place_in(parameters: tuple[Term, ...], robots: Callable[[], Collection[Position]]) -> Position | None:
+def place_in(parameters: tuple[Term, ...], robots: Callable[[], Iterable[Position]]) -> Position | None:
     """Return the first two neighbouring parameters that are a place near a robot; None if there are none."""
     for first, second in pairwise(parameters):
         position = position_of(first, second)
-        if position is not None and any(distance(position, robot) <= NEAR for robot in robots()):
+        if position is not None and any(
+            abs(position[0] - robot[0]) < NEAR_NORTH and distance(position, robot) <= NEAR for robot in robots()
+        ):
             return position
     return None

@@ -246,7 +246,8 @@ class Checkers:
         self._alone: dict[str, tuple[float, str]] = {}
         """Since when each vehicle is in the air with nobody in charge, and why."""
         self._actions = {name: _Actions() for name in mission.robots}
-        self._robots = {agent: robot for robot in reversed(mission.robots) for agent in mission.agents_of(robot)}
+        self._agents = {name: mission.agents_of(name) for name in mission.robots}
+        self._robots = {agent: robot for robot in reversed(mission.robots) for agent in self._agents[robot]}
         """The first robot of each agent."""
         self._idle: dict[str, bool] = {}
         """Whether each agent intends nothing, by its last health record."""
@@ -394,7 +395,7 @@ class Checkers:
         dead = now < self._world.machine(self._mission.robots[name].board).down_until
         others = dead or seen.piloted or name in self._world.stopped
         if seen.armed and seen.height > 1 and seen.mode not in HOME and not others:
-            agents = self._mission.agents_of(name)
+            agents = self._agents[name]
             if not self._served(name):
                 why = "on_agent_loss"
             elif all(self._idle.get(one, False) for one in agents) and not self._actions[name].agents:
@@ -451,7 +452,7 @@ class Checkers:
         """Judge a vehicle that a pilot has, or has landed: no agent takes it from him, and nothing arms it again."""
         if not seen.pilots_mode:
             self._orders.pop(name, None)
-            for agent in self._mission.agents_of(name):
+            for agent in self._agents[name]:
                 self._aware.pop(agent, None)
         elif not seen.piloted and (order := self._orders.get(name)):
             text = f"{order} took {name} from its pilot, from {seen.pilots_mode} to {seen.mode}"

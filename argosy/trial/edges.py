@@ -31,7 +31,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
-from argosy.trial.event_loop import Datagrams, VirtualLoop
+from argosy.trial.event_loop import VirtualLoop
 
 if TYPE_CHECKING:  # the product is imported when its edges are swapped
     from argosy.trial.network import Network, Session
@@ -140,22 +140,6 @@ def bus_edges(network: Network) -> dict[str, Callable[..., Awaitable[Any]]]:
     }
 
 
-def divide(loop: VirtualLoop) -> None:
-    """Divide what runs on a loop among the processes of a trial: each has its tasks, sockets and signal handlers."""
-    from argosy.trial.process import PRESENT
-
-    def runs(context: Any) -> bool:
-        process = context.get(PRESENT)
-        return process is None or not process.dead
-
-    def opened(socket: Datagrams) -> None:
-        if (present := PRESENT.get()) is not None:
-            present.sockets.append(socket)
-
-    loop.runs, loop.opened = runs, opened
-    loop.handlers = lambda: {} if (present := PRESENT.get()) is None else present.handlers
-
-
 def swap_bus(loop: VirtualLoop) -> Any:
     """Give the product's bus a virtual network, its processes their output, and return the network."""
     from agentd.persistence import poison_inputs
@@ -225,5 +209,5 @@ def swap_bus(loop: VirtualLoop) -> Any:
     boot = SimpleNamespace(read_text=lambda: f"{machine().board} {machine().boots}")
     restart_counter._BOOT = boot  # type: ignore[assignment]
 
-    divide(loop)
+    loop.owner = PRESENT
     return network

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from asyncio import events
 from collections import deque
 from collections.abc import Callable
-from contextvars import Context, copy_context
+from contextvars import Context, ContextVar, copy_context
 from heapq import heappop, heappush
 from itertools import count
 from typing import Any, Final
@@ -29,24 +28,28 @@ class Deadlock(RuntimeError):
     """No task can go on and no timer is set: nothing would ever happen again."""
 
 
-class _Call(events.TimerHandle):
-    """A call that is to be made: at a virtual time, or in the next pass."""
+class _Call:
+    """A call that is to be made: what asyncio's handles are, with less to set and to ask at each."""
 
-    __slots__ = ()
+    __slots__ = ("_when", "args", "callback", "context")
 
-    def __init__(
-        self, when: float, callback: Callable[..., object], args: Any, loop: VirtualLoop, context: Context | None
-    ) -> None:
-        """Set what asyncio's own sets, which also asks whether the loop is debugged."""
-        self._when, self._callback, self._args, self._loop = when, callback, args, loop
-        self._context = copy_context() if context is None else context
-        self._cancelled = False
-        self._repr = self._source_traceback = None
+    def __init__(self, when: float, callback: Callable[..., object], args: Any, context: Context | None) -> None:
+        self._when, self.args = when, args
+        self.callback: Callable[..., object] | None = callback
+        """None: it is cancelled."""
+        self.context = copy_context() if context is None else context
 
     def cancel(self) -> None:
         """Do not make it."""
-        self._cancelled = True
-        self._callback = self._args = None  # type: ignore[assignment]
+        self.callback = self.args = None
+
+    def cancelled(self) -> bool:
+        """Return whether it is not made."""
+        return self.callback is None
+
+    def when(self) -> float:
+        """Return its virtual time."""
+        return self._when
 
 
 class VirtualLoop(asyncio.BaseEventLoop):
@@ -63,12 +66,9 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self.delay: Callable[[tuple[str, int], tuple[str, int]], float | None] = lambda sender, receiver: 0.0005
         """Virtual seconds that a datagram takes; None: it is lost."""
 
-        self.runs: Callable[[Context], bool] = lambda context: True
-        """Whether what was begun in a context still runs: nothing of a process that is dead does."""
-        self.opened: Callable[[Datagrams], None] = lambda transport: None
-        """Called with each socket that is opened."""
-        self.handlers: Callable[[], dict[int, Callable[[], object]]] = dict
-        """Return the signal handlers of the present process."""
+        self.owner: ContextVar[Any] = ContextVar("owner", default=None)
+        """The process that runs now, with its `sockets` and `handlers` of signals; nothing of one that is `dead` runs.
+        None: no process."""
 
     def time(self) -> float:
         """Return virtual seconds since the start."""
@@ -77,10 +77,10 @@ class VirtualLoop(asyncio.BaseEventLoop):
     def _run_once(self) -> None:
         """Advance the clock to the next timer if nothing else is to be done, and make the calls that are due."""
         ready: deque[_Call] = self._ready  # type: ignore[attr-defined]
-        timers, runs = self._timers, self.runs
-        while timers and timers[0][2]._cancelled:
-            heappop(timers)
+        timers, owner = self._timers, self.owner
         if not ready and not self._stopping:  # type: ignore[attr-defined]
+            while timers and timers[0][2].callback is None:
+                heappop(timers)
             if not timers:
                 raise Deadlock(f"at {self._now:.3f} s of virtual time everything waits, and no timer is set")
             # Who waits by a clock of its own, which differs from that of the loop by rounding, sets a timer for the
@@ -91,16 +91,22 @@ class VirtualLoop(asyncio.BaseEventLoop):
             ready.append(heappop(timers)[2])
         for _ in range(len(ready)):
             call = ready.popleft()
-            if not call._cancelled and runs(call._context):
-                call._run()
+            if (callback := call.callback) is None or ((of := call.context.get(owner)) is not None and of.dead):
+                continue
+            try:
+                call.context.run(callback, *call.args)
+            except (SystemExit, KeyboardInterrupt):
+                raise
+            except BaseException as error:
+                self.call_exception_handler({"message": f"in {callback!r}", "exception": error})
 
     def call_at(  # type: ignore[override]
         self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.TimerHandle:
         """Call at a virtual time; calls for one time in the order in which they were asked for."""
-        call = _Call(when, callback, args, self, context)
+        call = _Call(when, callback, args, context)
         heappush(self._timers, (when, next(self._numbers), call))
-        return call
+        return call  # type: ignore[return-value]
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Callable[..., object], *args: Any, context: Context | None = None
@@ -112,9 +118,9 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.Handle:
         """Call in the next pass."""
-        call = _Call(self._now, callback, args, self, context)
+        call = _Call(self._now, callback, args, context)
         self._ready.append(call)  # type: ignore[attr-defined]
-        return call
+        return call  # type: ignore[return-value]
 
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
@@ -143,11 +149,12 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self, sig: int, callback: Callable[..., object], *args: Any
     ) -> None:
         """Let the present process handle a signal."""
-        self.handlers()[sig] = lambda: callback(*args)
+        if (process := self.owner.get()) is not None:
+            process.handlers[sig] = lambda: callback(*args)
 
     def remove_signal_handler(self, sig: int) -> bool:
         """Let it end the present process again."""
-        return self.handlers().pop(sig, None) is not None
+        return (process := self.owner.get()) is not None and process.handlers.pop(sig, None) is not None
 
     async def getaddrinfo(self, host: Any, port: Any, **_: Any) -> Any:
         """Return the address as it was given."""
@@ -163,7 +170,8 @@ class VirtualLoop(asyncio.BaseEventLoop):
         protocol = protocol_factory()
         remote = None if remote_addr is None else tuple(remote_addr)
         transport = self._udp[local] = Datagrams(self, local, remote, protocol)
-        self.opened(transport)
+        if (process := self.owner.get()) is not None:
+            process.sockets.append(transport)
         protocol.connection_made(transport)
         return transport, protocol
 
@@ -178,6 +186,7 @@ class Datagrams(asyncio.DatagramTransport):
         self._loop, self._local, self._remote, self._protocol = loop, local, remote, protocol
         self._closed = False
         self._context = copy_context()
+        self._owner = loop.owner.get()
 
     def sendto(self, data: Any, addr: Any = None) -> None:
         receiver = self._remote if addr is None else tuple(addr)
@@ -189,7 +198,7 @@ class Datagrams(asyncio.DatagramTransport):
     def _deliver(self, data: bytes, receiver: tuple[str, int]) -> None:
         other = self._loop._udp.get(receiver)
         if other is None:
-            if not self._closed and self._remote is not None and self._loop.runs(self._context):
+            if not self._closed and self._remote is not None and (self._owner is None or not self._owner.dead):
                 self._protocol.error_received(ConnectionRefusedError(111, "Connection refused"))
             return
         if other._remote is None or other._remote == self._local:

@@ -16,6 +16,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -26,7 +27,7 @@ from argosy.trial.event_loop import Datagrams
 from argosy.trial.network import Network
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.files.findings import Findings
-from schemas.mission.model import load_mission
+from schemas.mission.model import Mission, load_mission
 from schemas.wire.log_lines import Level, LogLine, encode
 
 PRESENT: ContextVar[VirtualProcess | None] = ContextVar("PRESENT", default=None)
@@ -161,8 +162,14 @@ def _parsed(module: Any, words: Sequence[str]) -> Namespace:
     return parser.parse_args(words)
 
 
+@cache
+def read_once(mission: str) -> Mission:
+    """Read a mission file, which no process changes. Raises Findings."""
+    return load_mission(mission)
+
+
 async def _serve(daemon: Any, args: Namespace) -> int:
-    return int(await daemon.serve(load_mission(args.mission), args, _stop()))
+    return int(await daemon.serve(read_once(args.mission), args, _stop()))
 
 
 async def _simulate(simulator: Any, vehicle: str, args: Namespace) -> int:

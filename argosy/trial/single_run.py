@@ -29,14 +29,14 @@ from argosy.trial.edges import swap_bus
 from argosy.trial.event_loop import Deadlock, VirtualLoop
 from argosy.trial.faults import Battery, Fault, Vehicle
 from argosy.trial.network import Network, Sample, Session
-from argosy.trial.process import ProcessLog, VirtualSupervisor
+from argosy.trial.process import ProcessLog, VirtualSupervisor, read_once
 from argosy.trial.world import Seen, World
 from bridged.simulation.copter import process as copter_process
 from bridged.simulation.turtle import command as turtle_command
 from bridged.simulation.turtle.turtle import Turtle
 from commd.common.clock import Clock
 from schemas.files.units import Duration
-from schemas.mission.model import Mission, load_mission
+from schemas.mission.model import Mission
 
 if TYPE_CHECKING:
     from argosy.trial.recording import TrialRecording
@@ -186,7 +186,7 @@ def _recording(request: Request, mission: Mission, network: Network, routers: It
 
 def _mission(request: Request) -> Mission:
     """Return the mission with the faults of its vehicles. Raises Findings."""
-    mission = load_mission(request.mission)  # the trial has checked it, and all that it names, once
+    mission = read_once(request.mission)  # the trial has checked it, and all that it names, once
     robots = dict(mission.robots)
     for fault in request.faults:
         if isinstance(fault, Vehicle | Battery):

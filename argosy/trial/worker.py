@@ -73,13 +73,13 @@ def main() -> None:
 
 @cache
 def read_ahead(mission: str) -> None:
-    """Read the manifests of a mission, as the daemons do: they are kept, and those of a run find them there."""
+    """Read a mission and its manifests, as the daemons do: they are kept, and those of a run find them there."""
+    from argosy.trial.process import read_once
     from bridged.drivers.registry import load_robot_manifest
     from schemas.manifest.loader import load_manifest
-    from schemas.mission.model import load_mission
 
     with suppress(Exception):  # a run says what is wrong with them
-        read = load_mission(mission)
+        read = read_once(mission)
         for robot in read.robots.values():
             load_robot_manifest(robot.manifest, read.path.parent)
             if isinstance(robot.manifest, str):

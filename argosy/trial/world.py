@@ -95,16 +95,16 @@ class Seen:
 
     def look(self) -> None:
         """Follow its way."""
-        here = self.place()
-        if self.last is not None:
-            self.flown += distance(self.last, here)
+        here, copter = self.place(), self.vehicle.copter
+        if here != self.last:
+            if self.last is not None:
+                self.flown += distance(self.last, here)
+            if copter.home is not None:
+                self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
         self.last = here
-        copter = self.vehicle.copter
         self.highest = max(self.highest, self.height)
         self.misled = max(self.misled, copter.estimate.error.flat())
         self.charge = min(self.charge, copter.battery.remaining / 100)
-        if copter.home is not None:
-            self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
 
 
 @dataclass
@@ -148,14 +148,17 @@ class World:
                 look()
 
     def _look_who_is_near(self) -> None:
-        """Compare the vehicles in the air; those that are farther apart by latitude alone need no look."""
+        """Compare the vehicles in the air; those that are farther apart by latitude or longitude alone need no look."""
         in_air = sorted(
             (*seen.place(), seen.height) for seen in self.vehicles.values() if seen.armed and seen.height > 1
         )
         for place, (north, east, height) in enumerate(in_air):
+            metres = math.radians(math.cos(math.radians(north))) * EARTH_RADIUS * 0.99  # of a degree, at least
             for other in in_air[place + 1 :]:
                 if math.radians(other[0] - north) * EARTH_RADIUS > self.nearest:
                     break
+                if abs(other[1] - east) * metres > self.nearest:
+                    continue
                 apart = distance((north, east), other[:2])
                 self.nearest = min(self.nearest, math.hypot(apart, height - other[2]))
 

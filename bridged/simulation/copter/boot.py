@@ -64,12 +64,16 @@ class Boot:
         """Return whether the milestone was passed `now` seconds after power on."""
         return now - FIRST_HEARTBEAT_S >= milestone.value[self.kind == "quick"]
 
+    @property
+    def complete(self) -> bool:
+        """Whether the last milestone was reached."""
+        return self._next == len(_ORDER)
+
     def advance(self, now: float) -> list[tuple[Milestone, tuple[str, ...]]]:
         """Return the milestones passed since the last call, each with the vehicle's status texts."""
         reached = []
-        milestones = _ORDER
-        while self._next < len(milestones) and self.passed(milestones[self._next], now):
-            milestone = milestones[self._next]
+        while not self.complete and self.passed(_ORDER[self._next], now):
+            milestone = _ORDER[self._next]
             self._next += 1
             texts = tuple(text.format(elevation=self.elevation) for text in _TEXTS.get(milestone, ()))
             reached.append((milestone, texts))

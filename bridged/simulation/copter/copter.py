@@ -36,6 +36,12 @@ from bridged.simulation.copter.protocol.parameters import Parameters
 from bridged.simulation.copter.rc_input import Transmitter
 from bridged.simulation.copter.servo_outputs import Outputs
 
+STEP_S = 0.02
+"""Vehicle seconds by which a copter moves at a time; what else happens takes multiples of it."""
+
+STEADY_S = 0.1
+"""The same while nothing accelerates."""
+
 GUARD_PERIOD_S = 0.2
 """Vehicle seconds between two checks of the failsafes."""
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -75,7 +81,8 @@ class Copter:
         """An arming check that fails by a fault, in the vehicle's words."""
         self.home: Place | None = None
         self.events: list[Event] = []
-        self._next_guard = 0.0
+        self.next_guard = 0.0
+        """When the failsafes are checked next, in vehicle seconds."""
         self._compass_checked = False
         self._actions: list[Item] = []  # mission items to be done on the way
         self._actions_wait_until = 0.0
@@ -84,6 +91,11 @@ class Copter:
     def armed(self) -> bool:
         """Whether the motors turn."""
         return self.flight.armed
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether its motors turn, or it falls or has just come down."""
+        return self.flight.armed or self.flight.airborne or self.flight.touchdown_at is not None
 
     @property
     def place(self) -> Place:
@@ -266,15 +278,18 @@ class Copter:
                 estimate.drift(air, dt)
 
     def step(self, dt: float) -> None:
-        """Advance by `dt` seconds (0.05 at most for exact motion)."""
-        self.now += dt
-        self.flight.now = self.now
-        for milestone, texts in self.boot.advance(self.now):
-            self._reach(milestone, texts)
-        if self.armed or self.flight.airborne or self.flight.touchdown_at is not None:
-            self._fly(dt)
-        if self.now >= self._next_guard:
-            self._next_guard = self.now + GUARD_PERIOD_S
+        """Advance by `dt` seconds."""
+        end = self.now + dt
+        while self.in_motion and (left := end - self.now) > 1e-9:
+            step = min(left, STEADY_S if self.flight.airborne and self.motion.steady else STEP_S)
+            self.flight.now = self.now = self.now + step
+            self._fly(step)
+        self.flight.now = self.now = end
+        if not self.boot.complete:
+            for milestone, texts in self.boot.advance(self.now):
+                self._reach(milestone, texts)
+        if self.now >= self.next_guard:
+            self.next_guard = self.now + GUARD_PERIOD_S
             watch_over(self, GUARD_PERIOD_S)
 
     def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:

@@ -34,6 +34,8 @@ _TURN_RATE = math.radians(62.0)
 _TURN_ACCEL = math.radians(120.0)
 """rad/s²"""
 
+_STEADY = 0.01  # m/s² and rad/s
+
 
 @dataclass(slots=True)
 class Vector:
@@ -124,8 +126,17 @@ class Motion:
         self.air = Vector()  # m/s: the wind
 
     @property
+    def steady(self) -> bool:
+        """Whether it neither turns nor accelerates: a long step moves it as several short ones do."""
+        return abs(self.turn_rate) < _STEADY and all(
+            abs(axis.accel) < _STEADY and abs(axis.target_accel) < _STEADY for axis in (self.up, self.north, self.east)
+        )
+
+    @property
     def effort(self) -> float:
         """Power for flight as a multiple of that of a hover in still air: thrust that leans, to the power of 1.5."""
+        if not (self.air.north or self.air.east):
+            return 1.0
         return float((1 + (_DRAG * self.air.flat() / GRAVITY) ** 2) ** 0.75)
 
     @property

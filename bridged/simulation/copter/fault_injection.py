@@ -127,6 +127,11 @@ class Faults:
                 return Vector(fault.metres * math.cos(direction), fault.metres * math.sin(direction))
         return Vector()
 
+    @property
+    def on_links(self) -> bool:
+        """Whether anything is wrong with the links."""
+        return bool(self.cuts or self.loss or self.duplicate or self.reorder or self.garbage)
+
     def silent(self, now: float) -> bool:
         """Return whether the link is cut at `now` vehicle seconds."""
         return any(cut.covers(now) for cut in self.cuts)
@@ -401,6 +406,8 @@ class FaultyLink(Link):
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """Add a peer whose output passes through the faults; called by endpoints."""
+        if not self._faults.on_links:
+            return super().add_peer(key, label, write)
         self._count += 1
         air = Air(self._faults, f"down {self._count}")
         self._down.append((air, write))
@@ -429,12 +436,15 @@ class FaultyLink(Link):
         """Remove a peer; called by endpoints."""
         peer = self.find_peer(key)
         super().drop_peer(key)
-        if peer is not None:
+        if peer in self._up:
             at = list(self._up).index(peer)
             del self._up[peer], self._down[at]
 
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
         """Take input through the faults; called by endpoints."""
+        if not self._faults.on_links:
+            super().received(peer, data, datagram=datagram)
+            return
         air, _ = self._up[peer]
         self._up[peer] = (air, datagram)
         for piece in air.carry(data, self._now()):

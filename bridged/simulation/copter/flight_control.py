@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
-from functools import lru_cache
 
 from bridged.simulation.copter.dynamics import Limits, Motion, Vector
 from bridged.simulation.copter.protocol.parameters import Parameters
@@ -121,6 +120,9 @@ class Flight:
         self._lift_at: float | None = None
         self._ahead: float | None = None  # direction in which the copter goes
         self.now = 0.0  # vehicle seconds, set by the copter before each step
+        self._asked: tuple[float | None, float | None, int] | None = None
+        """For what `_answer` are the limits: the leg, the speed, the state of the parameters."""
+        self._answer = Limits()
 
     @property
     def height(self) -> float:
@@ -223,12 +225,19 @@ class Flight:
 
     def _limits(self, leg: float | None = None) -> Limits:
         """Return the limits set by parameters; `leg` is the length of a smooth leg in metres."""
+        asked = leg, self.cruise_speed, self.parameters.changes
+        if asked != self._asked:
+            self._asked, self._answer = asked, self._limits_now(leg)
+        return self._answer
+
+    def _limits_now(self, leg: float | None) -> Limits:
         values = self.parameters
         speed = self.cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
         climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)
         if leg is not None:
-            return _smooth(min(speed, max(1.0, _SMOOTH_PACE * math.sqrt(leg))), climb, descent)
-        return _usual(speed, climb, descent)
+            speed = min(speed, max(1.0, _SMOOTH_PACE * math.sqrt(leg)))
+            return Limits(speed, climb, descent, 2.2, 1.5, 1.0, 0.9, 1.0, 0.9, response=0.9)
+        return Limits(speed, climb, descent)
 
     def _take_off(self, goal: float, dt: float) -> None:
         motion, height, speed = self.motion, self.height, self.motion.up.target_velocity
@@ -306,16 +315,6 @@ class Flight:
     def _turn(self, heading: float | None, dt: float) -> None:
         if heading is not None:
             self.motion.turn(heading, dt)
-
-
-@lru_cache(maxsize=64)  # steps ask for the same ones, and to make them takes longer than to find them
-def _smooth(speed: float, climb: float, descent: float) -> Limits:
-    return Limits(speed, climb, descent, 2.2, 1.5, 1.0, 0.9, 1.0, 0.9, response=0.9)
-
-
-@lru_cache(maxsize=64)
-def _usual(speed: float, climb: float, descent: float) -> Limits:
-    return Limits(speed, climb, descent)
 
 
 def _apart(one: Vector, other: Vector) -> float:

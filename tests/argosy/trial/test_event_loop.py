@@ -6,15 +6,14 @@ import asyncio
 import signal
 import time
 from collections.abc import Callable, Coroutine, Iterator
-from contextvars import ContextVar
 from threading import get_ident
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from argosy.trial.event_loop import Deadlock, VirtualLoop
 
-PROCESS: ContextVar[str] = ContextVar("PROCESS", default="none")
 HERE, THERE = ("127.0.0.1", 14550), ("127.0.0.1", 14551)
 
 
@@ -141,11 +140,11 @@ def test_work_of_an_executor_is_done_in_this_thread_and_its_error_is_raised(loop
 
 
 def test_a_signal_handler_is_that_of_the_present_process(loop: VirtualLoop) -> None:
-    handlers: dict[int, Callable[[], object]] = {}
-    loop.handlers = lambda: handlers
+    process = SimpleNamespace(dead=False, handlers={})
+    loop.owner.set(process)
     called: list[str] = []
     loop.add_signal_handler(signal.SIGTERM, called.append, "stop")
-    handlers[signal.SIGTERM]()
+    process.handlers[signal.SIGTERM]()
     assert called == ["stop"]
     assert loop.remove_signal_handler(signal.SIGTERM)
     assert not loop.remove_signal_handler(signal.SIGTERM)
@@ -227,12 +226,11 @@ def test_an_address_is_taken_until_its_socket_is_closed(loop: VirtualLoop) -> No
 
 
 def test_nothing_of_a_dead_process_runs_and_what_it_has_sent_arrives(loop: VirtualLoop) -> None:
-    dead: set[str] = set()
-    loop.runs = lambda context: context.get(PROCESS, "none") not in dead
+    process = SimpleNamespace(dead=False)
     ran: list[str] = []
 
     async def doomed(asking: Any) -> None:
-        PROCESS.set("doomed")
+        loop.owner.set(process)
         loop.call_later(0.5, ran.append, "timer before")
         loop.call_later(1.5, ran.append, "timer after")
         asking.sendto(b"last words")
@@ -244,7 +242,7 @@ def test_nothing_of_a_dead_process_runs_and_what_it_has_sent_arrives(loop: Virtu
     async def play(serving: Any, asking: Any) -> None:
         task = asyncio.create_task(doomed(asking))
         await asyncio.sleep(0.0001)
-        loop.call_later(0.9, dead.add, "doomed")
+        loop.call_later(0.9, setattr, process, "dead", True)
         await asyncio.sleep(3)
         ran.append("alive")
         assert not task.done()

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from argosy.trial.edges import bus_edges, divide
+from argosy.trial.edges import bus_edges
 from argosy.trial.event_loop import VirtualLoop
 from argosy.trial.network import Network
 from argosy.trial.process import FIRST_PID, PRESENT, START, VirtualProcess, main_of
@@ -33,7 +33,7 @@ class Trial:
         self.loop = VirtualLoop()
         self.network = Network(self.loop)
         self._patch = patch
-        divide(self.loop)
+        self.loop.owner = PRESENT
         for name, replacement in bus_edges(self.network).items():
             patch.setattr(name, replacement)
 

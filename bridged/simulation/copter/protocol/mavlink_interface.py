@@ -14,7 +14,7 @@ from bridged.drivers.mavlink.transport.framing import Gate
 from bridged.drivers.mavlink.transport.signing import LATEST, Signing
 from bridged.simulation.copter.battery import CHARGE_S
 from bridged.simulation.copter.boot import BootKind, Milestone
-from bridged.simulation.copter.copter import Copter
+from bridged.simulation.copter.copter import STEP_S, Copter
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.fault_injection import Character, Faults
 from bridged.simulation.copter.geodesy import Place
@@ -90,8 +90,8 @@ class _SigningGate(Gate):
 COMPONENT = 1
 """Component id of the autopilot (MAV_COMP_ID_AUTOPILOT1)."""
 
-STEP_S = 0.02
-"""Vehicle seconds per step of the simulation."""
+LONGEST_STEP_S = 0.2
+"""Most vehicle seconds of a step, in which the copter moves by shorter ones."""
 
 REBOOT_SILENCE_S = 1.2
 """Recorded; input is ignored meanwhile."""
@@ -210,10 +210,19 @@ class Vehicle:
         """Advance vehicle time by `seconds`; returns the messages sent meanwhile on the first channel."""
         self._lag += seconds
         while self._lag >= STEP_S - 1e-9:
-            self._lag -= STEP_S
-            self.age += STEP_S
-            self._step()
+            step = STEP_S * self._steps_to_event()
+            self._lag -= step
+            self.age += step
+            self._step(step)
         return self.waiting()
+
+    def _steps_to_event(self) -> int:
+        """Return how many steps of the copter are one here: to the next message or check, or what there is time for."""
+        copter = self.copter
+        if self._reboot_in is not None or not copter.boot.complete:
+            return 1
+        until = min(self.seconds_until_due(), copter.next_guard - copter.now, LONGEST_STEP_S)
+        return max(1, min(math.ceil(until / STEP_S - 1e-6), int((self._lag + 1e-9) / STEP_S)))
 
     def waiting(self, channel: int = 0) -> Messages:
         """Return the messages on a channel since the last call."""
@@ -227,24 +236,25 @@ class Vehicle:
             return STEP_S
         return max(0.0, min(channel.streams.next_due() for channel in self.channels) - self.copter.now)
 
-    def _step(self) -> None:
+    def _step(self, dt: float) -> None:
         copter = self.copter
         if self._reboot_in is not None:
-            self._wait_for_power()
+            self._wait_for_power(dt)
             return
         if self.character.restarts(self.age):
             self._reboot_in = REBOOT_SILENCE_S
             copter.flight.disarm()
             return
-        copter.hindrance = self.character.hinders(self.age)
+        if self._faults.prearm:
+            copter.hindrance = self.character.hinders(self.age)
         if self._wind is not None or self._faults.gps:
-            air = self._wind.step(STEP_S) if self._wind is not None else Vector()
-            copter.feel(air, self._faults.gps_error(self.age), STEP_S)
+            air = self._wind.step(dt) if self._wind is not None else Vector()
+            copter.feel(air, self._faults.gps_error(self.age), dt)
         if self._faults.pilots:
             mode = self.character.switched_mode(self.age, copter.mode, airborne=copter.flight.airborne)
             if mode is not None:
                 copter.set_mode(mode)
-        copter.step(STEP_S)
+        copter.step(dt)
         self.on_step()
         self._send_events()
         for message in self._mission.advance():
@@ -261,13 +271,13 @@ class Vehicle:
             if channel.list_at is not None:
                 self._list(channel)
 
-    def _wait_for_power(self) -> None:
+    def _wait_for_power(self, dt: float) -> None:
         """Restart the autopilot; a copter in the air falls meanwhile."""
         assert self._reboot_in is not None
         copter = self.copter
         if copter.flight.airborne:
-            copter.flight.step(STEP_S)
-        self._reboot_in -= STEP_S
+            copter.flight.step(dt)
+        self._reboot_in -= dt
         if self._reboot_in > 0:
             return
         copter.mission.rewind()
@@ -307,6 +317,8 @@ class Vehicle:
 
     def _send_events(self) -> None:
         """Send events on every channel; STATUSTEXT only where a peer was heard (recorded)."""
+        if not self.copter.events:
+            return
         events, self.copter.events = self.copter.events, []
         for event in events:
             messages = self._messages_of(event)

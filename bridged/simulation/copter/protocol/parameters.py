@@ -130,6 +130,8 @@ class Parameters:
         self._kinds = {name: kind for name, _, kind in _TABLE}
         self._names = [name for name, _, _ in _TABLE]
         self._values["MAV_SYSID"] = float(system)
+        self.changes = 0
+        """How often one was set."""
 
     def __len__(self) -> int:
         return len(self._names)
@@ -152,6 +154,7 @@ class Parameters:
         kind = self._kinds.get(name)
         if kind is None:
             return None
+        self.changes += 1
         if math.isfinite(value):
             if kind in _RANGES:
                 low, high = _RANGES[kind]

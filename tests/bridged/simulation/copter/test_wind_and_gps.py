@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.copter.copter import STEP_S
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.fault_injection import Faults, WindFault
 from bridged.simulation.copter.flight_control import GoTo
@@ -16,7 +17,7 @@ from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.position_estimate import FOUND_S, NOTICED_S, TIMEOUT_S
 from bridged.simulation.copter.protocol import telemetry
-from bridged.simulation.copter.protocol.mavlink_interface import STEP_S, Vehicle
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from bridged.simulation.copter.wind import Wind
 
 HOME = Place(-27.604033, -48.518363, 21.0)
