@@ -57,7 +57,6 @@ LONGEST = (
     "tests/argosy/run/test_mission_runner.py",
     "tests/argosy/trial/test_missions.py",
     "tests/argosy/trial/test_rescue.py",
-    "tests/conformance/test_conformance.py",
     "tests/attacks/test_attacks.py",
     "tests/argosy/test_hostile_texts.py",
     "tests/argosy/watch/test_terminal.py",

@@ -1,20 +1,22 @@
-"""The corpus of programs with the output that Jason 3.3 printed for them: byte for byte."""
+"""The corpus of programs with the output that Jason 3.3 printed for them: byte for byte, in virtual time."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from tests.support.forked import run
+from agentd.conversion.mind_view import decisions_of
+from agentd.process import DEEPEST_CALLS
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.decision_printer import DecisionPrinter
+from agentd.standalone.standalone_team import Team, VirtualClock
 
 HERE = Path(__file__).parent
-IN_REAL_TIME = re.compile(r"\.(wait|stopMAS|kill_agent)\([^)]*\d\d|\.at\(|\.send\([^;]*, *\d\d+\)|hard_deadline")
-"""What makes the order of prints a matter of some hundred milliseconds: a machine that stands still may change it."""
 
 
 def _single(folder: str) -> list[str]:
@@ -29,7 +31,7 @@ CASES = [
 ]
 
 STARTED = {case.partition("/")[0]: case for case in CASES}.values()
-"""Cases that run in a Python of their own, one of each folder; the others are forked."""
+"""One case of each folder, which the command runs too."""
 
 
 def _arguments(case: str) -> tuple[list[str], Path, str]:
@@ -54,29 +56,43 @@ def _by_agent(output: str) -> dict[str, list[str]]:
     return found
 
 
-def _run(case: str, folder: Path) -> tuple[str, str, str]:
-    agents, expected, source = _arguments(case)
-    command = ["agentd", "run", *agents, "--exit-when-idle", "--timeout", "60"]
-    if case in STARTED:
-        command = [sys.executable, "-m", *command]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
-    else:
-        done = run(command, timeout=120, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr, done.stderr
-    if "expects: error" in source or "expects: warning" in source:
-        assert done.stderr.strip(), "the case expects a warning or an error to be told"
-    return done.stdout, expected.read_text(), source
-
-
 def _comparable(output: str, source: str) -> object:
     return _by_agent(output) if "// order: per-agent" in source else output
 
 
+@pytest.mark.parametrize("decisions", [0, 50], ids=["", "decisions are recorded"])
 @pytest.mark.parametrize("case", CASES)
-def test_a_program_prints_what_jason_printed(case: str, tmp_path: Path) -> None:
-    output, expected, source = _run(case, tmp_path)
-    if _comparable(output, source) != _comparable(expected, source) and IN_REAL_TIME.search(source):
-        warnings.warn(f"{case} counts in milliseconds; at its first attempt it printed {output!r}", stacklevel=1)
-        output, expected, source = _run(case, tmp_path)
-    assert _comparable(output, source) == _comparable(expected, source)
+def test_a_program_prints_what_jason_printed(
+    case: str, decisions: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    agents, expected, source = _arguments(case)
+    paths, printed, told = SourcePaths(), list[str](), list[str]()
+    programs = [(name, paths.compiled(path)) for name, path in (agent.split("=", 1) for agent in agents)]
+    narrator = DecisionPrinter(write=told.append) if decisions else None
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(max(limit, DEEPEST_CALLS))
+    try:
+        team = Team(
+            programs, out=printed.append, paths=paths, clock=VirtualClock(), decisions=decisions, narrator=narrator
+        )
+        assert team.run(60, True) == 0
+    finally:
+        sys.setrecursionlimit(limit)
+    assert _comparable("".join(printed), source) == _comparable(expected.read_text(), source)
+    if "expects: error" in source or "expects: warning" in source:
+        assert capsys.readouterr().err.strip(), "the case expects a warning or an error to be told"
+    if decisions:
+        assert told
+        for mind in team.minds.values():
+            assert len(msgspec.json.encode(decisions_of(mind))) < 100_000
+
+
+@pytest.mark.parametrize("case", STARTED)
+def test_the_command_prints_what_jason_printed(case: str, tmp_path: Path) -> None:
+    agents, expected, source = _arguments(case)
+    command = [sys.executable, "-m", "agentd", "run", *agents, "--exit-when-idle", "--timeout", "60"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr, done.stderr
+    assert _comparable(done.stdout, source) == _comparable(expected.read_text(), source)
