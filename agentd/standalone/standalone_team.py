@@ -213,7 +213,7 @@ class Team:
         return not list(self.due(None))
 
     def pass_time(self, seconds: float) -> None:
-        """Wait for `seconds`, or until the environment has something to deliver."""
+        """Wait for `seconds` (0 or more), or until the environment has something to deliver."""
         if self._world is None:
             self.clock.pass_time(seconds)
         else:

@@ -44,7 +44,7 @@ class ActivityEvents:
         self._lines = self._left_out = 0
 
     def did(self, cycle: int, effect: Effect) -> None:
-        """Note an effect of ``cycle``."""
+        """Note an effect of the cycle with this number (0 or more)."""
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
                 text = called(name, parameters)[:LONGEST]
@@ -89,7 +89,7 @@ class ActivityEvents:
             )
 
     def given(self, cycle: int, item: Given) -> None:
-        """Note an input."""
+        """Note an input of the cycle with this number (0 or more)."""
         if type(item) is ActionDone:
             state = item.state or ("succeeded" if item.ok else "failed")
             identity, time = self._action_id(item.id), self._now()

@@ -117,7 +117,7 @@ class InputLog:
     # --- inputs ---
 
     def given(self, cycle: int, item: Given) -> None:
-        """Note an input."""
+        """Note an input of the cycle with this number (0 or more)."""
         batch = self._open
         batch.inputs.append((cycle, item))
         batch.weight += weight(item)
@@ -138,7 +138,7 @@ class InputLog:
         self._acts.decided(entries)
 
     def did(self, cycle: int, effect: Effect) -> None:
-        """Note an effect, while there are subscribers."""
+        """Note an effect of the cycle with this number (0 or more), while there are subscribers."""
         self._acts.did(effect_line(cycle, effect))
 
     def names(self) -> Collection[str]:

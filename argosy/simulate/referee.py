@@ -63,7 +63,7 @@ class CopterSeen:
     """Pulse in microseconds, whether the motors were armed, and where home was."""
 
     def take(self, at: float, perception: Perception, output: int) -> None:
-        """Take a change of a percept."""
+        """Take a change of a percept, at `at` seconds; `output` is the channel of the latch, from 1."""
         entry = self.manifest.percepts.get(perception.name)
         if entry is None or entry.arity != len(perception.parameters) or perception.update == "remove":
             return  # a removed percept held until then
@@ -80,7 +80,10 @@ class CopterSeen:
             self.latch.append((at, float(self.values[pulse]), armed, self._place(HOME)))
 
     def moves(self, robot: str, output: int) -> Iterator[ServoMove]:
-        """Yield the first state of the output, and its moves. Raises ValueError if the recording has none."""
+        """Yield the first state of an output (channel, from 1), and its moves.
+
+        Raises ValueError if the recording has none.
+        """
         if not self.latch:
             raise ValueError(f"{robot}: its output {output} is not in the recording")
         before = None

@@ -29,7 +29,7 @@ HEAD = ("key", "Hz", "min ms", "max ms", "jitter ms", "B/s", "n", "last s ago")
 
 
 class Rates:
-    """Samples of each key within the window, and the last one of silent keys."""
+    """Samples of each key within a window (seconds), and the last one of silent keys."""
 
     def __init__(self, window: float) -> None:
         self.left_out = 0
@@ -58,7 +58,10 @@ class Rates:
         return True
 
     def rows(self, now: float, since: float) -> list[tuple[str, ...]]:
-        """Return the figures of each key in the window that ends `now`; listening began at `since`."""
+        """Return the figures of each key in the window that ends at `now`.
+
+        `since`: when listening began (both in seconds).
+        """
         span = min(self._window, max(now - since, 1e-9))
         rows = []
         for key, known in sorted(self._keys.items()):

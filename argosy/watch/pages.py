@@ -188,7 +188,7 @@ class AgentPage(Page):
         self.query_one(f"#{self._shown}", Pane).lines.focus()
 
     def action_neighbour(self, by: int) -> None:
-        """Go to the agent before or after."""
+        """Go to the agent before (`by` -1) or after (1)."""
         names = list(self.watch_app.shown.agents)
         if self.agent in names and len(names) > 1:
             link = self.watch_app.link

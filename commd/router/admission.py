@@ -88,7 +88,7 @@ class Allowance:
         """When `left` was computed, monotonic seconds."""
 
     def now(self, at: float) -> float:
-        """Refill, and return what is left."""
+        """Refill up to a time in wall seconds, and return the rest."""
         self.left, self.at = min(self.most, self.left + self.refill * (at - self.at)), at
         return self.left
 

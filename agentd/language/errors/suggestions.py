@@ -11,7 +11,7 @@ _CLOSE = 0.7
 
 
 def similar(word: str, known: Iterable[str], close: float = _CLOSE) -> str | None:
-    """Return `nearest` with the similarity that names in programs need."""
+    """Return `nearest` with the similarity that names in programs need; `close` is a share, 0..1."""
     return nearest(word, known, close)
 
 

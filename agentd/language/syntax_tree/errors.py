@@ -71,5 +71,5 @@ def problem_at(source: Source, offset: int, message: str) -> Problem:
 
 
 def problem_on(source: Source, line: int, column: int, message: str) -> Problem:
-    """An error at a line and column of a source."""
+    """An error at a `line` and `column` (both from 1) of a source."""
     return Problem(Finding(source.file, line, column, message, kind=SYNTAX), source.line(line), column)

@@ -51,7 +51,7 @@ def double_text(value: float) -> str:
 
 
 def divide(a: float, b: float) -> float:
-    """``/``: Infinity and NaN instead of errors."""
+    """``/`` of any two numbers, `a` by `b`: Infinity and NaN instead of errors."""
     if b:
         return a / b
     if a != a or b != b or a == 0.0:
@@ -81,7 +81,7 @@ def integer_divide(a: float, b: float) -> float:
 
 
 def remainder(a: float, b: float) -> float:
-    """``mod``: the floating remainder with the sign of the dividend; NaN for a divisor of 0."""
+    """``mod``: the floating remainder of `a` by `b`, with the sign of `a`; NaN if `b` is 0."""
     if not b or a in (math.inf, -math.inf):
         return math.nan
     return math.fmod(a, b)

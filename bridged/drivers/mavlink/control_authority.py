@@ -87,9 +87,10 @@ class ControlAuthority:
                 self._end_override()
 
     def doubts(self, mode_before: int, was_armed: bool, silence: float) -> bool:
-        """Whether the HEARTBEAT that has just come may be of a vehicle that was restarted, so that its clock is asked.
+        """Whether a HEARTBEAT after `silence` mission seconds may be of a restarted vehicle, so its clock is queried.
 
-        A pilot's switch changes the mode alone; a restart changes it after a silence, or stops the motors as well.
+        A pilot's switch changes the mode (number `mode_before`, -1: unknown) alone; a restart changes it
+        after a silence, or stops the motors as well.
         """
         vehicle = self._flight.vehicle
         changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)

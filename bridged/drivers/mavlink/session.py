@@ -449,7 +449,7 @@ class LinkState:
         self._carries = up
 
     def look(self, connected: bool, heard_at: float, now: float, patience: float) -> None:
-        """Report a change, by whether the vehicle is heard and when it was heard last.
+        """Report a change of `connected`; `heard_at`, the last packet, and `now` are in mission seconds.
 
         `patience`: mission seconds of silence that are a link loss. After the transport was down the link is up when
         the vehicle is heard again, not before.

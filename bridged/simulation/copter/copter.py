@@ -61,7 +61,7 @@ class Copter:
         stored: Mission | None = None,
         charge_time: float = CHARGE_S,
     ) -> None:
-        """`parameters` and the `stored` mission are what an earlier life left in the vehicle's memory; at home an
+        """`parameters` and the `stored` mission are what is in the vehicle's memory from before a restart; at home an
         empty battery is full after `charge_time` seconds."""
         self.now = FIRST_HEARTBEAT_S
         self.chart = FlatMap(start)

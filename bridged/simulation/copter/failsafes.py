@@ -48,7 +48,7 @@ class Fence:
         return ", ".join(parts) or None
 
     def notice(self, breach: str | None, now: float) -> bool:
-        """Note the present breach; returns True when it is new."""
+        """Note the present breach, at vehicle seconds; returns True when it is new."""
         new = breach is not None and self.breached is None
         if new:
             self.breaches, self.breached_at = self.breaches + 1, now
@@ -72,7 +72,7 @@ class StationWatch:
     lost: bool = False
 
     def heartbeat(self, sysid: int, now: float) -> None:
-        """Note a HEARTBEAT of a system id at `now` vehicle seconds."""
+        """Note a HEARTBEAT of `sysid` (1..255) at `now`, in vehicle seconds."""
         if sysid == int(self.parameters["MAV_GCS_SYSID"]):
             self.heard_at = now
 

@@ -39,7 +39,7 @@ class RealtimeMonitor:
     _reported_at: float = -math.inf
 
     def round(self, late: float, now: float) -> None:
-        """Note a round that begins `late` wall seconds after it was due."""
+        """Note a round that begins `now`, and `late` after it was due, both in wall seconds."""
         self.rounds += 1
         if late > LATE_S:
             self.late += 1

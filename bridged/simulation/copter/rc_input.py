@@ -56,12 +56,12 @@ class Transmitter:
                 self._overrides[channel] = (pulse, now)
 
     def pulse(self, channel: int, now: float) -> int:
-        """Return the pulse of a channel in µs."""
+        """Return the pulse of a `channel` (from 1) at `now` (vehicle seconds), in µs."""
         moved = self._moved(channel, now)
         return RESTING[channel - 1] if moved is None else moved
 
     def pulses(self, now: float) -> list[int]:
-        """Return the pulses of all channels in µs."""
+        """Return the pulses of all channels, in µs, at a time in vehicle seconds."""
         return [self.pulse(channel, now) for channel in range(1, CHANNELS + 1)]
 
     def stick(self, name: str, now: float) -> float:
@@ -86,7 +86,7 @@ class Transmitter:
         return None if position is None else int(self.parameters[f"FLTMODE{position + 1}"])
 
     def drift(self, heading: float, now: float) -> Drift | None:
-        """Where overridden sticks push a copter whose nose points to `heading` (radians); None if nothing moves.
+        """Return how overridden sticks move a copter of this `heading` (radians) at `now` (s); None if they do not.
 
         All modes that obey sticks do as LOITER does: a stick is a speed.
         """

@@ -61,7 +61,7 @@ class Outputs:
         """Called with each output and its new pulse in microseconds."""
 
     def function(self, channel: int) -> int:
-        """Return SERVOn_FUNCTION; -1 for an unknown output."""
+        """Return SERVOn_FUNCTION of a channel (from 1); -1 for an unknown output."""
         return int(self._parameters[f"SERVO{channel}_FUNCTION"]) if 1 <= channel <= SERVOS else -1
 
     def pulses(self, *, armed: bool, airborne: bool) -> list[int]:
@@ -72,7 +72,10 @@ class Outputs:
         return [motor if self.function(one) in motors else _possible(self._pulses.get(one, 0)) for one in numbers]
 
     def set(self, channel: int, pulse: int) -> str | None:
-        """MAV_CMD_DO_SET_SERVO; returns the reason of a refusal, in the vehicle's words."""
+        """MAV_CMD_DO_SET_SERVO: `pulse` in µs, `channel` from 1.
+
+        Returns the reason of a refusal, as the vehicle words it.
+        """
         problem = self._problem_with(channel)
         if problem is None:
             self._repeat = None if self._repeat is not None and self._repeat.channel == channel else self._repeat
@@ -80,7 +83,10 @@ class Outputs:
         return problem
 
     def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
-        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns why not."""
+        """MAV_CMD_DO_REPEAT_SERVO: `channel` (from 1) to `pulse` (µs) and back, `times` times, from `now` on.
+
+        A cycle takes `period` seconds. Returns the reason of a refusal.
+        """
         problem = self._problem_with(channel)
         if problem is None:
             trim = int(self._parameters[f"SERVO{channel}_TRIM"])

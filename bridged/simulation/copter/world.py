@@ -54,7 +54,10 @@ class Victim:
 
 
 def victims_of(seed: int, count: int, area: Area) -> list[Victim]:
-    """Return `count` victims, the same for each `seed`. Raises ValueError if the area has no room for them."""
+    """Return `count` (1 or more) victims, the same for each `seed` (any integer).
+
+    Raises ValueError if the area has no room for them.
+    """
     dice = random.Random(f"victims {seed}")
     found: list[Victim] = []
     for _ in range(_TRIES):
@@ -95,7 +98,7 @@ class ServoLog:
         self._file = path.open("wb", buffering=0)
 
     def moved(self, copter: Copter, system: int, age: float, output: int, pulse: int) -> None:
-        """Write that an output (from 1) of a copter (system id) got another pulse (microseconds). Raises OSError.
+        """Write that an `output` (from 1) of a copter (`system` id) got another `pulse` (microseconds). Raises OSError.
 
         `age`: vehicle seconds since it was switched on.
         """

@@ -55,7 +55,7 @@ class Turtle:
     """Seconds for which the command still holds."""
 
     def command(self, ahead: float, left: float, angular: float) -> None:
-        """Move with these velocities from now on, for `HELD` seconds."""
+        """Move `ahead` and `left` (m/s), and turn (`angular`, rad/s, left is positive), for `HELD` seconds."""
         self.linear, self.angular, self._left = (ahead, left), angular, HELD
 
     def step(self) -> None:
@@ -81,7 +81,10 @@ class Turtle:
         }
 
     def teleport(self, x: float, y: float, theta: float) -> None:
-        """Move to x and y (metres), draw the way, and turn to theta (radians). Raises ValueError outside the field."""
+        """Move to `x` and `y` (metres), draw the way, and turn to `theta` (radians).
+
+        Raises ValueError outside the field.
+        """
         for name, value in (("x", x), ("y", y)):
             if not 0 <= value <= FIELD:
                 raise ValueError(f"{name}: {value:g} is outside the field, 0..{FIELD:.2f}")
@@ -89,7 +92,10 @@ class Turtle:
         self.theta = math.remainder(theta, math.tau)
 
     def teleport_by(self, linear: float, angular: float) -> None:
-        """Turn, then move `linear` metres ahead. Raises ValueError for a place outside the field."""
+        """Turn by `angular` (radians), then move `linear` metres ahead.
+
+        Raises ValueError for a place outside the field.
+        """
         theta = self.theta + angular
         self.teleport(self.x + math.cos(theta) * linear, self.y + math.sin(theta) * linear, theta)
 

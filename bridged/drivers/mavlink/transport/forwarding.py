@@ -131,7 +131,10 @@ class GroundStation:
                 log.info("forwarding to %s", self.address)
 
     def take(self, packet: bytes, system: int, number: int) -> None:
-        """Send a packet of the station to the vehicles; `number` is its message id."""
+        """Send a packet of the station to the vehicles.
+
+        `system` is its sender's id (1..255), `number` its message id.
+        """
         part, now = component(packet), asyncio.get_running_loop().time()
         if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
             self.counters.echoes += 1

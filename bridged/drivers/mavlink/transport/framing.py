@@ -41,18 +41,18 @@ class Gate:
     """A framer's filter of packets before they are decoded, by system id. This one lets all of them through."""
 
     def wants(self, system: int, message_id: int) -> bool:
-        """Whether somebody reads such messages of this system."""
+        """Whether there is a reader of messages `message_id` (0..16,777,215) of `system` (1..255)."""
         return True
 
     def signing(self, system: int) -> Signing | None:
-        """Return what the packets of this system are checked by; None = they need no signature."""
+        """Return the check of the packets of this system (id, 1..255); None = they need no signature."""
         return None
 
     def refuse(self, system: int, objection: str) -> None:
         """Take in that a packet was refused, with the objection of `Signing`."""
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
-        """Take in every packet as it came: with a right checksum, wanted or not, or of an unknown kind."""
+        """Take every packet of `system` (1..255) unchanged, of any `message_id`, wanted or not."""
 
 
 class SignedGate(Gate):
@@ -62,7 +62,7 @@ class SignedGate(Gate):
         self.by = signing
 
     def signing(self, system: int) -> Signing | None:
-        """The one key."""
+        """The one key, for any system id."""
         return self.by
 
 
@@ -164,7 +164,7 @@ class Encoder:
     """Packs our messages for one peer as MAVLink 2, with our ids and that peer's sequence numbers."""
 
     def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
-        """`signing` signs everything."""
+        """`system` and `component` (1..255) are our ids; `signing` signs everything. Raises ValueError."""
         check_ids(system, component)
         self._protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
         self._signing = signing
@@ -188,7 +188,7 @@ class Encoder:
 
 
 def check_ids(system: int, component: int) -> None:
-    """Raise ValueError for MAVLink ids out of range."""
+    """Raise ValueError unless `system` and `component` are MAVLink ids (1..255)."""
     if not (1 <= system <= 255 and 1 <= component <= 255):
         raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
 

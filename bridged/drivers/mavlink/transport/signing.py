@@ -38,16 +38,16 @@ class SignedStreams:
     """The streams of one link, under all keys of its robots."""
 
     def __init__(self, file: Path | None = None) -> None:
-        """`file` outlives the process; without it the streams of this life alone are remembered."""
+        """`file` outlives the process; without it only the streams since this start are remembered."""
         self.damage = ""
-        """Why what earlier lives have kept was not read; empty if it was, or nothing was kept."""
+        """Why the kept streams were not read; empty if they were, or none was kept."""
         self.problem = ""
         """Why the file could not be written the last time."""
         self._file = file
         self._bounds: dict[bytes, int] = {}
         """The bound in the file."""
         self._last: dict[bytes, int] = {}
-        """What was taken in this life."""
+        """Timestamps taken since this start."""
         self._read()
 
     @property
@@ -58,7 +58,8 @@ class SignedStreams:
     def objection(self, stream: bytes, timestamp: int, present: int) -> str:
         """Why a rightly signed packet is not taken, empty if it is: `replayed` or `outdated`.
 
-        The first packet of a stream may be a minute behind `present`, and must be later than what earlier lives took.
+        `timestamp` and `present` are in 10 µs since 2015. The first packet of a stream may be a minute behind
+        `present`, and must be later than what was taken before a restart.
         """
         last = self._last.get(stream)
         if last is None and (timestamp <= self._bounds.get(stream, 0) or timestamp < present - MINUTE):
@@ -126,8 +127,8 @@ FAR_AHEAD = 30 * 365 * 24 * 60 * MINUTE
 """No clock that a vehicle or a computer starts from is so far from ours; a timestamp that is would use up those that
 are left until 2104, after which nothing can be signed."""
 RESERVE = MINUTE
-"""How far ahead timestamps are written down: the file is written once in so long, and no life of the bridge begins
-below what an earlier one may have used."""
+"""How far ahead timestamps are written down: the file is written once in this time, and a restarted bridge does not
+begin below what it may have used before."""
 SIGNATURE_BYTES = 13
 
 
@@ -167,7 +168,7 @@ class Timestamps:
     """Our timestamps on one link: each one above all before, also after a restart and if the clock goes back."""
 
     def __init__(self, file: Path | None = None, clock: Callable[[], int] = now_10us) -> None:
-        """`file` holds the bound below which any may have been used; without it they rise in this life only.
+        """`file` holds the bound below which any may have been used; without it they rise until the process ends.
 
         Raises OSError if the file cannot be read or written, SigningError if it holds something else.
         """
@@ -199,7 +200,7 @@ class Timestamps:
         return following
 
     def heard(self, timestamp: int) -> None:
-        """Continue from the timestamp (10 µs) of another holder of the key who is ahead (devguide).
+        """Continue from the `timestamp` (in 10 µs since 2015) of another holder of the key that is ahead (devguide).
 
         Clocks then need not agree.
         """

@@ -40,7 +40,7 @@ class _Heard:
 
 
 class VehicleAddress:
-    """Where one vehicle's autopilot speaks. `now` is in wall seconds."""
+    """Address of one vehicle's autopilot: `system` is its id (1..255), `link_loss` and `now` are in wall seconds."""
 
     def __init__(self, system: int, link_loss: float = 5.0) -> None:
         self.link_loss = link_loss
@@ -76,7 +76,7 @@ class VehicleAddress:
         return self._two if now < self._two_until else ""
 
     def notes(self, now: float) -> Sequence[Note]:
-        """Warnings that hold now."""
+        """Return the warnings in force at a time, in wall seconds."""
         two, system = self.two_vehicles(now), str(self._system)
         notes = [Note("two_vehicles", two, system)] if two else []
         if now < self._foreign_until:

@@ -140,7 +140,7 @@ class Commands:
         self.tick(now)
 
     def tick(self, now: float) -> None:
-        """Send what is due."""
+        """Send the commands that are due at this time, in mission seconds."""
         for number, queue in list(self._queues.items()):
             while queue and self._advance(queue[0], now):
                 queue.popleft()

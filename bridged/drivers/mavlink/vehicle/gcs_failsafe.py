@@ -70,12 +70,12 @@ class FailsafeCheck:
         self._next_at = math.inf
 
     def begin(self, now: float) -> None:
-        """The vehicle is there (again): read the parameter unless nobody relies on it."""
+        """Read the parameter of a vehicle that is connected (again) now (seconds), unless nobody relies on it."""
         if self._failsafe.watches:
             self.value, self._tries, self._next_at = None, 0, now
 
     def tick(self, now: float) -> None:
-        """Ask, and ask again while nothing answers."""
+        """Request the parameter, and again while there is no answer; the time is in seconds."""
         if now < self._next_at:
             return
         if self.value is not None or self._tries >= TRIES:

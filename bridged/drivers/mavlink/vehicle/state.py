@@ -37,7 +37,10 @@ class Place:
         return geo.distance((self.latitude, self.longitude), (other.latitude, other.longitude))
 
     def moved(self, north: float, east: float, up: float) -> Place:
-        """Return the point at these distances, in metres."""
+        """Return the point at the distances `north`, `east` and `up`, in metres.
+
+        Negative ones are south, west, down.
+        """
         latitude = self.latitude + math.degrees(north / geo.EARTH_RADIUS)
         turn = east / (geo.EARTH_RADIUS * max(1e-6, math.cos(math.radians(self.latitude))))
         return Place(latitude, self.longitude + math.degrees(turn), self.altitude + up)

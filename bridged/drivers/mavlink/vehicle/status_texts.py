@@ -81,16 +81,16 @@ class Texts:
         return whole
 
     def since(self, when: float) -> str:
-        """Return the warnings since `when`, without repetitions, or the last texts if there was no warning."""
+        """Return the warnings since `when` (mission seconds), without repetitions; if there is none, the last texts."""
         texts = [one.text for one in self._texts if one.at >= when]
         return self.warnings(when) or "; ".join(dict.fromkeys(texts[-MAX_INFORMATION:]))
 
     def warnings(self, when: float) -> str:
-        """Return the warnings and worse since `when`, without repetitions."""
+        """Return the warnings and worse since a time in mission seconds, without repetitions."""
         return "; ".join(dict.fromkeys(one.text for one in self._texts if one.at >= when and one.severity <= NOTABLE))
 
     def beginning(self, prefix: str, when: float) -> list[str]:
-        """Return the rest of each text since `when` that begins with `prefix`, without repetitions."""
+        """Return the rest of each text since `when` (mission seconds) that begins with `prefix`, each once."""
         texts = (one.text.removeprefix(prefix) for one in self._texts if one.at >= when and one.text.startswith(prefix))
         return list(dict.fromkeys(texts))
 

@@ -82,7 +82,7 @@ class Streams:
         self._starved: list[str] = []
 
     def adopt(self, manifest: Manifest, now: float) -> None:
-        """Request what another manifest needs and differs."""
+        """Request the streams that another manifest needs and that differ; now is in mission seconds."""
         old = self._streams
         self._streams = {}
         for stream in _wanted(manifest):
@@ -107,7 +107,7 @@ class Streams:
         self._home_at = now
 
     def pace(self, at_work: bool, now: float) -> None:
-        """Request the full rates, or the idle ones."""
+        """Request the full rates, or the idle ones; now is in mission seconds."""
         if at_work == self.at_work:
             return
         self.at_work = at_work
@@ -123,7 +123,10 @@ class Streams:
         self._starved = []
 
     def tick(self, now: float, home_known: Callable[[], bool]) -> None:
-        """Note denials, ask again for what falls under half of its rate, and ask for home until it is known."""
+        """Note denials, request streams below half of their rate again, and home until it is known.
+
+        `now`: mission seconds.
+        """
         for stream in self._streams.values():
             if stream.pending is not None and stream.pending.over:
                 stream.denied = stream.pending.result in (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED)

@@ -146,7 +146,7 @@ _AS_IN_A_MISSION = frozenset((
 
 
 def altitude(copter: Copter, frame: int, z: float) -> float | None:
-    """Return an altitude in metres above mean sea level; None if the frame has none or the value is no altitude."""
+    """Return the altitude of `z` metres in `frame` (MAV_FRAME), in metres AMSL; None if it is none."""
     if not math.isfinite(z) or abs(z) > 100_000:
         return None
     if frame in GLOBAL_FRAMES:

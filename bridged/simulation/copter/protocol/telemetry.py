@@ -321,18 +321,21 @@ class Streams:
     """The least of them; None: not known."""
 
     def knows(self, message: int) -> bool:
-        """Return whether the vehicle can send the message at all."""
+        """Return whether the vehicle can send a message at all, by its id (0 or more)."""
         return message in BUILDERS
 
     def interval_us(self, message: int) -> int:
-        """Return the interval in µs as in MESSAGE_INTERVAL: 0 unknown, -1 not sent."""
+        """Return the interval in µs as in MESSAGE_INTERVAL, by message id: 0 unknown, -1 not sent."""
         if not self.knows(message):
             return 0
         interval = self.intervals.get(message)
         return -1 if interval is None else round(interval * 1e6)
 
     def set(self, message: int, interval_us: float, now: float) -> bool:
-        """Set an interval in µs: -1 stops, 0 is the default. Returns False for an unknown message."""
+        """Set the `interval_us` (µs; -1 stops, 0: default) of a `message` id from `now` (s).
+
+        Returns False for an unknown one.
+        """
         if not self.knows(message):
             return False
         self._next_due = None
@@ -346,7 +349,7 @@ class Streams:
         return True
 
     def request(self, group: int, rate: int, now: float, *, on: bool) -> None:
-        """REQUEST_DATA_STREAM: the messages of a group at `rate` Hz, or not at all."""
+        """REQUEST_DATA_STREAM at `now` (s): the messages of a `group` (MAV_DATA_STREAM) at `rate` Hz, or not at all."""
         groups = GROUPS.values() if group == ALL_GROUPS else (GROUPS.get(group, ()),)
         interval_us = 1e6 / rate if on and rate > 0 else -1.0
         for messages in groups:
