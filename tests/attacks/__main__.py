@@ -23,8 +23,8 @@ HEAD = """\
 
 Written by `make attacks`; each row is also a test of `make test`. Three boards with routers as they are deployed
 (mutual TLS between them, a socket on each, access rules from the mission), real `commd` and `bridged` processes on
-loopback. The attacker mostly is `pi3`: a board that has the fleet's trust and abuses it. Agent `a` and robot `r1` live
-on pi1, `b` on pi2, `c` on pi3. Each row also shows that what is allowed still goes through: else it would not count.
+loopback. The attacker mostly is `pi3`: a board that has the fleet's trust and abuses it. Agent `a` and robot `r1` are
+on pi1, `b` on pi2, `c` on pi3. Each row also shows that permitted traffic still passes; otherwise it would not count.
 """
 
 

@@ -42,10 +42,10 @@ HALF_OPEN, HANDSHAKES = "half-open connections", "handshakes without a certifica
 
 @attack(
     "a flood of connections without a certificate",
-    f"{BURST} TCP connections at once from an operator's own address; then for {FLOOD:g} s from others "
+    f"{BURST} simultaneous TCP connections from an operator's own address; then for {FLOOD:g} s from others "
     f"{HALF_OPEN_RATE:g} half-open ones and {HANDSHAKE_RATE:g} TLS handshakes without a certificate each second; "
     "`argosy stop hold r1` before, during and after",
-    "commd of pi1: who says no ClientHello does not reach the router; 10 failed handshakes an address, then 2 a "
+    "commd of pi1: a connection without a ClientHello does not reach the router; 10 failed handshakes an address, 2 a "
     "second; addresses that are known have listeners of their own",
 )
 async def connect_flood(row: Row, world: World) -> None:

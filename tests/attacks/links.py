@@ -147,7 +147,7 @@ async def stolen_relay(row: Row, world: World) -> None:
         await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
         row.expect(keys.percept(NAME, "b", "x") not in heard, "no percept of b by way of pi3")
         row.expect(await ask(attacker, keys.mail(NAME, "b", "a"), letter("a", "b"), Receipt) == [], "no receipt")
-    row.seen.append("attacker: no reply, and nobody tells: Zenoh drops without a word what its rules deny")
+    row.seen.append("attacker: no reply, and no report: Zenoh drops silently what its rules deny")
 
 
 @attack(
@@ -199,8 +199,8 @@ async def people(row: Row, world: World) -> None:
 
 @attack(
     "many half-open connections",
-    f"{HALF_OPEN} TCP connections to pi1's port that say nothing",
-    "commd of pi1: who says no ClientHello within 5 s is closed, and the router never hears of it",
+    f"{HALF_OPEN} silent TCP connections to pi1's port",
+    "commd of pi1: a connection without a ClientHello within 5 s is closed, and never reaches the router",
 )
 async def half_open(row: Row, world: World) -> None:
     """Connections that never say who they are."""
@@ -217,7 +217,7 @@ async def half_open(row: Row, world: World) -> None:
     began = time.monotonic()
     await _comes_in(row, world, patience=30)
     took = time.monotonic() - began
-    row.seen.append(f"pi3 comes in anew {took:.1f} s after them")
+    row.seen.append(f"pi3 connects again {took:.1f} s after them")
 
 
 async def _stays_out(row: Row, world: World, tls: Tls) -> None:

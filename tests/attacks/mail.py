@@ -41,7 +41,7 @@ PLAN = "+!go <- cmd_vel(1, 0, 0)."
 
 @attack(
     "remote control by mail",
-    "`hunter` of pi3 tells `a` of pi1 how to `go` (a plan that moves r1) and lets it `achieve` that; a gateway "
+    "`hunter` of pi3 sends `a` of pi1 `tellHow` of `go` (a plan that moves r1) and lets it `achieve` that; a gateway "
     "node of no key sends `achieve`; pi3 sends it as `mail`. The same to `willing`, which names them in `accepts`",
     "agentd of `a`: `tellHow` is for its own board, a node's mail and the notices of `mail` are no orders",
 )
@@ -103,9 +103,9 @@ async def plans_by_mail(row: Row, _: World) -> None:
 
 @attack(
     "reading others' mail",
-    "`a` of pi1 was told a secret, which is in its mind and its trace. `eye` (telemetry), `mate` (minds), `judge` "
+    "`a` of pi1 has a secret in its mind and its trace. `eye` (telemetry), `mate` (minds), `judge` "
     "(mail), pi3 and a member of pi3 subscribe to `argosy/**`, and ask `a/mind`, `*/mind` and `a/trace/inputs`",
-    "pi1's router: what is beyond a right is not told, and may not be asked; boards have `telemetry` of others",
+    "pi1's router: records beyond a right are neither delivered nor answered; boards have `telemetry` of others",
 )
 async def reading_mail(row: Row, world: World) -> None:
     """A board and observers read the mail of another board: in a mind, in a trace, by a wide subscription."""

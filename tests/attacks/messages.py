@@ -95,7 +95,7 @@ async def run_time_name(row: Row, world: World) -> None:
 
 
 @attack(
-    "names of others told as one's own",
+    "names of others claimed as one's own",
     "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and holds the token "
     "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
     "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",

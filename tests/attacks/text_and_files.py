@@ -26,7 +26,7 @@ REFUSED = 20.0
 
 @attack(
     "text that commands a terminal",
-    "a member of pi3 says OSC titles, cursor moves, C1 codes, line breaks and marks of writing direction as mind, "
+    "a member of pi3 publishes OSC titles, cursor moves, C1 codes, line breaks and marks of writing direction as mind, "
     "beliefs, mail, health notes, percepts and actions of `c` and `r3`; the operator looks by `argosy status`, "
     "`why`, `echo` and `watch`, each in a terminal",
     "`argosy`: text of others is escaped where it is shown",

@@ -28,7 +28,7 @@ one final status. Seconds are the mission's in virtual time, and the wall's of r
 MAIL_HEAD = """
 ## Mail
 
-Real `commd` and `agentd` processes, real files, real datagrams; cuts, kills and full disks by the dozen stand in
+Real `commd` and `agentd` processes, real files, real datagrams; cuts, kills and full disks by the dozen are in
 [soak.md](soak.md).
 """
 

@@ -104,7 +104,7 @@ async def records(row: Row, office: Office) -> None:
                 await ann.send("bob", "tell", number)
         expect_all(row, await read(bob, RECORDS // 30), list(range(0, RECORDS, 30)))
         row.expect(refused == RECORDS, f"each is answered with an error, {refused} of {RECORDS} were")
-        row.seen.append(f"{refused} answered with an error in words")
+        row.seen.append(f"{refused} answered with an error")
     held(daemon)
     grown(row, daemon, before)
 
@@ -206,7 +206,9 @@ async def clock_jumps(row: Row, office: Office) -> None:
             expect_all(row, await read(bob, 20), list(range(20)))
         told = await read(ann, 1)
         row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")
-        row.seen.append("`ttl` of 60 s outlived both jumps; one of 0.5 s was over after 0.5 s, and its sender told")
+        row.seen.append(
+            "`ttl` of 60 s outlived both jumps; one of 0.5 s ended after 0.5 s, and its sender was notified"
+        )
     held(late)
     row.bound = "-"
 

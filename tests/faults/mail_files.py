@@ -58,7 +58,7 @@ async def corrupt_mail(row: Row, office: Office) -> None:
         health = await office.told(
             "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
         )
-        row.seen.append(f"set aside, and told: `{health.notes[0].text}`")
+        row.seen.append(f"set aside, and reported: `{health.notes[0].text}`")
         async with office.program("cid") as cid:
             expect_all(row, await read(cid, 5), list(range(5, 10)))
             await ann.send("cid", "tell", "after")
@@ -118,7 +118,7 @@ async def mail_restored(row: Row, office: Office) -> None:
         shutil.copytree(copy, folder)
         daemon = await office.start("pi1")
         health = await office.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
-        row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
+        row.seen.append(f"reported in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
         row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
         for number in range(6, 8):
             await ann.send("bob", "tell", number)
@@ -168,11 +168,11 @@ def corrupt_checkpoint(state: Path) -> Row:
             told = [line for line in second.lines if "set aside" in line]
             row.expect(told, "the log tells of it")
             row.seen.append(
-                f"set aside, and told: `{told[0].partition('agent=ann ')[2].replace(str(state), 'DIR')}`"
+                f"set aside, and reported: `{told[0].partition('agent=ann ')[2].replace(str(state), 'DIR')}`"
                 if told
                 else "not told"
             )
-            row.seen.append("ann begins anew; bob, in the same process, goes on where it was")
+            row.seen.append("ann starts without a state; bob, in the same process, continues where it was")
     row.bound = "-"
     return row
 
@@ -232,7 +232,7 @@ def full_disk(state: Path) -> Row:
             assert failed is not None
             row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
             health = await office.told("pi1", lambda it: bool(it.notes), "a note in the health record")
-            row.seen.append(f"told: `{health.notes[0].text.replace(str(state), 'DIR')}`")
+            row.seen.append(f"reported: `{health.notes[0].text.replace(str(state), 'DIR')}`")
             disk.free()
             await ann.send_again(failed)
             for after in range(number + 1, number + 11):

@@ -53,7 +53,7 @@ sys.exit(main())
 def poison_message(state: Path) -> Row:
     """A message makes an agent compute for ever in a Python action; a watchdog ends its agentd each time."""
     row = Row(
-        "poison message", f"real processes: an action that never returns, SIGABRT as of a watchdog, {DEATHS} lives"
+        "poison message", f"real processes: an action that never returns, SIGABRT as of a watchdog, {DEATHS} starts"
     )
     (state / "agent.asl").write_text(_AGENT)
     (state / "office.yaml").write_text(_MISSION)
@@ -85,7 +85,9 @@ def poison_message(state: Path) -> Row:
             row.expect("[ann] at it" not in daemon.text, "the poison is not taken again")
             told = [line for line in daemon.lines if "set aside after" in line]
             row.expect(told, "the log tells of it")
-            row.seen.append(f'in life {DEATHS + 1} the agent takes the next message; told: `+set_aside("+!crunch")`')
+            row.seen.append(
+                f'at start {DEATHS + 1} the agent takes the next message; reported: `+set_aside("+!crunch")`'
+            )
         kept = next((state / "minds").rglob(KEPT)).read_text()
         row.expect("crunch" in kept, f"it is kept for inspection, found {kept}")
         row.seen.append(f"kept in `{KEPT}` beside the checkpoint")
@@ -134,7 +136,7 @@ def backup_restored(state: Path) -> Row:
             last.says("the agent was set back")
             told = [line for line in last.lines if "is older than what the agent has done" in line]
             row.expect(told and "4 to cid" in told[0], f"the log tells of it: {told}")
-            row.seen.append("told in the log, in health (`state_went_back`) and as `+state_went_back`")
+            row.seen.append("reported in the log, in health (`state_went_back`) and as `+state_went_back`")
     row.bound = "-"
     return row
 

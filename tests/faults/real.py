@@ -67,7 +67,7 @@ _FLIER = """\
 +!fly <- set_mode("GUIDED"); arm_motors(true); takeoff(10); .print("going");
          goto(-27.601, -48.516, 20); .print("goto succeeded").
 -!fly[reason(R)] <- .print("goto failed: ", R); .wait(state(_, true, _)); ?state(Mode, _, Armed);
-                    .print("told of the vehicle: state(", Mode, ", true, ", Armed, ")"); !home.
+                    .print("perceived of the vehicle: state(", Mode, ", true, ", Armed, ")"); !home.
 +!home <- return_to_launch; .print("return_to_launch succeeded"); ?state(Mode, Heard, Armed);
          .print("then: state(", Mode, ", ", Heard, ", ", Armed, ")").
 -!home[reason(R)] <- .print("return_to_launch failed: ", R).
@@ -124,7 +124,7 @@ def bridge_killed(state: Path) -> Row:
                 _note(row, agent, "goto", time.monotonic() - at)
                 agent.says("[uav] then: ", 90)
                 _note(row, agent, "return_to_launch", time.monotonic() - at)
-                told = re.findall(r"\] (told of the vehicle: |then: )(.*)", agent.text)
+                told = re.findall(r"\] (perceived of the vehicle: |then: )(.*)", agent.text)
                 row.seen += [f"{when}`{what}`" for when, what in told]
                 row.expect([what for _, what in told] == list(_TOLD), f"the vehicle's state is told: {_TOLD}")
                 goals = re.findall(r"action \S+ goto\[", second.text)

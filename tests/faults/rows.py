@@ -1,4 +1,4 @@
-"""What a row of the fault table says: how the fault was injected, what became of each action, and what it cost."""
+"""What a row of the fault table says: how the fault was injected, the outcome of each action, and its cost."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ Maker = Callable[[Path], Row]
 def of_actions(rows: Sequence[Row]) -> list[str]:
     """The rows of actions as Markdown."""
     return table(
-        "fault | injected | what became of each action | what else was seen | memory",
+        "fault | injected | outcome of each action | also observed | memory",
         ((row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound) for row in rows),
     )
 
@@ -82,4 +82,4 @@ def of_actions(rows: Sequence[Row]) -> list[str]:
 def of_mail(rows: Sequence[Row]) -> list[str]:
     """The rows without actions as Markdown."""
     cells = ((row.fault, row.injected, "<br>".join(row.seen), row.bound) for row in rows)
-    return table("fault | injected | what was seen | memory", cells)
+    return table("fault | injected | observed | memory", cells)

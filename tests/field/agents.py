@@ -15,11 +15,11 @@ from tests.field.scene import Scene, flown
 LEASE = LEASE_MS / 1000
 HOLD = 5.0
 """`on_agent_loss: [hold 5s, rtl]`."""
-KILLED = AGENT_GRACE, "1 s of grace for a token that is gone"
+KILLED = AGENT_GRACE, "1 s of grace for a lost token"
 STOPPED = LEASE + AGENT_GRACE, "2 s until the router misses the process, 1 s of grace"
 HUNG = SILENT_AFTER, "`agent_silence: 5s`"
 CUT = LEASE + ROUTER_GRACE, "2 s until the routers miss each other, 5 s of grace for a whole board"
-ASKER = BUS_GRACE, "`bus_grace` without a word of the bridge"
+ASKER = BUS_GRACE, "`bus_grace` without a report of the bridge"
 SHORT = 3.0
 """Seconds of a cut that no flight fails by: longer than the lease of the routers, shorter than any grace."""
 WATCHDOG = 10.0
@@ -87,7 +87,7 @@ def cut(row: Row, scene: Scene) -> None:
     at = time.monotonic()
     scene.network.unplug("pi1")
     safe(row, scene, at, *CUT)
-    row.seen.append(f"the agent is told `{failure(row, scene, at, *ASKER)}`")
+    row.seen.append(f"the agent is notified `{failure(row, scene, at, *ASKER)}`")
 
 
 @flown(f"the link between two boards, for {SHORT:g} s", "as above, and plugged in again", boards=("pi1", "pi2"))
@@ -152,7 +152,7 @@ def ready_again(row: Row, scene: Scene, daemon: str, at: float) -> None:
 def failure(row: Row, scene: Scene, at: float, declared: float, why: str) -> str:
     """Note when the agent was told that its action has failed. Returns by which words."""
     failed = scene.said("goto failed: ", at)
-    row.figure("the agent is told", None if failed is None else failed - at, declared, why)
+    row.figure("the agent is notified", None if failed is None else failed - at, declared, why)
     words = [line.partition("goto failed: ")[2] for _, line in scene.thinker.lines if "goto failed: " in line]
     return words[0] if words else ""
 

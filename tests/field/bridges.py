@@ -45,11 +45,11 @@ def bridge_stopped(row: Row, scene: Scene) -> None:
     ready_again(row, scene, "bridged", at)
 
 
-@flown("bridged, told to end", "SIGTERM; `on_shutdown: rtl`")
+@flown("bridged, terminated", "SIGTERM; `on_shutdown: rtl`")
 def bridge_told_to_end(row: Row, scene: Scene) -> None:
     """bridged is told to end, as by `systemctl stop`."""
     at = scene.daemons["bridged"].signal(signal.SIGTERM)
-    row.figure("rtl", scene.until_shown("RTL", at), 0.0, "`on_shutdown`, at once")
+    row.figure("rtl", scene.until_shown("RTL", at), 0.0, "`on_shutdown`, immediately")
     told(row, scene, at, 0.0, "at once")
     ended = scene.daemons["bridged"].happened.ended
     scene.until(lambda: bool(ended), "the bridge has ended", 30)
@@ -117,7 +117,7 @@ def board_hung(row: Row, scene: Scene) -> None:
 
 def told(row: Row, scene: Scene, at: float, declared: float, why: str) -> None:
     """Note when the agent's action has failed, and by which words."""
-    scene.until(lambda: scene.said("goto failed: ", at) is not None, "the agent is told", 30)
+    scene.until(lambda: scene.said("goto failed: ", at) is not None, "the agent is notified", 30)
     row.seen.append(f"the action fails: `{failure(row, scene, at, declared, why)}`")
 
 
@@ -127,7 +127,7 @@ def goes_on(row: Row, scene: Flight, at: float) -> None:
         row.expect(home >= FAILSAFE[0] - EARLY, f"no failsafe before its time, rtl after {home:.1f} s")
         row.seen.append(f"the vehicle's failsafe was faster than the start: rtl after {home:.1f} s")
     else:
-        row.seen.append("the vehicle goes on with what it was told: heartbeats are back before its failsafe acts")
+        row.seen.append("the vehicle continues its last command: heartbeats are back before its failsafe acts")
 
 
 BRIDGES: tuple[Maker, ...] = (

@@ -95,4 +95,4 @@ def table(runs: Sequence[Sequence[Row]]) -> list[str]:
                 declared.append(f"{figure.what} {figure.declared:g}: {figure.why}")
         seen = "<br>".join(first.seen)
         lines.append((first.fault, first.injected, "<br>".join(measured), "<br>".join(declared), seen))
-    return markdown("what fails | how | seconds after it | declared | what else was seen", lines)
+    return markdown("what fails | how | seconds after it | declared | also observed", lines)

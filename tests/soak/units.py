@@ -85,15 +85,14 @@ def exposures(folder: Path) -> Iterator[str]:
     yield from (
         "# The units, measured",
         "",
-        "What `systemd-analyze` says of the units that `argosy units` writes, and what a real systemd made of them in",
-        "a machine of its own (namespaces over an overlay). What they are and how they are used: "
-        "[Boards](../guides/boards.md).",
+        "The units that `argosy units` writes: rated by `systemd-analyze`, and operated by a real systemd in",
+        "a machine of its own (namespaces over an overlay). Their use: [Boards](../guides/boards.md).",
         f"Written by `make soak` on {here()}.",
         "",
         "## Exposure",
         "",
-        "`systemd-analyze verify` finds nothing in any of them. `security --offline` (0 is best, 10 worst) says what",
-        "follows; each sees the system's files, read-only, and may use unix sockets.",
+        "`systemd-analyze verify` finds nothing in any of them. `security --offline` (0 is best, 10 worst) rates",
+        "them as follows; each sees the system's files, read-only, and may use unix sockets.",
         "",
         "| unit | board | exposure | what it may besides |",
         "|---|---|---|---|",
@@ -210,7 +209,7 @@ def further(folder: Path) -> Iterator[str]:
         machine.run("systemctl", "daemon-reload")
         machine.run("systemctl", "restart", "--no-block", unit)
         machine.until(lambda: "operation not permitted" in machine.journal("-u", unit), "another device is refused")
-        yield "| `bridged` is told to open another device of the same group | refused: `operation not permitted` |"
+        yield "| `bridged` opens another device of the same group | refused: `operation not permitted` |"
 
 
 @contextmanager
