@@ -26,6 +26,8 @@ from schemas.files.findings import Finding
 
 MOST_PROBLEMS = 20
 """More problems than this are seldom read; parsing stops there."""
+LONGEST_SHARED = 100_000
+"""Characters of a file whose syntax tree is kept for the next agent that runs it; that of a larger one is not."""
 
 
 def parse_program(text: str, file: str) -> Program:
@@ -51,7 +53,13 @@ def parse_source(read: Callable[[], Source], path: str | Path) -> Program:
         if error.object.startswith((b"\xff\xfe", b"\xfe\xff")):
             message = "the file is UTF-16 text; save it as UTF-8"
         raise SyntaxErrors([Problem(Finding(str(path), line, 0, message, kind=SYNTAX), "", 0)]) from None
-    return _program(source)
+    return _program(source) if len(source.text) > LONGEST_SHARED else _shared(source.text, source.file)
+
+
+@lru_cache(maxsize=64)
+def _shared(text: str, file: str) -> Program:
+    """Parse a file once for all agents of the process that run it: a syntax tree never changes."""
+    return _program(Source(text, file))
 
 
 def parse_term(text: str, file: str = "<term>") -> Term:

@@ -43,7 +43,7 @@ from schemas.wire.records import BoardServices, Health
 MOST_MADE = 50
 """Agents created at run time that one daemon runs at a time."""
 TURN = 1.0
-"""Wall seconds between two checks for agents created meanwhile that have ended."""
+"""Wall seconds at most between two checks for agents created meanwhile that have ended."""
 LEAVING = 1.0
 """Wall seconds for the directory to remove an agent when the daemon ends; later it does so by itself."""
 ENDING = 5.0
@@ -153,14 +153,18 @@ class AgentGroup:
         self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
         watch = asyncio.create_task(stop.wait())
         watch.add_done_callback(lambda _: self._end_all())
+        beats = self._unit.loop()  # one for all agents: a mind that hangs keeps this loop, too, from turning
+        pause = min(TURN, beats.period or TURN)
         try:
             while self._running:
-                ended, _ = await asyncio.wait(self._running, return_when=asyncio.FIRST_COMPLETED, timeout=TURN)
+                beats.beat()
+                ended, _ = await asyncio.wait(self._running, return_when=asyncio.FIRST_COMPLETED, timeout=pause)
                 for task in ended:
                     del self._running[task]
                     task.result()
                 self._report()
         finally:
+            beats.end()
             self._unit.stopping()
             watch.cancel()
             self._work.cancel()
@@ -212,7 +216,7 @@ class AgentGroup:
         name = host.part.name
         self._reasoning[name] = host
         try:
-            await host.run(end, self._unit.loop())
+            await host.run(end)
         finally:
             del self._reasoning[name]
         if host.stopped is not None:

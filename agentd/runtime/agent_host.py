@@ -46,7 +46,6 @@ from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
-from commd.process.systemd import Loop
 from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
 from schemas.wire.mind_records import InitialMind, MindView
@@ -101,7 +100,6 @@ class AgentHost:
         self._tasks = Tasks(f"working for agent {part.name}")
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
         self._backlog = LagEstimator()
-        self._beats = Loop.unwatched()
         self._reasons = False
         """Whether the state of a former life is restored, so that the agent reasons."""
         life = boot_id()
@@ -219,9 +217,8 @@ class AgentHost:
 
     # --- turns ---
 
-    async def run(self, stop: asyncio.Event, loop: Loop | None = None) -> None:
-        """Reason until `stop` is set or the program stops the team. Each turn feeds the watchdog `loop`."""
-        self._beats = loop or Loop.unwatched()
+    async def run(self, stop: asyncio.Event) -> None:
+        """Reason until `stop` is set or the program stops the team."""
         await self._come_back()
         self._set_aside()
         self._reasons = True
@@ -231,7 +228,6 @@ class AgentHost:
             in_order = True
         finally:
             _busy.discard(self)
-            self._beats.end()
             await self._leave(in_order)
 
     def _turn(self) -> float | None:
@@ -239,7 +235,6 @@ class AgentHost:
 
         Returns the wall seconds until the next turn without an input: 0: immediately, None: never.
         """
-        self._beats.beat()
         mind, clock, control, poison = self._mind, self._clock, self._control, self._poison
         if poison is not None:
             poison.begin()
@@ -257,7 +252,7 @@ class AgentHost:
                 return 0.0
             due = None if control.paused else mind.wake_at
             pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-            pauses += [pause for pause in (next_save, self._beats.period, control.left) if pause is not None]
+            pauses += [pause for pause in (next_save, control.left) if pause is not None]
             return min(pauses, default=None)
         finally:
             if poison is not None:

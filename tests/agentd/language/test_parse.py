@@ -559,3 +559,11 @@ def test_tables_survive_being_written(tmp_path: Path, monkeypatch: pytest.Monkey
         assert parse_tables.load().digest != made.digest
     finally:
         parse_tables.load.cache_clear()
+
+
+def test_agents_that_run_one_file_share_its_syntax_tree_and_an_edited_file_is_read_again(tmp_path: Path) -> None:
+    (file := tmp_path / "a.asl").write_text("!go. +!go <- .print(1).")
+    program = parse_file(file)
+    assert parse_file(file) is program
+    file.write_text("!go. +!go <- .print(2).")
+    assert parse_file(file).items[1] != program.items[1]
