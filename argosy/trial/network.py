@@ -10,11 +10,12 @@ import random
 from collections import defaultdict
 from collections.abc import Callable, Collection
 from contextvars import Context, copy_context
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import count
 from typing import Any, Final
 
+import msgspec
 import zenoh
 
 from argosy.trial.event_loop import VirtualLoop
@@ -68,18 +69,16 @@ class Payload:
         return len(self._bytes)
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(msgspec.Struct, frozen=True):
     """A put, a reply, or a change of a liveliness token."""
 
     key_expr: str
     payload: Payload
     encoding: str = "zenoh/bytes"
-    kind: Any = field(default_factory=lambda: PUT)
+    kind: Any = PUT
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(msgspec.Struct, frozen=True):
     """A reply: one of the two is None."""
 
     ok: Sample | None

@@ -1,7 +1,8 @@
 """Places on the earth, and the flat map around one of them."""
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from bridged.simulation.copter.dynamics import Vector
 
@@ -9,8 +10,7 @@ METRES_PER_DEGREE = 111_319.5
 """Length of one degree of latitude that the recorded autopilot uses (earth radius 6378.1 km)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True):
     """Latitude and longitude in degrees, altitude in metres above mean sea level."""
 
     lat: float
