@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.geodesy import FlatMap
+from bridged.simulation.copter.geodesy import FlatMap, Place
 from tests.bridged.sky import HOME
 from tests.bridged.virtual_copter import Station
 
@@ -41,6 +41,27 @@ def test_an_interval_is_kept_in_vehicle_time_and_told_and_stopped(station: Stati
     assert station.heard[-2].interval_us == 100_000
     assert station.command(511, 33, -1) == ACCEPTED
     assert "GLOBAL_POSITION_INT" not in {message.get_type() for message in station.wait(5.0)}
+
+
+def test_a_flight_is_the_same_in_steps_of_20_ms_and_in_as_long_ones_as_there_is_time_for() -> None:
+    def flown(step: float) -> tuple[list[tuple[float, float, float]], float]:
+        station = Station()
+        station.command(511, 33, 100_000)
+        station.fly_to(10.0)
+        begin, heard = station.now, len(station.heard)
+        station.setpoint(Vector(40.0, 0.0, 10.0))
+        station.until(lambda: station.now - begin > 30.0, "half a minute", step=step)
+        station.command(176, 1, Mode.RTL)
+        station.until(lambda: not station.copter.armed, "landing", step=step)
+        moved = [message for message in station.heard[heard:] if message.get_type() == "GLOBAL_POSITION_INT"]
+        chart = station.copter.chart
+        at = [chart.vector(Place(one.lat / 1e7, one.lon / 1e7, one.alt / 1e3)) for one in moved]
+        return [(one.north, one.east, one.up) for one in at], station.now - begin
+
+    (short, short_time), (long, long_time) = flown(0.02), flown(1.0)
+    assert abs(len(short) - len(long)) <= 12  # a second
+    assert abs(short_time - long_time) <= 1.0
+    assert max(math.dist(one, other) for one, other in zip(short, long, strict=False)) < 0.25
 
 
 def test_a_stream_request_sends_a_whole_group_and_stops_it(station: Station) -> None:
