@@ -52,7 +52,7 @@ attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet
 field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/measurements/daemon-failures.md
 	$(BIN)/python -m tests.field $(ARGS)
 
-bench: $(VENV)/bench.stamp byte-code  ## measure everything, an hour and a half on a quiet machine (ARGS="bridge mail": some); writes each figure of the pages
+bench: $(VENV)/bench.stamp byte-code  ## measure everything, two hours on a quiet machine (ARGS="bridge mail": some); writes each figure of the pages
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a broken link fails it (--quiet would hide it from --strict)

@@ -1,6 +1,7 @@
 """A part of the benchmarks in a process of its own: it is given its time, and nothing that it started outlives it.
 
-python -m benchmarks.apart NAME MODULE [--quick]     measures a part in this process, and saves what it found
+python -m benchmarks.apart NAME MODULE [--quick]             measures a part in this process, and saves what it found
+python -m benchmarks.apart NAME MODULE --probe [--quick]     prints what it costs, as JSON behind `FOUND `
 """
 
 from __future__ import annotations
@@ -8,13 +9,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import ctypes
-import os
 import signal
 import subprocess
 import sys
 import time
 from typing import Final
 
+import msgspec
 import psutil
 
 from benchmarks import results
@@ -39,7 +40,7 @@ def patience(part: Part) -> float:
 def measured(part: Part, quick: bool) -> bool:
     """Measure a part; what went wrong it has told itself, or is told here. On Ctrl-C all is ended, too."""
     command = [sys.executable, "-m", "benchmarks.apart", part.name, part.where, *(["--quick"] if quick else [])]
-    _guard(True)
+    _prctl(_SET_CHILD_SUBREAPER, 1)  # those whose own parent has gone come to us, also from other sessions
     others = set(psutil.Process().children(recursive=True))
     begun = time.monotonic()
     process = subprocess.Popen(command, cwd=results.ROOT, start_new_session=True)
@@ -51,14 +52,14 @@ def measured(part: Part, quick: bool) -> bool:
     finally:
         if left := _end(process, others):
             print(f"note: {part.name} left processes behind, ended: {', '.join(left)}", file=sys.stderr, flush=True)
-        _guard(False)
+        _prctl(_SET_CHILD_SUBREAPER, 0)
     word = "done" if code == 0 else "failed"
     print(f"{part.name}: {word} after {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
     return code == 0
 
 
 def _end(process: subprocess.Popen[bytes], others: set[psutil.Process]) -> list[str]:
-    """End a part and all that it has started: all that was not there before it. Returns who outlived it."""
+    """End a part and all that was not there before it. Returns who outlived it."""
     try:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -67,20 +68,12 @@ def _end(process: subprocess.Popen[bytes], others: set[psutil.Process]) -> list[
     finally:  # a second Ctrl-C shortens the grace, and no more
         process.kill()
         process.wait()
-        left = _kill_all(process.pid, others)
-    return left
-
-
-def _kill_all(group: int, others: set[psutil.Process]) -> list[str]:
-    """Kill a process group, and all that has come to us because those that had started it are gone."""
-    found = [one for one in psutil.Process().children(recursive=True) if one not in others]
-    names = [_called(one) for one in found]
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(group, signal.SIGKILL)
-    for one in found:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            one.kill()
-    psutil.wait_procs(found, GRACE)
+        found = [one for one in psutil.Process().children(recursive=True) if one not in others]
+        names = [_called(one) for one in found]
+        for one in found:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                one.kill()
+        psutil.wait_procs(found, GRACE)
     return [name for name in names if name]
 
 
@@ -89,11 +82,6 @@ def _called(process: psutil.Process) -> str:
         return "" if process.status() == psutil.STATUS_ZOMBIE else f"{process.name()} {process.pid}"
     except psutil.NoSuchProcess:
         return ""
-
-
-def _guard(wanted: bool) -> None:
-    """Become the parent of processes whose own parent has gone (Linux), also of those in a session of their own."""
-    _prctl(_SET_CHILD_SUBREAPER, int(wanted))
 
 
 def _prctl(option: int, value: int) -> None:
@@ -107,13 +95,25 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("name")
     parser.add_argument("where")
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--probe", action="store_true")
     args = parser.parse_args(argv)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # it may have been started where that is ignored
     _prctl(_SET_DEATH_SIGNAL, signal.SIGINT)  # be interrupted when the process that has started this one is killed
     try:
-        return measured_here(Part(args.name, args.where, 0), args.quick)
+        part = Part(args.name, args.where, 0)
+        return probed_here(part, args.quick) if args.probe else measured_here(part, args.quick)
     except KeyboardInterrupt:
         return 130
+
+
+def probed_here(part: Part, quick: bool) -> int:
+    """Print what a part costs."""
+    try:
+        print("FOUND", msgspec.json.encode(part.module().probe(quick)).decode(), flush=True)
+    except (BenchmarkFailed, ImportError) as error:
+        print(f"error: {part.name}: {error}", file=sys.stderr)
+        return 1
+    return 0
 
 
 def measured_here(part: Part, quick: bool) -> int:

@@ -1,27 +1,24 @@
-"""What a bridge costs: three vehicles on one link in one bridge, and how long a byte takes to become an event.
+"""Part `bridge`: three vehicles on one link in one bridge: what it costs, and how long a byte takes to become an event.
 
-A router, the bridge and the agents run as the processes that they are on a board; the vehicles are talkers in this one.
-The latency goes from the moment before a datagram is sent to the line that a plan prints for the event, so it holds the
-bridge, the bus, the mind's cycle and the way of the line back to here.
+The fleet is that of part `scale`. The latency goes from the moment before a datagram is sent to the line that a plan
+prints for the event, so it holds the bridge, the bus, the mind's cycle and the way of the line back to here.
 """
 
 from __future__ import annotations
 
-import re
-import tempfile
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Final
 
-from benchmarks.parts import Goal, line_of_goals, tell
-from benchmarks.processes import BenchmarkFailed, Watched, memory, watched
+from benchmarks.fleet import run
+from benchmarks.pages import table
+from benchmarks.parts import Goal, line_of_goals
+from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
-from benchmarks.serving import Site
-from benchmarks.serving import bare as bare_process
-from benchmarks.spread import Spread, spread
-from benchmarks.traffic import RATES, Talker, talk
+from benchmarks.serving import bare
+from benchmarks.spread import Spread
+from benchmarks.vehicles import POSITIONS, RATES
 from tests.support.ports import free_port
 
 SECONDS: Final = 45.0
@@ -32,7 +29,6 @@ GOAL_CPU, GOAL_RSS, GOAL_P99 = 5.0, 15.0, 5.0
 VEHICLES: Final = 3
 
 _DIALECT: Final = "pymavlink.dialects.v20.ardupilotmega"
-_PROGRAM = "+altitude(A) <- .print(A).\n"
 _EVERY: Final = ("asyncio", "msgspec")
 """What each daemon has imported, and the bare process as well."""
 
@@ -54,60 +50,55 @@ class Figures:
     """Milliseconds."""
     lost: int
     """Positions that made no event."""
+    missed: dict[str, int] = field(default_factory=dict)
+    """What else was missed or lost, as the daemons and the kernel count it."""
+    lag: dict[str, float] = field(default_factory=dict)
+    """Seconds by which the loop of each kind of daemon was late at worst."""
 
 
-def measure(quick: bool) -> Figures:
+def measure(quick: bool, seconds: float = SECONDS) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
-    seconds, warm_up = (2.0, 3.0) if quick else (SECONDS, WARM_UP)
-    with ExitStack() as stack:
-        folder, port = Path(stack.enter_context(tempfile.TemporaryDirectory())), free_port()
-        names = [f"uav{number}" for number in range(1, VEHICLES + 1)]
-        agents = "\n".join(f"  agent{index}: {{program: bench.asl, robot: {n}}}" for index, n in enumerate(names, 1))
-        robots = "\n".join(
-            f"  {name}: {{manifest: arducopter, link: 'udpin:127.0.0.1:{port}', sysid: {index}}}"
-            for index, name in enumerate(names, 1)
-        )
-        site = Site.written(folder, f"mission: bench\nagents:\n{agents}\nrobots:\n{robots}", bench=_PROGRAM)
-        site.serve(stack, "commd")
-        bare = stack.enter_context(watched("bare", *bare_process(site.router, *_EVERY)))
-        dialect = stack.enter_context(watched("bare with dialect", *bare_process(site.router, *_EVERY, _DIALECT)))
-        bare.says("open")
-        dialect.says("open")
-        bridge = site.serve(stack, "bridged", *names)
-        for name in names:
-            bridge.says(f"serving {name}")
-        agentd = site.serve(stack, "agentd")
-        talkers = [Talker(number, ("127.0.0.1", port)) for number in range(1, VEHICLES + 1)]
-        for talker in talkers:
-            stack.callback(talker.close)
-        begun, used = 0.0, 0.0
-        tell(f"{VEHICLES} vehicles talk for {warm_up + seconds:.0f} s")
-
-        def warm() -> None:
-            nonlocal begun, used
-            for talker in talkers:
-                talker.sent.clear()
-                talker.messages = 0
-            begun, used = time.monotonic(), bridge.cpu()
-
-        talk(talkers, seconds, warm_up, warm)
-        spent, used = time.monotonic() - begun, bridge.cpu() - used
-        rss, rss_bare, rss_dialect = (memory(one.process.pid, "VmRSS") for one in (bridge, bare, dialect))
-        time.sleep(1.0)
-        latencies, lost = _latencies(talkers, agentd)
-        messages = sum(talker.messages for talker in talkers) / spent
-        return Figures(spent, messages, 100 * used / spent, rss, rss_bare, rss_dialect, spread(latencies), lost)
-
-
-_PRINTED = re.compile(r"\[agent(\d+)\] (\d+)$")
-
-
-def _latencies(talkers: list[Talker], agentd: Watched) -> tuple[list[float], int]:
-    came = {(int(m[1]), int(m[2])): at for at, line in agentd.said if (m := _PRINTED.search(line))}
-    sent = {(talker.system, altitude): at for talker in talkers for altitude, at in talker.sent.items()}
-    if not sent or not (both := sent.keys() & came.keys()):
+    seconds, warm_up = (2.0, 3.0) if quick else (seconds, WARM_UP)
+    found = run(VEHICLES, seconds=seconds, settle=warm_up)
+    if not found.percept.count:
         raise BenchmarkFailed("no position became an event")
-    return [1000 * (came[one] - sent[one]) for one in both], len(sent) - len(both)
+    held, with_dialect = _bare(_EVERY), _bare((*_EVERY, _DIALECT))
+    bridge, positions = found.use["bridged"], (found.percept.count + found.unseen) / found.seconds
+    return Figures(
+        found.seconds,
+        positions * sum(RATES.values()) / POSITIONS,
+        bridge.cpu,
+        bridge.rss,
+        held,
+        with_dialect,
+        found.percept,
+        found.unseen,
+        {what: count for what, count in found.missed.items() if count},
+        found.lag,
+    )
+
+
+def _bare(modules: tuple[str, ...]) -> float:
+    """Return the MB of a process that has a session with a router and modules, and nothing else."""
+    with ExitStack() as stack:
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        stack.enter_context(watched("router", *bare(endpoint, mode="router"))).says("open")
+        process = stack.enter_context(watched("bare", *bare(endpoint, *modules)))
+        process.says("open")
+        time.sleep(1.0)
+        return memory(process.process.pid, "VmRSS")
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return what a bridge costs: less is better."""
+    figures = measure(quick, 15.0)
+    return {
+        "processor time a message (µs)": 1e4 * figures.cpu / figures.messages,
+        "memory (MB)": figures.rss,
+        "byte in to belief event, p50 (ms)": figures.latency.p50,
+        "byte in to belief event, p99 (ms)": figures.latency.p99,
+        "positions without event, and 1": 1 + figures.lost,
+    }
 
 
 _LATE: Final = (
@@ -165,5 +156,17 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Byte in to belief event: p50 {latency.p50:.2f} ms, mean {latency.mean:.2f} ms, the slowest "
         f"{latency.max:.1f} ms, of {latency.count} positions; {figures.lost} made no event. Of the memory "
         f"above a bare process {figures.dialect - figures.bare:.1f} MB are pymavlink's dialect.",
+        *_where(figures),
     ]
     return {"bridge": "\n".join(lines)}
+
+
+def _where(figures: Figures) -> list[str]:
+    """Return which part was late and what was missed, as the daemons and the kernel count it; none for old results."""
+    if not figures.lag:
+        return []
+    late = table(
+        "| loop late at worst | by |", (f"| {kind} | {1000 * lag:.0f} ms |" for kind, lag in figures.lag.items())
+    )
+    missed = "; ".join(f"{what}: {count}" for what, count in figures.missed.items()) or "nothing"
+    return ["", *late, "", f"Missed or lost, as daemons and kernel count it: {missed}."]

@@ -1,28 +1,30 @@
-"""Part "crowd": 1 to 1,000 agents in one agentd, as agents of a fleet are: mail on disk, checkpoints, health.
+"""Part `crowd`: 1 to 1,000 agents in one agentd, as agents of a fleet are: mail on disk, checkpoints, health.
 
-Agents sit in a ring: each asks the one behind it for a belief, and waits for the answer. Every question and every
-answer is a message through the board's commd, written down by sender, board and receiver.
+Agents sit in a ring: each asks the one behind it for a belief, and waits for the answer: two messages. All begin at one
+moment, which each is told before, and ask so many questions that they are busy for some seconds; what counts is the
+time from the first question to the last answer by their own clock.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 import statistics
 import tempfile
 import time
-from contextlib import ExitStack, suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from benchmarks import spread as fits
-from benchmarks.mail.boards import FLEET, Member, fsync, member, until
+from benchmarks.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
 from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
-from benchmarks.serving import Site
 from benchmarks.spread import NOTHING, Spread, spread
 
 STARTING: Final = 120.0
@@ -34,16 +36,29 @@ SETTLE_EACH: Final = 0.01
 """Seconds before anything counts, and for each agent: services of a former life are forgotten meanwhile."""
 AT_ONCE: Final = 200
 """Agents that are told in one batch to begin."""
-BOARD: Final = "b1"
+LEAD, LEAD_EACH = 0.3, 0.01
+"""Seconds from the first word to the begin, and for each agent; then one and a half times as long as words took."""
+SHOWN: Final = 2_000
+"""Answers whose time agents print, of all together."""
 _PROGRAM: Final = """\
 secret(42).
-+ask(N, Pause)[source(S)] <- -ask(N, Pause)[source(S)]; .random(R); .wait(R * Pause); !ask(N, []).
-+!ask(0, Took) <- .print("took ", Took).
-+!ask(N, Took) : behind(A) <-
++ask(N, Each, Pause, At)[source(S)] <-
+    -ask(N, Each, Pause, At)[source(S)]; .print("asks"); !from(At); .nano_time(First); !!ask(N, Each, Pause, First).
++!from(At) : At > system.time <- .wait(At - system.time).
++!from(_).
++!ask(0, _, _, First) <- .nano_time(Last); .print("done ", First, " ", Last).
++!ask(N, Each, Pause, First) : behind(A) <-
+    !rest(Pause);
     .nano_time(Begun); .send(A, askOne, secret(_), secret(_), 180000); .nano_time(Ended);
-    !ask(N - 1, [(Ended - Begun) / 1000000|Took]).
+    !shown(N mod Each, (Ended - Begun) / 1000000);
+    !!ask(N - 1, Each, Pause, First).
++!rest(0).
++!rest(Pause) <- .random(R); .wait(R * Pause).
++!shown(0, Took) <- .print("took ", Took).
++!shown(_, _).
 """
-_TOOK: Final = re.compile(r"\[(\w+)\] took \[(.*)\]")
+_TOOK: Final = re.compile(r"\[(\w+)\] took ([\d.eE+-]+)$")
+_DONE: Final = re.compile(r"\[(\w+)\] done ([\d.eE+-]+) ([\d.eE+-]+)$")
 
 
 @dataclass
@@ -55,15 +70,18 @@ class Loaded:
     answered: int
     """Those of agents that had all their answers within `ANSWERING`."""
     rate: float
-    """Messages a second, from the first word to an agent that it may ask to the last answer."""
+    """Messages a second, from the first question to the last answer."""
     took: Spread
-    """Milliseconds from a question to its answer."""
+    """Milliseconds from a question to its answer, of the answers that were printed."""
     median_agent: float
     slowest_agent: float
     """Milliseconds that a question of one agent took in the mean: of the median agent, and of the slowest."""
     agentd: float
     commd: float
     """Per cent of a core."""
+    seconds: float = 0.0
+    reached: float = 0.0
+    """Seconds until the last agent had been told to begin."""
 
     @property
     def fairness(self) -> float:
@@ -96,98 +114,156 @@ class Crowd:
     hurried: Loaded | None = None
     eased: Loaded | None = None
     """Not measured of a crowd that was still at its questions of before."""
+    normal: Loaded | None = None
+    """As `hurried`, with `mail: {synchronous: normal}`."""
 
 
-async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) -> Crowd:
-    """Measure one crowd: each agent asks `each` questions as fast as it can, and one within `pace` seconds.
+class Ring:
+    """Boards with an agentd each, and agents of which each asks the one behind it."""
 
-    Raises BenchmarkFailed.
-    """
-    with ExitStack() as stack:
-        site = site_of(folder, agents)
-        commd = await asyncio.to_thread(site.serve, stack, "commd", "--board", BOARD)
-        begun = time.monotonic()
-        agentd = await asyncio.to_thread(site.serve, stack, "agentd", "--board", BOARD, patience=STARTING)
-        started = time.monotonic() - begun
-        found = Crowd(agents, started, agentd.cpu(), 0, 0, 0, 0, 0)
-        await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
-        used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
-        await asyncio.sleep(idle)
-        passed = time.monotonic() - since
-        found.idle, found.commd_idle = (100 * (agentd.cpu() - used[0]) / passed, 100 * (commd.cpu() - used[1]) / passed)
-        found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
-        async with member(site.router, "probe") as probe:
-            if agents > 1:
-                found.hurried = await _loaded(probe, commd, agentd, agents, each, 0)
-            if found.hurried is not None and found.hurried.all_answered:
-                found.eased = await _loaded(probe, commd, agentd, agents, 1, pace)
-        begun = time.monotonic()
-        agentd.process.terminate()
-        await until(lambda: agentd.process.poll() is not None, "agentd ends", STARTING)
-        found.stop = time.monotonic() - begun
-        return found
+    def __init__(self, made: Boards, probe: Member, minds: list[Watched], agents: int, start: float) -> None:
+        self.commds, self.minds, self.agents = list(made.daemons.values()), minds, agents
+        self.start = start
+        """Seconds from the start of the last agentd until it serves."""
+        self._probe = probe
+
+    async def load(self, each: int, pause: float = 0.0, lead: float = 0.0, agents: int = 0) -> Loaded:
+        """Let agents, all of them or the first, ask so often, with `pause` seconds at most before each question.
+
+        They begin `lead` seconds after they are told the first word.
+        """
+        asking = agents or self.agents
+        said = [len(one.said) for one in self.minds]
+        shown, told = max(1, min(each, asking * each // SHOWN)), time.monotonic()
+        order = f"ask({each}, {shown}, {1000 * pause:g}, {1000 * (time.time() + lead):.0f})"
+        names = [f"a{one}" for one in range(asking)]
+        for first in range(0, asking, AT_ONCE):
+            await self._probe.post(names[first : first + AT_ONCE], order)
+        await asyncio.sleep(max(0.0, told + lead - time.monotonic()))
+        used, begun = self._cpu(), time.monotonic()
+
+        def fresh() -> list[tuple[float, str]]:
+            return [line for since, one in zip(said, self.minds, strict=True) for line in one.said[since:]]
+
+        def all_answered() -> bool:
+            return sum(" done " in line for _, line in fresh()) == asking
+
+        with suppress(BenchmarkFailed):  # what came until then is told
+            await until(all_answered, f"all {asking} agents have their answers", ANSWERING, 0.1)
+        if any(one.process.poll() is not None for one in (*self.minds, *self.commds)):
+            raise BenchmarkFailed("agentd or commd ended while agents asked")
+        spent, used = (
+            time.monotonic() - begun,
+            [100 * (now - then) for now, then in zip(self._cpu(), used, strict=True)],
+        )
+        return _load(fresh(), asking, each, told, [one / spent for one in used])
+
+    def _cpu(self) -> list[float]:
+        return [sum(one.cpu() for one in those) for those in (self.minds, self.commds)]
+
+    async def hurried(self, enough: float) -> Loaded:
+        """Let all ask as fast as they can, for `enough` seconds at least, after a first round that does not count."""
+        each, lead, found = 1, LEAD + LEAD_EACH * self.agents, None
+        while True:
+            found, first = await self.load(each, lead=lead), found is None
+            if not found.all_answered or (found.seconds >= enough and not first):
+                return found
+            each *= max(1, min(20, math.ceil(1.3 * enough / max(found.seconds, 0.01))))
+            lead = LEAD + 1.5 * found.reached
 
 
-def site_of(folder: Path, agents: int) -> Site:
-    """Write the mission of so many agents into a folder."""
-    ring = "\n".join(
-        f"  a{one}: {{program: asker.asl, board: {BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"
-        for one in range(agents)
-    )
-    clients = f"clients: {{probe: {{board: {BOARD}}}}}"
-    return Site.written(
-        folder, f"mission: {FLEET}\nboards: {{{BOARD}: {{}}}}\nagents:\n{ring}\n{clients}", asker=_PROGRAM
-    )
-
-
-async def _loaded(probe: Member, commd: Watched, agentd: Watched, agents: int, each: int, pause: float) -> Loaded:
-    """Let each agent ask so many questions, with so many seconds between them."""
-    said = len(agentd.said)
-    used, begun = (agentd.cpu(), commd.cpu()), time.monotonic()
-    names = [f"a{one}" for one in range(agents)]
-    for first in range(0, agents, AT_ONCE):
-        await probe.post(names[first : first + AT_ONCE], f"ask({each}, {1000 * pause:g})")
+def _load(lines: list[tuple[float, str]], asking: int, each: int, told: float, used: list[float]) -> Loaded:
+    """Read what agents have printed."""
     took: dict[str, list[float]] = {}
-    seen = said
-
-    def all_answered() -> bool:
-        nonlocal seen
-        while seen < len(agentd.said):
-            if (match := _TOOK.search(agentd.said[seen][1])) is not None:
-                took[match[1]] = [float(one) for one in match[2].split(",")]
-            seen += 1
-        return len(took) == agents
-
-    with suppress(BenchmarkFailed):  # what came until then is told
-        await until(all_answered, f"all {agents} agents have their answers", ANSWERING)
-    if agentd.process.poll() is not None or commd.process.poll() is not None:
-        raise BenchmarkFailed("agentd or commd ended while agents asked")
-    seconds = time.monotonic() - begun
+    done: dict[str, tuple[float, float]] = {}
+    for _, line in lines:
+        if (match := _TOOK.search(line)) is not None:
+            took.setdefault(match[1], []).append(float(match[2]))
+        elif (match := _DONE.search(line)) is not None:
+            done[match[1]] = float(match[2]) / 1e9, float(match[3]) / 1e9
+    seconds = max(ended for _, ended in done.values()) - min(begun for begun, _ in done.values()) if done else 0.0
     values = [one for those in took.values() for one in those]
     means = [statistics.fmean(one) for one in took.values()] or [0.0]
     return Loaded(
-        agents * each,
-        len(values),
-        2 * len(values) / seconds,
+        asking * each,
+        len(done) * each,
+        2 * len(done) * each / seconds if seconds else 0.0,
         spread(values) if values else NOTHING,
         statistics.median(means),
         max(means),
-        100 * (agentd.cpu() - used[0]) / seconds,
-        100 * (commd.cpu() - used[1]) / seconds,
+        used[0],
+        used[1],
+        seconds,
+        max((at for at, line in lines if line.endswith("] asks")), default=told) - told,
     )
 
 
 SIZES: Final = (1, 10, 100, 300, 1000)
 QUICK: Final = (1, 10)
-QUESTIONS: Final = 1_000
-"""That all agents together ask as fast as they can."""
-EACH_MOST: Final = 100
+ENOUGH: Final = 3.0
+"""Seconds for which agents ask as fast as they can, at least."""
 PACE: Final = 20.0
 """Seconds within which each agent of a crowd at its ease asks one question."""
 IDLE: Final = 5.0
 """Seconds over which a crowd that does nothing is measured."""
-KEPT: Final = 0.5
-"""So large a part of the most messages a second is to be left with the most agents."""
+QUESTIONS, REST = 200, 0.02
+"""Of one agent while the others rest, and the seconds between two of them at most."""
+
+
+@asynccontextmanager
+async def ring(synchronous: Synchronous, agents: int, across: int = 1) -> AsyncIterator[Ring]:
+    """Run so many agents, on one board or in turn on several, while the block lasts. Raises BenchmarkFailed."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "asker.asl").write_text(_PROGRAM)
+        names = {f"a{one}": f"b{one % across + 1}" for one in range(agents)}
+        behind = {f"a{one}": f"program: asker.asl, beliefs: [behind(a{(one + 1) % agents})]" for one in range(agents)}
+        with boards(Path(folder), names, synchronous, programs=behind) as made:
+            minds = []
+            for name in made.endpoints:
+                begun = time.monotonic()
+                minds.append(await asyncio.to_thread(made.think, name, STARTING))
+            start = time.monotonic() - begun
+            async with member(made.endpoints["b1"], PROBE) as probe:
+                yield Ring(made, probe, minds, agents, start)
+
+
+async def crowd(agents: int, quick: bool, pace: float) -> Crowd:
+    """Measure one crowd: at rest, then each agent asks as fast as it can, and one question at its ease.
+
+    Raises BenchmarkFailed.
+    """
+    async with ring("full", agents) as asking:
+        (agentd,), (commd,) = asking.minds, asking.commds
+        found = Crowd(agents, asking.start, agentd.cpu(), 0, 0, 0, 0, 0)
+        await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
+        used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
+        await asyncio.sleep(1.0 if quick else IDLE)
+        passed = time.monotonic() - since
+        found.idle, found.commd_idle = (100 * (agentd.cpu() - used[0]) / passed, 100 * (commd.cpu() - used[1]) / passed)
+        found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
+        if agents > 1:
+            found.hurried = await asking.hurried(0.3 if quick else ENOUGH)
+            if pace and found.hurried.all_answered:
+                found.eased = await asking.load(1, pace)
+        begun = time.monotonic()
+        agentd.process.terminate()
+        await until(lambda: agentd.process.poll() is not None, "agentd ends", STARTING)
+        found.stop = time.monotonic() - begun
+    return found
+
+
+async def normal(agents: int, quick: bool) -> Loaded:
+    """Let agents ask as fast as they can whose mail is not synced to the disk. Raises BenchmarkFailed."""
+    async with ring("normal", agents) as asking:
+        await asyncio.sleep(SETTLE_EACH * agents)
+        return await asking.hurried(0.3 if quick else ENOUGH)
+
+
+async def at_rest(quick: bool, across: int) -> Spread:
+    """Let one of two agents ask while the other rests: milliseconds from a question to its answer."""
+    async with ring("full", 2, across) as asking:
+        await asking.load(5, agents=1)
+        return (await asking.load(10 if quick else QUESTIONS, REST, agents=1)).took
 
 
 @dataclass
@@ -198,23 +274,63 @@ class Figures:
     fsync: float = 0.0
     """Milliseconds of one on this disk."""
     pace: float = PACE
+    alone: Spread = NOTHING
+    """Milliseconds from a question to its answer of two agents of one daemon while nothing else happens."""
+    across: Spread = NOTHING
+    """The same on two boards: two messages."""
+    counted: str = "the time in which all are told to begin counts too"
 
 
 def measure(quick: bool) -> Figures:
     """Start one crowd after the other. Raises BenchmarkFailed."""
-    figures = Figures(fsync=fsync(), pace=3.0 if quick else PACE)
+    figures = Figures(fsync=fsync(), pace=3.0 if quick else PACE, counted="from the first question to the last answer")
+    figures.alone, figures.across = (asyncio.run(at_rest(quick, across)) for across in (1, 2))
+    tell(f"question to answer {figures.alone} ms, on two boards {figures.across} ms (p50 / p99)")
     for agents in QUICK if quick else SIZES:
-        each = min(5 if quick else EACH_MOST, max(1, round(QUESTIONS / agents)))
-        with tempfile.TemporaryDirectory() as folder:
-            found = asyncio.run(crowd(Path(folder), agents, 1.0 if quick else IDLE, each, figures.pace))
+        found = asyncio.run(crowd(agents, quick, figures.pace))
+        if agents > 1:
+            found.normal = asyncio.run(normal(agents, quick))
         figures.crowds.append(found)
-        rate = f", {found.hurried.rate:.0f} messages/s" if found.hurried else ""
-        tell(f"{agents} agents: started in {found.start:.1f} s, {found.rss:.0f} MB{rate}")
+        rates = ", ".join(f"{load.rate:.0f}" for load in (found.hurried, found.normal) if load)
+        tell(f"{agents} agents: started in {found.start:.1f} s, {found.rss:.0f} MB; messages/s: {rates or 'none'}")
     return figures
 
 
+COMPARED: Final = (10, 100, 1000)
+"""Sizes whose messages a second have goals, and are compared with earlier revisions."""
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return what mail among agents of one daemon costs: less is better."""
+    found = {}
+    for agents in QUICK[1:] if quick else COMPARED:
+        one = asyncio.run(crowd(agents, quick, 0.0))
+        for what, load in (("full", one.hurried), ("normal", asyncio.run(normal(agents, quick)))):
+            assert load is not None
+            found[f"message among {agents:,} agents, {what} (µs)"] = 1e6 / load.rate if load.rate else math.inf
+    found |= {
+        f"{agents:,} agents: start (s)": one.start,
+        f"{agents:,} agents: agentd at rest (% of a core)": one.idle,
+        f"{agents:,} agents: commd at rest (% of a core)": one.commd_idle,
+        f"{agents:,} agents: agentd (MB)": one.rss,
+    }
+    for what, across in (("in one daemon", 1), ("on two boards", 2)):
+        found[f"question to answer {what}, p50 (ms)"] = asyncio.run(at_rest(quick, across)).p50
+    return found
+
+
+RATES: Final = {"normal": 10_000.0, "hurried": 4_000.0}
+"""Messages a second that are asked for, by how mail is synced."""
+KEPT: Final = 0.6
+"""So large a part of the most messages a second is to be left with the most agents."""
+GOAL_ALONE, GOAL_ACROSS = 5.0, 8.0
+"""Milliseconds from a question to its answer in one daemon, and of a message between two boards, p50."""
+GOAL_START, GOAL_IDLE, GOAL_COMMD, GOAL_RSS = 4.0, 4.0, 2.0, 200.0
+"""Of the largest crowd: seconds, per cent of a core at rest of agentd and of commd, and MB of agentd."""
+
+
 def goals(figures: Figures) -> list[Goal]:
-    """What is asked: that the largest crowd talks at all, and that an agent more costs what the last one did."""
+    """What is asked: so many messages a second at each size, and a daemon that is small and idle at rest."""
     largest = figures.crowds[-1]
     last = largest.hurried
     found = [
@@ -226,35 +342,53 @@ def goals(figures: Figures) -> list[Goal]:
             _DECLARED,
         )
     ]
-    if len(figures.crowds) < fits.SIZES:
-        return found
-    for what, points in (
-        ("memory of an agentd grows no faster than its agents", [(one.agents, one.rss) for one in figures.crowds]),
-        ("so does the processor time of its start", [(one.agents, one.cpu_start) for one in figures.crowds]),
-    ):
-        growth = fits.power([(float(size), cost) for size, cost in points])
-        told = f"{growth} (off by {growth.off:.0%} at worst)"
-        found.append(Goal(what, f"size ^ {fits.STEEPEST:g} at most", told, growth.power <= fits.STEEPEST, _GROWS))
-    rates = [one.hurried.rate for one in figures.crowds if one.hurried is not None]
-    part = rates[-1] / max(rates) if last is not None and rates else 0.0
-    found.append(
-        Goal(
-            f"messages a second among {largest.agents:,} agents, against the most of any crowd",
-            f"{KEPT:.0%}",
-            f"{part:.0%}",
-            part >= KEPT,
-            _DECLARED,
-        )
-    )
+    for how, what in (("hurried", "full"), ("normal", "normal")):
+        loads = {one.agents: load for one in figures.crowds if (load := getattr(one, how)) is not None}
+        for agents in (agents for agents in COMPARED if agents in loads):
+            title = f"messages a second among {agents:,} agents of one agentd, {what}"
+            found.append(_at_least(title, RATES[how], loads[agents].rate, _SAME))
+        if len(loads) > 1:
+            part = loads[largest.agents].rate / max(load.rate for load in loads.values())
+            title = f"messages a second among {largest.agents:,} agents, {what}, against the most of any crowd"
+            found.append(Goal(title, f"{KEPT:.0%}", f"{part:.0%}", part >= KEPT, _SAME))
+    if figures.alone.count:
+        title = "question to answer at rest, p50: agents of one daemon"
+        found.append(_at_most(title, GOAL_ALONE, figures.alone.p50, "ms", _SAME))
+        title = "message at rest, p50, half of question to answer: agents on two boards"
+        found.append(_at_most(title, GOAL_ACROSS, figures.across.p50 / 2, "ms", _SAME))
+    if largest.agents == SIZES[-1]:
+        for what, limit, value, unit in (
+            ("start of agentd", GOAL_START, largest.start, "s"),
+            ("processor time of agentd at rest", GOAL_IDLE, largest.idle, "% of a core"),
+            ("processor time of commd at rest", GOAL_COMMD, largest.commd_idle, "% of a core"),
+            ("memory of agentd (RSS)", GOAL_RSS, largest.rss, "MB"),
+        ):
+            found.append(_at_most(f"{largest.agents:,} agents: {what}", limit, value, unit, _SAME))
+    if len(figures.crowds) >= fits.SIZES:
+        for what, field_ in (
+            ("memory of an agentd grows no faster than its agents", "rss"),
+            ("so does the processor time of its start", "cpu_start"),
+        ):
+            growth = fits.power(_points(figures.crowds, field_))
+            told = f"{growth} (off by {growth.off:.0%} at worst)"
+            found.append(Goal(what, f"size ^ {fits.STEEPEST:g} at most", told, growth.power <= fits.STEEPEST, _GROWS))
     return found
+
+
+def _at_least(title: str, limit: float, value: float, why: str) -> Goal:
+    return Goal(title, f"{limit:,.0f}", f"{value:,.0f}", value >= limit, why)
+
+
+def _at_most(title: str, limit: float, value: float, unit: str, why: str) -> Goal:
+    return Goal(title, f"{limit:g} {unit}", f"{value:.1f} {unit}", value <= limit, why)
 
 
 _DECLARED: Final = (
     "What the router of Zenoh does for a record, above all for one that nobody hears, grows with all that is declared; "
     "each agent declares keys of its own, and tells its health each second. Tried: keys that are used again are "
-    "declared once, agents take turns to ask commd and to write to it. Not tried: health told more rarely in a crowd. "
-    "The larger a crowd, the fewer questions each of its agents asks, so that first words weigh more in it"
+    "declared once, agents take turns to ask commd and to write to it. Not tried: health told more rarely in a crowd"
 )
+_SAME: Final = "The first goal of this part says what is known and what was tried"
 _GROWS: Final = (
     "Which part of an agent grows with the number of the others is not known. Tried: manifests are read once for all "
     "robots, keys that are used again are declared once"
@@ -274,11 +408,13 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"An fsync of this disk takes {figures.fsync:.2f} ms. Per cent are of one core.",
         _at_rest(figures.crowds),
         _grows(figures.crowds),
-        "At once (the time in which all are told to begin counts too):",
+        f"At once ({figures.counted}):",
         _talking([(one, one.hurried) for one in figures.crowds if one.hurried]),
+        _normal(figures),
         f"At ease, one question of each agent within {figures.pace:g} s:",
         _talking([(one, one.eased) for one in figures.crowds if one.eased]),
         _outgrown(figures),
+        _alone(figures),
     ]
     return {"crowd": "\n\n".join(part for part in parts if part)}
 
@@ -335,6 +471,20 @@ def _talking(rows: list[tuple[Crowd, Loaded]]) -> str:
             f"| {load.agentd:.0f} % | {load.commd:.0f} % |"
             for one, load in rows
         ]
+    )
+
+
+def _normal(figures: Figures) -> str:
+    rows = [(one, one.normal) for one in figures.crowds if one.normal]
+    return f"The same with `mail: {{synchronous: normal}}`:\n\n{_talking(rows)}" if rows else ""
+
+
+def _alone(figures: Figures) -> str:
+    if not figures.alone.count:
+        return ""
+    return (
+        f"Two agents of which one asks while nothing else happens, question to answer (p50 / p99): in one daemon "
+        f"{figures.alone} ms, on two boards {figures.across} ms."
     )
 
 

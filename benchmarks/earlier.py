@@ -1,7 +1,7 @@
-"""Part `earlier`: what reasoner, loop, footprint, bridge and mail cost beside an earlier revision, in one run.
+"""Part `earlier`: what other parts cost beside an earlier revision of the product, in one run.
 
-The tree of that revision is taken from git; it and this tree run the same probes (`benchmarks.probes`) in turn,
-in changing order. A ratio is the median over neighbouring runs.
+The tree of that revision is taken from git and is given today's benchmarks, so that both run the same probes
+(`probe` of each part) in turn, in changing order. A ratio is the median over neighbouring runs.
 
     python -m benchmarks.earlier loop mail --pairs 6 --revision HEAD~3       some probes; nothing is written
 """
@@ -22,14 +22,24 @@ from typing import Final
 import msgspec
 
 from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, lines, started
+from benchmarks.parts import PARTS, Goal, tell
+from benchmarks.processes import LONGEST, BenchmarkFailed, lines, started
 from benchmarks.results import ROOT, Origin
 from benchmarks.spread import Interval, interval
 
-REVISION: Final = "c20d8cb"
-"""The last revision before modules and folders were renamed."""
-PAIRS: Final = {"reasoner": 3, "loop": 3, "footprint": 2, "bridge": 3, "mail": 3}
+REVISION: Final = "89e0276"
+"""The last revision before mail of neighbours moved in one process, and the first that today's benchmarks can drive."""
+PAIRS: Final = {
+    "reasoner": 3,
+    "loop": 3,
+    "footprint": 2,
+    "bridge": 3,
+    "mail": 3,
+    "crowd": 1,
+    "scale": 2,
+    "startup": 2,
+    "usage": 1,
+}
 """How often each probe runs in both trees."""
 LIMIT: Final = 1.05
 """Times the earlier cost that a cost may have."""
@@ -39,8 +49,8 @@ REASONS: Final = {
     "a thread",
 }
 """What is known of why a probe costs more."""
-_PROBES: Final = "benchmarks/probes.py"
-"""The file that is taken as it is now."""
+_TODAYS: Final = ("benchmarks", "tests/support")
+"""What the earlier tree has from today."""
 
 
 @dataclass
@@ -66,7 +76,7 @@ class Figures:
 
 def measure(quick: bool) -> Figures:
     """Run each probe in both trees. Raises BenchmarkFailed."""
-    return compared(REVISION, dict.fromkeys(PAIRS, 1) if quick else PAIRS, quick)
+    return compared(REVISION, dict.fromkeys(("bridge", "crowd"), 1) if quick else PAIRS, quick)
 
 
 def compared(revision: str, pairs: Mapping[str, int], quick: bool) -> Figures:
@@ -87,7 +97,7 @@ def compared(revision: str, pairs: Mapping[str, int], quick: bool) -> Figures:
 
 @contextmanager
 def trees(revision: str) -> Iterator[tuple[Path, Path]]:
-    """Yield two folders: the files of a revision with today's probes, and today's files. Raises BenchmarkFailed.
+    """Yield two folders: the files of a revision with today's benchmarks, and today's files. Raises BenchmarkFailed.
 
     Today's files are copied too, so that both trees are alike in place and byte code, and work can go on meanwhile.
     """
@@ -106,7 +116,9 @@ def trees(revision: str) -> Iterator[tuple[Path, Path]]:
             if (ROOT / file).is_file():
                 (now / file).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / file, now / file)
-        shutil.copy2(now / _PROBES, then / _PROBES)
+        for folder in _TODAYS:
+            shutil.rmtree(then / folder)
+            shutil.copytree(now / folder, then / folder)
         # otherwise each process that is started there would compile everything
         subprocess.run([sys.executable, "-m", "compileall", "-q", "-x", "/tests/", str(then), str(now)], check=False)
         yield then, now
@@ -119,9 +131,11 @@ def _git(*arguments: str) -> str:
 def probed(where: Path, name: str, quick: bool) -> dict[str, float]:
     """Run a probe with the product and the benchmarks of a folder. Raises BenchmarkFailed."""
     # as a module of that folder: it finds the packages of that folder first, and so does what it starts
-    module = (sys.executable, "-m", "benchmarks.probes", name, *(["--quick"] if quick else []))
+    part = next(one for one in PARTS if one.name == name)
+    options = ("--probe", *(["--quick"] if quick else []))
+    module = (sys.executable, "-m", "benchmarks.apart", part.name, part.where, *options)
     with started(["env", "-C", str(where), *module]) as process:
-        said = list(lines(process))
+        said = list(lines(process, LONGEST))
     for line in said:
         if line.startswith("FOUND "):
             return msgspec.json.decode(line[6:], type=dict[str, float])
@@ -180,7 +194,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.earlier")
     parser.add_argument("probes", nargs="*", choices=[*PAIRS, []], help="all of them if none is named")
     parser.add_argument("--revision", default=REVISION, help="default: %(default)s")
-    parser.add_argument("--pairs", type=int, help="runs in each tree; default: 2 or 3")
+    parser.add_argument("--pairs", type=int, help="runs in each tree; default: 1 to 3")
     parser.add_argument("--quick", action="store_true", help="only try it")
     args = parser.parse_args()
     pairs = {name: args.pairs or count for name, count in PAIRS.items() if name in (args.probes or PAIRS)}

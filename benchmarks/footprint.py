@@ -17,7 +17,7 @@ from typing import Final
 from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone, memory, pss
-from benchmarks.results import Origin
+from benchmarks.results import ROOT, Origin
 from benchmarks.serving import NAMES, Site, copied, environment, serving
 
 REPEATS: Final = 3
@@ -72,6 +72,15 @@ def measure(quick: bool) -> Figures:
                 look(figures, names, Path(folder) / f"{turn}-{names[0]}", code, 1.0 if quick else SETTLED)
             tell(", ".join(f"{name} {figures.ratios[name][-1]:.2f}" for name in BOUNDS))
     return figures
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return the resident memory of each daemon at rest."""
+    figures = Figures()
+    with tempfile.TemporaryDirectory() as folder:
+        for names in (TOGETHER, ALONE):
+            look(figures, names, Path(folder) / names[0], ROOT, 1.0 if quick else SETTLED)
+    return {f"{name} (MB)": statistics.median(one.rss) for name, one in figures.held.items() if name != "bare"}
 
 
 def look(figures: Figures, names: tuple[str, ...], folder: Path, code: Path, settled: float) -> None:

@@ -11,6 +11,8 @@ and, where it has some,
 
 - `pictures(figures) -> dict[str, str]`: SVG texts, by the names of their files;
 - `goals(figures) -> list[Goal]`: what is asked of the figures;
+- `probe(quick) -> dict[str, float]`: what it costs in a shorter run, less is better, by titles with the unit in
+  brackets: for a comparison with an earlier revision (`benchmarks.earlier`);
 - `in_short(figures) -> list[str]`, `in_comparison(figures) -> list[str]`: its rows in tables of several parts
   (`benchmarks.summary`).
 """
@@ -71,21 +73,21 @@ class Part:
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
     Part("usage", "benchmarks.paper.usage_page", 30),
-    Part("scale", "benchmarks.scale.part", 6),
-    Part("crowd", "benchmarks.crowd", 5),
+    Part("scale", "benchmarks.scale", 6),
+    Part("crowd", "benchmarks.crowd", 8),
     Part("loop", "benchmarks.loop.part", 4),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprint", 1.5),
     Part("reasoner", "benchmarks.reasoner.part", 5.5),
     Part("small-boards", "benchmarks.small_boards.part", 7),
     Part("bridge", "benchmarks.bridge", 1.2),
-    Part("mail", "benchmarks.mail.part", 3),
+    Part("mail", "benchmarks.mail", 3),
     Part("board", "benchmarks.board", 1.5),
     Part("looking", "benchmarks.looking", 2.5),
     Part("page", "benchmarks.webpage", 1.5),
     Part("viewers", "benchmarks.viewers", 1.2),
     Part("trial", "benchmarks.trial", 1.5),
-    Part("earlier", "benchmarks.earlier", 16),
+    Part("earlier", "benchmarks.earlier", 35),
 )
 """In the order in which they run."""
 

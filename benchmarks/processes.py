@@ -176,6 +176,10 @@ class Watched:
                 raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
             time.sleep(0.02)
 
+    def when(self, words: str, since: int = 0) -> float:
+        """Return the monotonic time at which a line with `words` came, from line `since` on; 0 = not yet."""
+        return next((at for at, line in self.said[since:] if words in line), 0.0)
+
     def cpu(self) -> float:
         """Seconds of processor time used so far."""
         return processor_time(self.process.pid)

@@ -65,6 +65,13 @@ def measure(quick: bool) -> Figures:
     return figures
 
 
+def probe(quick: bool) -> dict[str, float]:
+    """Return the start of each kind of process in times of a bare one's, with byte code."""
+    starts = measured(WARM, 1 if quick else REPEATS)
+    figures = Figures(starts)
+    return {f"{one.name} (bare processes)": figures.ratio(one.name, WARM) for one in starts if one.name != "bare"}
+
+
 def measured(state: str, repeats: int) -> list[Start]:
     """Start each kind of process so often in a state. Raises BenchmarkFailed."""
     starts = {one.name: Start(one.name, state) for one in KINDS}

@@ -10,17 +10,18 @@ import json
 import queue
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.serving import Site
 from commd.bus.session import session_config
+from schemas.wire import keys
 
 PATIENCE: Final = 20.0
 """Seconds for anything that takes milliseconds."""
@@ -89,12 +90,14 @@ def payload(number: int, of: int = 0) -> bytes:
 class Receiver:
     """The numbers that arrive on a key of the robot, each with its monotonic time in ns."""
 
-    def __init__(self, session: zenoh.Session, key: str) -> None:
+    def __init__(
+        self, session: zenoh.Session, key: str, read: Callable[[Any], int] = lambda record: int(record["n"])
+    ) -> None:
         self._came: queue.SimpleQueue[tuple[int, int]] = queue.SimpleQueue()
 
         def heard(sample: zenoh.Sample) -> None:
             now = time.monotonic_ns()
-            self._came.put((json.loads(sample.payload.to_bytes())["n"], now))
+            self._came.put((read(json.loads(sample.payload.to_bytes())), now))
 
         self._subscriber = session.declare_subscriber(key, heard)
 
@@ -126,6 +129,7 @@ class Board:
     agent: Watched
     pong: Receiver
     seen: Receiver
+    status: Receiver
 
     def put(self, source: str, number: int, of: int = 0) -> None:
         """Let the robot say something."""
@@ -151,11 +155,17 @@ def board(*, kept: bool = True) -> Iterator[Board]:
         agent = site.serve(stack, "agentd", says="bridge_up")
         session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
         pong, seen = Receiver(session, "robot/pong"), Receiver(session, "robot/seen")
-        stack.callback(pong.close)
-        stack.callback(seen.close)
-        made = Board(session, endpoint, router, bridge, agent, pong, seen)
+        status = Receiver(session, keys.status("loop", "thinker", "pong"), _succeeded)
+        for one in (pong, seen, status):
+            stack.callback(one.close)
+        made = Board(session, endpoint, router, bridge, agent, pong, seen, status)
         _until_it_answers(made)
         yield made
+
+
+def _succeeded(record: Any) -> int:
+    """Return the number of an action that has succeeded, 0 for other statuses."""
+    return int(record["parameters"][0]) if record["state"] == "succeeded" else 0
 
 
 def _until_it_answers(board: Board) -> None:

@@ -12,14 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-import zenoh
-
+from benchmarks.health import DAEMONS, Records, grown, listening
 from benchmarks.loop.board import Board, board
 from benchmarks.processes import BenchmarkFailed
-from schemas.wire import keys
-from schemas.wire.codec import BadRecord, codec
-from schemas.wire.health import each_health
-from schemas.wire.records import Health
 
 SECONDS: Final = 4.0
 """For which a rate is kept up."""
@@ -76,52 +71,15 @@ class Flood:
         return self.in_time and self.complete and 0 <= self.behind <= KEEPS_UP
 
 
-class _Counters:
-    """The newest figures of the daemons that count what is lost."""
-
-    def __init__(self, session: zenoh.Session) -> None:
-        self._of: dict[str, dict[str, float]] = {}
-        self._at: dict[str, float] = {}
-        key = keys.health("*", "*", "*")
-        self._subscriber = session.declare_subscriber(key, self._heard)
-
-    def _heard(self, sample: zenoh.Sample) -> None:
-        try:
-            health = codec(Health).decode(sample.payload.to_bytes(), str(sample.encoding))
-        except BadRecord:
-            return
-        for name, its in each_health(health.header.source, health):
-            figures = {"drops": its.drops, "bad_input": its.bad_input, **its.counters}
-            who = f"{its.daemon} {name}"
-            self._of[who], self._at[who] = {one: figures.get(one, 0) for one in _LOST}, time.monotonic()
-
-    def told_anew(self, since: float) -> bool:
-        """Whether all daemons have told their figures so much later that what was until then is in them."""
-        at = dict(self._at)
-        return len(at) > 1 and all(moment > since + UNDER_WAY for moment in at.values())
-
-    def now(self) -> dict[str, float]:
-        """Return the figures, by daemon and name."""
-        return {f"{who}: {name}": value for who, of in self._of.items() for name, value in of.items()}
-
-    def close(self) -> None:
-        """Look no more."""
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+def measure(rate: float, source: str = "tick", seconds: float = SECONDS) -> Flood:
+    """Let the robot change so often a second, on a board of its own. Raises BenchmarkFailed."""
+    with board() as ours, listening(ours.endpoint, "loop") as records:
+        return _flood(ours, records, source, rate, seconds)
 
 
-def measure(rates: list[float], source: str = "tick", seconds: float = SECONDS, *, kept: bool = True) -> list[Flood]:
-    """Run these rates one after the other, on one board."""
-    with board(kept=kept) as ours:
-        counters = _Counters(ours.session)
-        try:
-            return [_flood(ours, counters, source, rate, seconds, number) for number, rate in enumerate(rates, 1)]
-        finally:
-            counters.close()
-
-
-def _flood(ours: Board, counters: _Counters, source: str, rate: float, seconds: float, number: int) -> Flood:
-    _rest(counters)
-    before, count, lines = counters.now(), round(rate * seconds), len(ours.agent.said)
+def _flood(ours: Board, records: Records, source: str, rate: float, seconds: float) -> Flood:
+    _rest(records)
+    count, lines = round(rate * seconds), len(ours.agent.said)
     daemons = (ours.router, ours.bridge, ours.agent)
     used = {one.name: one.cpu() for one in daemons}
     begun = time.monotonic()
@@ -131,36 +89,42 @@ def _flood(ours: Board, counters: _Counters, source: str, rate: float, seconds: 
         ours.put(source, index, count)
     ended = time.monotonic()
 
-    def done() -> list[float]:
-        return [at for at, line in ours.agent.said[lines:] if f"all up to {count}" in line]
+    def done() -> float:
+        return ours.agent.when(f"all up to {count}", lines)
 
     _until(lambda: bool(done()), PATIENCE)
     spent = time.monotonic() - begun
     cpu = {one.name: 100 * (one.cpu() - used[one.name]) / spent for one in daemons}
-    ours.put("run", number)
-    stood = f"run {number} stands at "
-    _until(lambda: any(stood in line for _, line in ours.agent.said[lines:]), PATIENCE)
-    _rest(counters)
-    after = counters.now()
+    ours.put("run", 1)
+    stood = "run 1 stands at "
+    _until(lambda: bool(ours.agent.when(stood, lines)), PATIENCE)
+    _rest(records)
+    lost = grown(records, begun, time.monotonic())
     said = [line for _, line in ours.agent.said[lines:]]
-    came = done()
     heard = [int(at) - 1 - int(less) for at, less in re.findall(rf"{stood}(\d+) without (-?\d+)", "\n".join(said))]
     return Flood(
         rate=rate,
         reached=count / (ended - begun),
         changes=count,
         heard=heard[0] if heard else 0,
-        behind=came[0] - ended if came else -1.0,
-        lost={name: value - before.get(name, 0) for name, value in after.items() if value > before.get(name, 0)},
+        behind=done() - ended if done() else -1.0,
+        lost={
+            f"{kind}: {name}": lost[kind].counts[name] for kind in DAEMONS for name in _LOST if lost[kind].counts[name]
+        },
         disorder=[line for line in said if " instead of " in line][:5],
         cpu=cpu,
     )
 
 
-def _rest(counters: _Counters) -> None:
-    """Wait until what was lost so far has been told."""
+def _rest(records: Records) -> None:
+    """Wait until bridge and agent have told their figures so much later that what was until now is in them."""
     now = time.monotonic()
-    if not _until(lambda: counters.told_anew(now), PATIENCE):
+
+    def told() -> bool:
+        at = records.last()
+        return len(at) > 1 and all(moment > now + UNDER_WAY for moment in at.values())
+
+    if not _until(told, PATIENCE):
         raise BenchmarkFailed(f"no figures of bridge and agent within {PATIENCE:g} s")
 
 

@@ -9,23 +9,36 @@ of the same sizes, between two Python processes through the same router, in turn
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
 
-from benchmarks.loop import flood, latency
+import msgspec
+
+from benchmarks.loop import flood
+from benchmarks.loop.board import Board, board, payload
 from benchmarks.loop.flood import SECONDS, Flood
-from benchmarks.loop.latency import PAUSE, Turns, sizes
+from benchmarks.loop.raw import Sizes, raw
 from benchmarks.pages import table
 from benchmarks.parts import Goal
+from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
+from schemas.wire.records import Action, ActionStatus, Header, Perception
 
+PAUSE: Final = 0.008
+"""Seconds between two exchanges: what one leaves to be done (an id synced to the disk) must not slow the next."""
+WARM_UP: Final = 50
 TURNS: Final = 1000
 RATES: Final = (1050.0, 2000.0, 3000.0, 4000.0, 6000.0)
 """Changes a second, until some are lost; the first is a little above the goal, as no sender is quite in time."""
 GOAL_TIMES, GOAL_RATE = 4.0, 1000.0
+GOAL_STATUS, GOAL_STATUS_TIMES = 4.0, 2.2
+"""Milliseconds from the robot's sample to the status of the action, p50, and times the bare exchanges in it."""
+CONTAINS: Final = {"seen": (1.5, 1.5), "pong": (1.5, 0.5), "status": (1.5, 0.5)}
+"""Bare puts and queries, there and back, that are in a part of the loop."""
 _NOTES: Final = f"""\
 * The robot is a process on Zenoh keys, the plan is `+ping(N) <- pong(N); seen(N).`. The loop goes from the moment
   before the robot puts a sample (`ping(N)`) to the arrival of an action there: `pong` first, `seen` after the final
@@ -35,6 +48,68 @@ _NOTES: Final = f"""\
 * There is a pause of {1000 * PAUSE:g} ms between two exchanges: what a decision leaves to be done, as to sync the id
   of its action to the disk, is over when the next begins."""
 PERCENTILES: Final = (0.5, 0.99, 1.0)
+
+
+@dataclass
+class Turns:
+    """What one run measured, us, turn by turn."""
+
+    put: list[float] = field(default_factory=list)
+    """A put and a put back."""
+    ask: list[float] = field(default_factory=list)
+    """A query and its reply."""
+    pong: list[float] = field(default_factory=list)
+    """From the robot's sample to the action of its agent at the robot."""
+    seen: list[float] = field(default_factory=list)
+    """From the robot's sample to the next action of the plan at the robot."""
+    status: list[float] = field(default_factory=list)
+    """From the robot's sample to the status that the bridge publishes of the agent's action."""
+
+
+def sizes() -> Sizes:
+    """Return the bytes of the loop's records, as they are encoded."""
+    header = Header(seq=1000, stamp=time.time_ns(), source="thinker", boot="0123abcd")
+    identity = f"thinker:{header.boot}:1000"
+    records = (
+        Perception(header=header, name="ping", parameters=(1000,), update="replace"),
+        Action(header=header, id=identity, agent="thinker", name="pong", parameters=(1000,)),
+        ActionStatus(
+            header=header, id=identity, state="succeeded", result=True, after=1000, name="pong", parameters=(1000,)
+        ),
+    )
+    return Sizes(len(payload(1000)), *(len(msgspec.json.encode(record)) for record in records))
+
+
+def turn(turns: int, *, kept: bool = True) -> Turns:
+    """Run the loop and the bare exchanges so often, one after the other. Raises BenchmarkFailed."""
+    found = Turns()
+    with board(kept=kept) as ours, raw(ours.endpoint, ours.session, sizes()) as bare:
+        for number in range(1, WARM_UP + 1):
+            bare.put_and_back()
+            bare.ask()
+            _loop(ours, number)
+        for number in range(WARM_UP + 1, WARM_UP + turns + 1):
+            found.put.append(bare.put_and_back() / 1000)
+            time.sleep(PAUSE)
+            found.ask.append(bare.ask() / 1000)
+            time.sleep(PAUSE)
+            for times, took in zip((found.pong, found.seen, found.status), _loop(ours, number), strict=True):
+                times.append(took)
+            time.sleep(PAUSE)
+    return found
+
+
+def _loop(ours: Board, number: int) -> list[float]:
+    """Run the loop once. Returns microseconds from the sample to both actions and the first one's status.
+
+    Raises BenchmarkFailed.
+    """
+    begun = time.monotonic_ns()
+    ours.put("ping", number)
+    came = [one.when(number) for one in (ours.pong, ours.seen, ours.status)]
+    if None in came:
+        raise BenchmarkFailed(f"ping({number}) was not answered; last:\n{ours.last_words()}")
+    return [(at - begun) / 1000 for at in came if at is not None]
 
 
 @dataclass
@@ -61,17 +136,44 @@ def measure(quick: bool) -> Figures:
             "action": carried.action,
             "status": carried.status,
         },
-        kept=latency.measure(count),
-        fresh=latency.measure(count, kept=False),
+        kept=turn(count),
+        fresh=turn(count, kept=False),
         replaced=list(_floods("tick", [100.0] if quick else RATES, seconds)),
         added=list(_floods("mark", [100.0] if quick else RATES, seconds)),
     )
 
 
+def probe(quick: bool) -> dict[str, float]:
+    """Return what a turn of the loop and a percept cost: less is better."""
+    found: dict[str, float] = {}
+    count, warm_up = (10, 5) if quick else (300, WARM_UP)
+    for title, kept in (("agent kept on disk", True), ("agent not kept", False)):
+        with board(kept=kept) as ours:
+            spent = []
+            for number in range(1, warm_up + count + 1):
+                if number == warm_up + 1:
+                    used = {one.name: one.cpu() for one in (ours.bridge, ours.agent)}
+                spent.append(_loop(ours, number))
+                time.sleep(PAUSE)
+            _, seen, status = zip(*spent[warm_up:], strict=True)
+            found[f"sample to next action, {title}, p50 (µs)"] = median(seen)
+            found[f"sample to status, {title}, p50 (µs)"] = median(status)
+            for one in (ours.bridge, ours.agent):
+                by_turn = 1e6 * (one.cpu() - used[one.name]) / count
+                found[f"a turn, {title}, processor time of {one.name} (µs)"] = by_turn
+    for source, title in (("tick", "replaced"), ("mark", "added")):
+        run = flood.measure(100.0 if quick else 500.0, source, 0.5 if quick else 6.0)
+        if not run.complete:
+            raise BenchmarkFailed(f"of {run.changes} percepts {run.heard} came")
+        for name in ("agentd", "bridged"):
+            found[f"percept {title}, processor time of {name} (µs)"] = 1e4 * run.cpu[name] / run.made
+    return found
+
+
 def _floods(source: str, rates: Sequence[float], seconds: float) -> Iterator[Flood]:
     """Raise the rate until changes are lost."""
     for rate in rates:
-        (found,) = flood.measure([rate], source, seconds)
+        found = flood.measure(rate, source, seconds)
         yield found
         if not found.kept_up:
             return
@@ -81,10 +183,9 @@ def times(turns: Turns, part: float = 0.5, *, ways: str = "seen") -> float:
     """Return how often the bare exchanges that the loop contains fit into it, at a percentile.
 
     The bare ones of a turn are added up before their percentile is taken: the sum of two worst cases would be too kind.
-    `ways`: `seen` up to the next action at the robot, three put ways and three of a query; `pong` up to the first
-    action at the robot, three put ways and one of a query.
+    `ways`: `seen` up to the next action at the robot, `pong` up to the first one, `status` up to the status of that.
     """
-    puts, asks = {"seen": (1.5, 1.5), "pong": (1.5, 0.5)}[ways]
+    puts, asks = CONTAINS[ways]
     bare = [puts * put + asks * ask for put, ask in zip(turns.put, turns.ask, strict=True)]
     return percentile(getattr(turns, ways), part) / percentile(bare, part)
 
@@ -106,6 +207,17 @@ def goals(figures: Figures) -> list[Goal]:
             why=f"where the time goes is not known; {_TRIED}",
         )
     ]
+    if figures.kept.status:
+        status, of_bare = median(figures.kept.status) / 1000, times(figures.kept, ways="status")
+        made.append(
+            Goal(
+                title="percept → belief → plan → action → status on the bus, p50",
+                wanted=f"{GOAL_STATUS:g} ms, {GOAL_STATUS_TIMES:g} times the bare exchanges in it",
+                found=f"{status:.1f} ms, {of_bare:.1f} times",
+                met=status <= GOAL_STATUS and of_bare <= GOAL_STATUS_TIMES,
+                why=f"where the time goes is not known; {_TRIED}",
+            )
+        )
     for what, floods in (("replaced", figures.replaced), ("added", figures.added)):
         best = fastest(floods)
         rate = 0.0 if best is None else best.made
@@ -163,10 +275,12 @@ def _latencies(figures: Figures) -> Iterator[str]:
     yield f"| bare: a query and its reply | | {_row(figures.kept.ask)} | | |"
     for what, turns, ways in (
         ("percept → action at the robot", figures.kept, "pong"),
+        *([("percept → action → status on the bus", figures.kept, "status")] if figures.kept.status else []),
         ("percept → action → status → next action at the robot", figures.kept, "seen"),
         ("the same, agent with `on_restart: fresh`", figures.fresh, "seen"),
     ):
-        contains = {"seen": "1.5 puts, 1.5 queries", "pong": "1.5 puts, 0.5 queries"}[ways]
+        puts, asks = CONTAINS[ways]
+        contains = f"{puts:g} puts, {asks:g} queries"
         ratios = f"{times(turns, 0.5, ways=ways):.1f} | {times(turns, 0.99, ways=ways):.1f}"
         yield f"| {what} | {contains} | {_row(getattr(turns, ways))} | {ratios} |"
     yield ""

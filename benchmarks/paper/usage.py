@@ -24,7 +24,8 @@ AGENT: Final = "agent"
 ROLES: Final = {"commd": "commd", "bridged": "bridged", "agentd": AGENT, "program": AGENT}
 """What each kind of process is on its board; others are not counted."""
 WHO: Final = ("commd", "bridged", AGENT, BOARD)
-BDI, IMPERATIVE = "agentspeak", "python"
+BDI: Final = "agentspeak"
+IMPERATIVE: Final = "python"
 
 
 @dataclass
@@ -187,6 +188,17 @@ def measure(quick: bool) -> Figures:
             figures.usages.append(usage(course, speed, approach, found))
             figures.usages[-1].again = lost[approach]
     return figures
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return what the single-UAV mission costs its board and its agent's process: less is better."""
+    speed, every, enough = (20.0, EVERY / 2, TRIED) if quick else (1.0, EVERY, ENOUGH)
+    found = usage(SINGLE, speed, BDI, [flown(SINGLE, BDI, speed, every, enough)])
+    return {
+        f"{SINGLE.title}, {who}, {what}": value
+        for who in (BOARD, AGENT)
+        for what, value in (("processor (% of a core)", found.row(who).cpu.mean), ("RSS (MB)", found.row(who).rss.mean))
+    }
 
 
 def _once_more(

@@ -9,25 +9,32 @@ slow for all of them. Ratios are medians of the ratios of neighbouring runs. Pee
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, Speeds, run
+from benchmarks.processes import BenchmarkFailed, Speeds, lines, run, started
 from benchmarks.reasoner import report
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import Counted, counted
 from benchmarks.reasoner.report import Result, tables, warm
 from benchmarks.reasoner.rows import ROWS, Row, row_called
-from benchmarks.reasoner.subjects import JasonCommand, Subject, subjects_here
+from benchmarks.reasoner.subjects import Agentd, JasonCommand, Subject, subjects_here
 from benchmarks.results import Origin
 
 REPEAT: Final = 2
 STARTS: Final = 10
 """How often a start is timed."""
 QUICK_ROWS: Final = ("g",)
+GOAL_START: Final = 1.5
+"""Times python-agentspeak's time from its start to the first print."""
+_BEHIND: Final = (
+    "Tried: effects from mind to mind without intermediate objects where a count of instructions showed some "
+    "([mind.md](../architecture/mind.md#speed)); what else these rows take is counted there"
+)
 COUNTED: Final = ("f", "f2", "h")
 """Rows whose instructions are counted: the slowest beside python-agentspeak."""
 
@@ -101,6 +108,17 @@ def goals(figures: Figures) -> list[Goal]:
             title = f"{row.operation}: speed beside python-agentspeak, warm"
             wanted, ours = f"at least {row.target:g} times", f"{ratio:,.1f}" if ratio < 100 else f"{ratio:,.0f}"
             found.append(Goal(title, wanted, ours, ratio >= row.target, row.why))
+    won, known, behind = report.ahead(figures.results())
+    if known == len(report.OF_JASON):
+        title = "reasoner: rows ahead of Jason's warm JVM, by the ratio to python-agentspeak"
+        found.append(
+            Goal(title, f"{known} of {known}", f"{won} of {known}", won == known, f"behind: {behind}. {_BEHIND}")
+        )
+    start = figures.footprints[FOOTPRINTS[0].title]
+    if "agentspeak" in start:
+        ratio = start["agentd"] / start["agentspeak"]
+        title = f"reasoner: {FOOTPRINTS[0].title}, beside python-agentspeak"
+        found.append(Goal(title, f"{GOAL_START:g} times", f"{ratio:.1f} times", ratio <= GOAL_START, FOOTPRINTS[0].why))
     for one in FOOTPRINTS:
         value = figures.footprints[one.title]["agentd"]
         wanted = f"under {one.limit:g} {one.unit}"
@@ -111,6 +129,43 @@ def goals(figures: Figures) -> list[Goal]:
 def in_short(figures: Figures) -> list[str]:
     """Return the rows of the README's table."""
     return report.in_short(figures.results(), figures.footprints)
+
+
+_ROUND: Final = re.compile(r"BENCH (\S+) round +\d+ +ops +(\d+) +ns +(\d+)")
+_BY_PROCESSOR_TIME: Final = """
+import runpy, sys, time
+time.monotonic, time.perf_counter_ns = time.process_time, time.process_time_ns
+module, sys.argv = sys.argv[1], sys.argv[1:]
+runpy.run_module(module, run_name="__main__", alter_sys=True)
+"""
+"""Runs a module whose clocks show the processor time of its process."""
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return processor time per operation of each row, instructions per cycle, start and memory: less is better."""
+    found: dict[str, float] = {}
+    for programs, environment in dict.fromkeys((row.agents, row.environment) for row in ROWS):
+        rows = [row for row in ROWS if (row.agents, row.environment) == (programs, environment)]
+        if quick and rows[0].key not in QUICK_ROWS:
+            continue
+        spent = _rounds(rows[0])
+        found |= {f"{row.operation} (ns)": min(spent[row.bench]) for row in rows}
+    for key in () if quick else COUNTED:
+        found[f"{row_called(key).operation}, a cycle (instructions)"] = counted(row_called(key)).whole
+    for one in FOOTPRINTS:
+        found[f"{one.title} ({one.unit})"] = one.measure(Agentd(), 1 if quick else 5)
+    return found
+
+
+def _rounds(row: Row) -> dict[str, list[float]]:
+    """Run a row's programs. Returns ns of processor time per operation of each round, by the name of the benchmark."""
+    found: dict[str, list[float]] = {}
+    command = Agentd().command(row.paths(), row.environment)
+    with started([command[0], "-c", _BY_PROCESSOR_TIME, *command[2:]]) as process:
+        for line in lines(process):
+            if match := _ROUND.search(line):
+                found.setdefault(match[1], []).append(int(match[3]) / int(match[2]))
+    return found
 
 
 def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) -> list[Result]:

@@ -14,7 +14,7 @@ from benchmarks.processes import Speeds
 from benchmarks.reasoner.elsewhere import ELSEWHERE
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import GENERATED, Counted
-from benchmarks.reasoner.rows import Row, row_called
+from benchmarks.reasoner.rows import ROWS, Row, row_called
 from benchmarks.results import Origin
 
 Figure = Callable[[Speeds], float]
@@ -86,13 +86,23 @@ def tables(results: list[Result]) -> list[str]:
     return found
 
 
-def ahead(results: list[Result]) -> tuple[int, int]:
-    """Return on how many rows agentd is ahead of Jason's warm JVM, and of how many.
+OF_JASON: Final = [row.key for row in ROWS if row.jason is not None]
+"""Rows that Jason has run, too."""
+
+
+def ahead(results: list[Result]) -> tuple[int, int, str]:
+    """Return on how many rows agentd is ahead of Jason's warm JVM, of how many, and those behind, with both ratios.
 
     What is compared are the ratios to python-agentspeak.
     """
-    known = [(result.ratio("agentd", warm), result.row.jason) for result in results if result.row.jason is not None]
-    return sum(_ahead(ours, jason.warm_ratio) == "ahead" for ours, jason in known if jason), len(known)
+    behind = [
+        f"{result.row.key} {told_times(ours)} where Jason has {told_times(result.row.jason.warm_ratio)}"
+        for result in results
+        if result.row.jason is not None
+        and not (ours := result.ratio("agentd", warm) or 0.0) > result.row.jason.warm_ratio
+    ]
+    known = sum(result.row.jason is not None for result in results)
+    return known - len(behind), known, ", ".join(behind)
 
 
 def _speed_table(results: list[Result]) -> str:
@@ -295,7 +305,7 @@ def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -
             if row.key == "c":
                 remark = remark or "Argosy indexes arguments, the others walk through"
             lines.append(f"| {row.operation} | {_bare(ours)} | {_bare(row.jason.warm_ratio)} | {remark} |")
-    won, known = ahead(results)
+    won, known, _ = ahead(results)
     shown = len(lines) - 2
     lines += [
         "",
@@ -314,7 +324,7 @@ def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> 
     others = [ratio for key, ratio in by_key.items() if key not in {"c", "c2"}]
     if not indexed or not others:
         return []
-    won, known = ahead(results)
+    won, known, _ = ahead(results)
     idle = next(one for one in FOOTPRINTS if one.title == "resident when idle")
     memory = footprints[idle.title]
     return [

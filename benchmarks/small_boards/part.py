@@ -18,10 +18,10 @@ from typing import Final
 
 from argosy.processes.process_table import plan
 from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
+from benchmarks.health import listening
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone
 from benchmarks.results import Origin, busy_seconds
-from benchmarks.scale.health import Records, listening
 from benchmarks.serving import READY
 from benchmarks.small_boards.control_groups import ControlGroup, Limits, limited
 from benchmarks.small_boards.page import (
@@ -121,7 +121,7 @@ def _in_flight(stack: ExitStack, flight: Flight, group: ControlGroup, flown: Flo
         elsewhere=max(elsewhere, default=0.0),
         cpu=100 * (sum(one.cpu() for one in ours) - used) / (ended - begun),
         throttled=usage.throttled,
-        lag=_lag(records, flight.up + SETTLED, ended),
+        lag=max(records.lag(flight.up + SETTLED, ended).values(), default=0.0),
         timed_out=sum("timed_out" in line for one in ours for _, line in one.said),
     )
 
@@ -137,11 +137,6 @@ def _elsewhere(ours: Sequence[Watched], group: ControlGroup) -> float:
     except OSError:  # one has ended
         return 0.0
     return max(0.0, (held or 0.0) - group.charged())
-
-
-def _lag(records: Records, begun: float, ended: float) -> float:
-    told = (one for of_one in records.of_all().values() for one in of_one)
-    return max((health.lag for at, health in told if begun <= at <= ended), default=0.0)
 
 
 __all__ = ["Figures", "blocks", "goals", "in_short", "measure"]

@@ -99,7 +99,5 @@ def test_a_goal_that_cannot_be_decided_is_not_told_as_met_and_one_without_a_reas
 
 
 def test_all_parts_take_as_long_as_the_page_says_and_each_has_a_name_of_its_own() -> None:
-    assert 80 < sum(part.minutes for part in PARTS) < 100, (
-        "docs/measurements/benchmarks.md says about an hour and a half"
-    )
+    assert 100 < sum(part.minutes for part in PARTS) < 130, "docs/measurements/benchmarks.md says about two hours"
     assert len({part.name for part in PARTS}) == len(PARTS)

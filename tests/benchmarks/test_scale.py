@@ -6,10 +6,10 @@ import dataclasses
 
 import pytest
 
+from benchmarks import scale
+from benchmarks.fleet import Run, Use
+from benchmarks.health import Records, errors, gaps, grown, late
 from benchmarks.results import Origin
-from benchmarks.scale import part as scale
-from benchmarks.scale.health import Records, errors, gaps, grown, late
-from benchmarks.scale.run import Run, Use
 from benchmarks.spread import Spread
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -76,10 +76,11 @@ def test_what_is_missed_is_told_with_the_size_at_which_it_was_and_what_was_tried
     assert "| UAVs | actions timed out |\n|---|---|\n| 100 | 7 |" in text
     assert "outgrown at 100 UAVs" in text
     assert "agents that did not serve their vehicle: 1; 25.0% of the positions were no belief" in text
-    served, late, *_ = scale.goals(figures)
+    served, late, lost, *_ = scale.goals(figures)
     assert (served.met, served.found) == (False, "99, 7 missed")
     assert (late.met, late.found) == (False, "75.0% (p99 of those that came: 340 ms)")
-    for one in (served, late):
+    assert (lost.met, lost.found) == (False, "0, 340 ms")
+    for one in (served, late, lost):
         assert "the reason is not known" in one.why
         assert "Tried: " in one.why
 
@@ -96,11 +97,11 @@ def test_a_cost_that_grows_with_the_square_of_the_fleet_misses_its_goal() -> Non
 
 def _records(*told: tuple[float, str, Health]) -> Records:
     bytes_of = codec(Health).encode
-    return Records([(at, keys.health("f", name, one.daemon), bytes_of(one, "json"), "json") for at, name, one in told])
+    return Records([(at, keys.health("f", name, one.daemon), bytes_of(one, "json")) for at, name, one in told])
 
 
 def test_daemons_that_tell_nothing_are_late_and_what_is_lost_at_the_edges_counts() -> None:
-    assert late(Records(), 0.0, 12.0, {"commd": 1, "bridged": 5, "agentd": 5}) == 11
+    assert late(Records(), 0.0, 12.0) == 3
     assert grown(Records(), 0.0, 12.0)["agentd"].counts["drops"] == 0
     assert errors(Records(), 0.0, 12.0) == 0
     percepts = [{"a": f"boot:{seq}:00"} for seq in (10, 130)]
@@ -113,7 +114,7 @@ def test_daemons_that_tell_nothing_are_late_and_what_is_lost_at_the_edges_counts
     assert found.counts["drops"] == 6, "between the last record before and the first behind"
     assert found.rates["percepts"] == pytest.approx(20.0)
     assert errors(told, 10.0, 20.0) == 3, "one process logs what both names tell"
-    assert late(told, 10.0, 20.0, {"bridged": 2}) == 2, "neither said anything meanwhile"
+    assert late(told, 10.0, 20.0) == 4, "neither said anything meanwhile, and commd and agentd nothing at all"
 
 
 def test_a_vehicle_that_hears_no_heartbeat_has_missed_it() -> None:

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchmarks.results import ROOT
-from benchmarks.traffic import RATES, Talker
+from benchmarks.vehicles import RATES, Talker
 
 
 def test_a_talker_tells_as_much_that_is_new_as_a_copter_in_a_recorded_flight() -> None:

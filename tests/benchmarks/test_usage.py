@@ -34,7 +34,7 @@ def pairs(*found: tuple[Sampled, Sampled]) -> Figures:
 
 
 def test_a_ratio_above_its_goal_is_missed_with_its_figures_and_what_was_tried() -> None:
-    assert [goal.met for goal in goals(pairs((told(0.95, 105), told(1, 100))))] == [True, True]
+    assert [goal.met for goal in goals(pairs((told(0.94, 105), told(1, 100))))] == [True, True]
     board, agent = goals(pairs((told(1.05, 120), told(1, 100))))
     assert (board.met, board.decided, agent.met) == (False, True, True)
     assert board.found == "RSS 1.20x, CPU 1.05x; of one pair of flights"
@@ -48,7 +48,7 @@ def test_a_ratio_above_its_goal_is_missed_with_its_figures_and_what_was_tried() 
 
 
 def test_a_single_pair_decides_nothing_close_to_the_goal() -> None:
-    for cpu in (1.05, 1.15):
+    for cpu in (1.0, 1.07):
         board, agent = goals(pairs((told(cpu, 100), told(1, 100))))
         assert (board.met, board.decided, agent.met) == (False, False, True)
         assert board.why.startswith(f"CPU of one pair, {cpu:.2f}x, within 10% of what is asked")

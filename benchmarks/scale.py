@@ -1,17 +1,152 @@
-"""The page of the part "scale": what vehicles cost, what was missed, at which size something is outgrown."""
+"""Part `scale`: 1 to 100 vehicles with their agents on one router: what they cost, how late, what is missed.
+
+Vehicles that only talk (`benchmarks.vehicles`) send what copters send that fly a circle and cost next to nothing, so
+that the measurement is the product's and not its vehicles'. Daemons are started as the product starts them: one commd,
+one bridged for all vehicles of a link, one agentd for all agents of a board; in a second row each vehicle has a link,
+and so a bridged, of its own.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from benchmarks import plots
 from benchmarks import spread as fits
+from benchmarks.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
+from benchmarks.health import DAEMONS
 from benchmarks.pages import table
+from benchmarks.parts import Goal, tell
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
-from benchmarks.scale.mission import ASK_EVERY
-from benchmarks.scale.run import BEAT_LATE, DAEMONS, IN_TIME, PATIENCE, Run
-from benchmarks.traffic import POSITIONS, RATES
+from benchmarks.vehicles import POSITIONS, RATES
+
+SIZES: Final = (1, 10, 25, 50, 100)
+APART: Final = (10, 50)
+"""Sizes at which each vehicle also has a bridge of its own."""
+QUICK: Final = (1, 5)
+SECONDS: Final = 12.0
+"""For which each size is observed."""
+QUICK_SECONDS: Final = 3.0
+GOAL_P99, GOAL_EACH = 60.0, 1.0
+"""Milliseconds from a position to its belief; per cent of a core that a vehicle may take of all daemons."""
+
+
+@dataclass
+class Figures:
+    """All runs."""
+
+    runs: list[Run] = field(default_factory=list)
+
+    def row(self, *, own_links: bool = False) -> list[Run]:
+        """Return a row of sizes, the smallest first."""
+        return sorted((one for one in self.runs if one.own_links == own_links), key=lambda one: one.size)
+
+
+def measure(quick: bool) -> Figures:
+    """Measure all sizes. Raises BenchmarkFailed."""
+    sizes, apart, seconds = (QUICK, QUICK[-1:], QUICK_SECONDS) if quick else (SIZES, APART, SECONDS)
+    figures = Figures()
+    for size, own_links in [*((size, False) for size in sizes), *((size, True) for size in apart)]:
+        found = run(size, seconds=seconds, own_links=own_links)
+        own = ", a bridge for each" if own_links else ""
+        tell(f"{size}{own}: {found.serving} served, {found.cpu():.0f} % of a core, p99 {found.percept.p99:.0f} ms")
+        figures.runs.append(found)
+    return figures
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return what a quarter of the vehicles costs, and how late all are: less is better."""
+    found: dict[str, float] = {}
+    for size in QUICK if quick else (25, SIZES[-1]):
+        one = run(size, seconds=QUICK_SECONDS if quick else SECONDS)
+        found |= {f"each of {size} vehicles, {kind} (% of a core)": one.use[kind].cpu / size for kind in DAEMONS}
+        found[f"memory of all daemons, {size} vehicles (MB)"] = one.pss()
+        found[f"position to belief, {size} vehicles, p99 (ms)"] = one.percept.p99
+        found[f"positions of {size} vehicles that were no belief in time, and 1 (%)"] = 101 - 100 * one.in_time
+        found[f"datagrams of {size} vehicles that were lost, and 1"] = (
+            1 + one.missed["datagrams lost before the bridge"]
+        )
+    return found
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked: that the largest fleet is served in time, and costs no more than in proportion."""
+    row = figures.row()
+    largest = row[-1]
+    missed = sum(largest.missed.values())
+    found = [
+        Goal(
+            f"{largest.size} UAVs that only talk, with their agents, on one router: all served, no deadline missed",
+            f"{largest.size}, 0 missed",
+            f"{largest.serving}, {missed} missed",
+            largest.serving == largest.size and not missed,
+            _why(largest),
+        ),
+        Goal(
+            f"positions of {largest.size} UAVs that only talk: beliefs before the next ({LATE:g} ms), of all sent",
+            f"{IN_TIME:.0%}",
+            f"{largest.in_time:.1%} (p99 of those that came: {largest.percept.p99:.0f} ms)",
+            largest.in_time >= IN_TIME,
+            _why(largest),
+        ),
+    ]
+    lost = largest.missed.get("datagrams lost before the bridge", 0)
+    title = f"positions of {largest.size} UAVs that only talk: datagrams lost, p99 from position to belief"
+    found.append(
+        Goal(
+            title,
+            f"0, {GOAL_P99:g} ms",
+            f"{lost:,}, {largest.percept.p99:.0f} ms",
+            not lost and largest.percept.p99 <= GOAL_P99,
+            _why(largest),
+        )
+    )
+    told = easy(row)
+    if told:
+        size, each = told[-1].size, told[-1].cpu() / told[-1].size
+        title = f"processor time of bridged, agentd and commd for each UAV, of {size}, the most with cores left"
+        found.append(
+            Goal(title, f"{GOAL_EACH:g} % of a core", f"{each:.2f} %", each <= GOAL_EACH, f"{_TRIED}; {_TRIED_GROWTH}")
+        )
+    if len(told) >= fits.SIZES:
+        powers = {kind: fits.power([(one.size, one.use[kind].cpu) for one in told]) for kind in DAEMONS}
+        worst = max(powers, key=lambda kind: powers[kind].power)
+        found.append(
+            Goal(
+                f"processor time of no daemon grows faster than the fleet ({told[0].size} to {told[-1].size} UAVs)",
+                f"size ^ {fits.STEEPEST:g} at most",
+                f"{powers[worst]} ({worst}; off by {powers[worst].off:.0%} at worst)",
+                powers[worst].power <= fits.STEEPEST,
+                _TRIED_GROWTH,
+            )
+        )
+    else:
+        few = f"{len(told)} sizes left cores free, and a growth is told by {fits.SIZES}: it is not known"
+        found.append(Goal("processor time of no daemon grows faster than the fleet", "", "", False, few, decided=False))
+    return found
+
+
+def _why(one: Run) -> str:
+    """Return why that size was not served in time, as far as its own figures tell, and what was tried."""
+    what = "; ".join(one.not_served()) or "nothing was late or lost"
+    reason = (
+        f"the cores were busy for {one.busy:.0f} % of the time"
+        if one.busy >= FULL
+        else f"the cores were busy for {one.busy:.0f} % of the time, so the reason is not known"
+    )
+    return f"{what}; {reason}. {_TRIED}"
+
+
+_TRIED: Final = (
+    "Tried: a link remembers as many vehicles as it may have and asks for a receive buffer by their number, keys used "
+    "again are declared once, manifests are read once for all robots"
+)
+_TRIED_GROWTH: Final = (
+    "What Zenoh does for a record grows with all that is declared on its session. Tried: keys used again are declared "
+    "once, which took most of that away; what grows in the rest is not known"
+)
+
 
 FULL: Final = 95.0
 """Per cent of the machine's cores from which on processes wait for one: what they use then is what they get."""
@@ -131,8 +266,9 @@ _REMEDY: Final = {
 }
 
 
-def page(origin: Origin, shared: list[Run], apart: list[Run]) -> str:
-    """Return the text of the page's block, of vehicles that share a link and of those that have one each."""
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the block of docs/measurements/scaling.md."""
+    shared, apart = figures.row(), figures.row(own_links=True)
     parts = [
         origin.line(),
         _sizes(shared),
@@ -149,7 +285,7 @@ def page(origin: Origin, shared: list[Run], apart: list[Run]) -> str:
         "### What is outgrown, and when",
         *outgrown(shared, origin),
     ]
-    return "\n\n".join(parts)
+    return {"scale": "\n\n".join(parts)}
 
 
 def _sizes(row: list[Run]) -> str:
@@ -224,8 +360,9 @@ def _missed(runs: list[Run]) -> str:
     return "\n".join(lines)
 
 
-def picture(row: list[Run]) -> str:
+def pictures(figures: Figures) -> dict[str, str]:
     """Draw processor time and memory of the daemons by the number of vehicles."""
+    row = figures.row()
     with plots.figure(columns=2) as (made, (cpu, memory)):
         sizes = [one.size for one in row]
         told = easy(row)
@@ -240,7 +377,7 @@ def picture(row: list[Run]) -> str:
         _axes(cpu, "processor time, % of a core")
         _axes(memory, "PSS, MB")
         made.suptitle("UAVs that only talk, one link (dotted: fitted; dashed: one core)", fontsize=9)
-        return plots.svg(made)
+        return {"scale-cost": plots.svg(made)}
 
 
 def _axes(axes: Any, what: str) -> None:

@@ -8,12 +8,12 @@ import statistics
 import tempfile
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-from benchmarks.processes import BenchmarkFailed, Watched, watched
+from benchmarks.processes import SPEAKS, BenchmarkFailed, Watched, watched
 from commd.bus.bus import Bus, Query, Token, boot_id, open_bus
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt
@@ -22,6 +22,8 @@ from schemas.wire.terms import Term
 from tests.support.ports import free_port
 
 FLEET: Final = "bench"
+Synchronous = Literal["full", "normal"]
+"""How SQLite writes mail."""
 PATIENCE: Final = 30.0
 """Seconds for one batch to be taken."""
 _CONTENT: Final = 'item(17, "some text", [1.5, 2.5])'
@@ -30,48 +32,85 @@ mission: {fleet}
 boards: {{{boards}}}
 agents:
 {agents}
+clients: {{{probe}: {{board: {first}}}}}
 mail: {{synchronous: {synchronous}, mailbox: 1000000}}
 """
+PROBE: Final = "probe"
+"""The client of the first board that may post."""
 
 
 class Boards:
-    """Three boards or so: routers that know one another, each with its own state folder."""
+    """Boards whose routers know one another, each with its own state folder."""
 
     def __init__(
-        self, stack: ExitStack, folder: Path, agents: dict[str, str], synchronous: Literal["full", "normal"]
+        self,
+        stack: ExitStack,
+        folder: Path,
+        agents: Mapping[str, str],
+        synchronous: Synchronous,
+        programs: Mapping[str, str],
     ) -> None:
         self._stack, self._folder = stack, folder
         names = list(dict.fromkeys(agents.values()))
         self.endpoints = {name: f"tcp/127.0.0.1:{free_port()}" for name in names}
         self._between = {name: f"tcp/127.0.0.1:{free_port()}" for name in names}
         self.daemons: dict[str, Watched] = {}
-        entries = [f"  {agent}: {{program: {agent}.asl, board: {board}}}" for agent, board in agents.items()]
-        text = _MISSION.format(
-            fleet=FLEET,
-            boards=", ".join(f"{name}: {{}}" for name in names),
-            agents="\n".join(entries),
-            synchronous=synchronous,
+        entries = [
+            f"  {agent}: {{{programs.get(agent, 'program: none.asl')}, board: {board}}}"
+            for agent, board in agents.items()
+        ]
+        self._mission = folder / "bench.yaml"
+        self._mission.write_text(
+            _MISSION.format(
+                fleet=FLEET,
+                boards=", ".join(f"{name}: {{}}" for name in names),
+                agents="\n".join(entries),
+                probe=PROBE,
+                first=names[0],
+                synchronous=synchronous,
+            )
         )
-        self.mission = folder / "bench.yaml"
-        self.mission.write_text(text)
 
     def start(self, name: str) -> Watched:
         """Start the commd of a board, and wait until it serves."""
         others = [f"--connect={end}" for other, end in self._between.items() if other < name]
-        arguments = ["--listen", self._between[name], *others, "--state", str(self._folder / name)]
-        command = ("-m", "commd", "serve", str(self.mission), "--board", name, "--router", self.endpoints[name])
-        self.daemons[name] = self._stack.enter_context(watched(f"commd of {name}", *command, *arguments))
-        self.daemons[name].says("router board=")
+        self.daemons[name] = self._run("commd", name, "router board=", SPEAKS, "--listen", self._between[name], *others)
         return self.daemons[name]
+
+    def think(self, name: str, patience: float = SPEAKS) -> Watched:
+        """Start the agentd of a board, and wait until it serves, for at most `patience` seconds."""
+        return self._run("agentd", name, "agents=", patience)
+
+    def _run(self, daemon: str, board: str, says: str, patience: float, *more: str) -> Watched:
+        where = (
+            "--board",
+            board,
+            "--router",
+            self.endpoints[board],
+            "--state",
+            str(self._folder / f"{daemon}-{board}"),
+        )
+        command = ("-m", daemon, "serve", str(self._mission), *where, *more)
+        found = self._stack.enter_context(watched(f"{daemon} of {board}", *command))
+        found.says(says, patience)
+        return found
 
 
 @contextmanager
 def boards(
-    folder: Path, agents: dict[str, str], synchronous: Literal["full", "normal"], start: bool = True
+    folder: Path,
+    agents: Mapping[str, str],
+    synchronous: Synchronous,
+    *,
+    start: bool = True,
+    programs: Mapping[str, str] | None = None,
 ) -> Iterator[Boards]:
-    """Boards for these agents (agent to board); all processes end with the block."""
+    """Boards for these agents (agent to board); all processes end with the block.
+
+    `programs`: what stands in the mission of an agent that thinks, as `program: a.asl`, by agent.
+    """
     with ExitStack() as stack:
-        made = Boards(stack, folder, agents, synchronous)
+        made = Boards(stack, folder, agents, synchronous, programs or {})
         for name in made.endpoints if start else ():
             made.start(name)
         yield made
@@ -138,14 +177,13 @@ async def member(endpoint: str, name: str) -> AsyncIterator[Member]:
         yield Member(bus, name)
 
 
-async def until(condition: Callable[[], bool], wish: str, seconds: float) -> float:
-    """Wait until something holds. Returns the seconds that it took; raises BenchmarkFailed after a bound."""
+async def until(condition: Callable[[], bool], wish: str, seconds: float, every: float = 0.005) -> None:
+    """Wait until something holds, and look every so many seconds. Raises BenchmarkFailed after a bound."""
     begun = time.monotonic()
     while not condition():
         if time.monotonic() > begun + seconds:
             raise BenchmarkFailed(f"not within {seconds:g} s: {wish}")
-        await asyncio.sleep(0.005)
-    return time.monotonic() - begun
+        await asyncio.sleep(every)
 
 
 WRITES: Final = 50

@@ -1,4 +1,4 @@
-"""What mail costs: messages a second over three boards, latency across two, a backlog, and the memory of its daemon.
+"""Part `mail`: messages a second over three boards, latency across two, a backlog, memory of commd.
 
 Three `commd` run as on boards, with routers that know one another; the members that post and take are in this process,
 without minds. All of them share this machine.
@@ -14,10 +14,9 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Literal, TypeVar
+from typing import Final, TypeVar
 
-from benchmarks.mail.agents import Talk, talk
-from benchmarks.mail.boards import Member, boards, fsync, member, until
+from benchmarks.boards import PROBE, Member, Synchronous, boards, fsync, member, until
 from benchmarks.pages import table
 from benchmarks.parts import Goal, line_of_goals, tell
 from benchmarks.processes import BenchmarkFailed, memory, watched
@@ -29,6 +28,7 @@ from tests.support.ports import free_port
 
 BATCH: Final = 200
 """Messages that are posted at once."""
+TEAM: Final = {"ann": "b1", "bob": "b2", "cid": "b3"}
 FLYING: Final = 4_000
 """Messages on their way at most while the throughput is measured."""
 TRICKLE: Final = 0.01
@@ -60,6 +60,16 @@ class Resident:
     empty: float
     queued: float
     """With so many messages that wait."""
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Three agents on three boards that write to one another as fast as they can."""
+
+    rate: float
+    """Messages a second, from `.send` to the end of the receiver's plan, of all together."""
+    cpu: float = 0.0
+    """Microseconds of processor time of all daemons for a message; 0 = not measured."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +156,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     return {"mail": "\n".join(lines)}
 
 
-Synchronous = Literal["full", "normal"]
 T = TypeVar("T")
 
 SECONDS: Final = 12.0
@@ -163,11 +172,10 @@ _HAS: Final = ("asyncio", "msgspec", "sqlite3")
 
 async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> float:
     """Messages a second that arrive, summed over three boards each of which sends to both others."""
-    names = {"ann": "b1", "bob": "b2", "cid": "b3"}
-    with boards(folder, names, synchronous) as made:
+    with boards(folder, TEAM, synchronous) as made:
         async with AsyncExitStack() as stack:
             members = [
-                await stack.enter_async_context(member(made.endpoints[board], name)) for name, board in names.items()
+                await stack.enter_async_context(member(made.endpoints[board], name)) for name, board in TEAM.items()
             ]
             posted, counting = 0, False
             for one in members:
@@ -178,7 +186,7 @@ async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> 
 
             async def keep_posting(one: Member) -> None:
                 nonlocal posted
-                others = [other for other in names if other != one.name]
+                others = [other for other in TEAM if other != one.name]
                 while not counting or time.monotonic() < end:
                     if posted - arrived() < FLYING:
                         posted += BATCH
@@ -197,6 +205,38 @@ async def throughput(folder: Path, synchronous: Synchronous, seconds: float) -> 
                 rate = (arrived() - first) / (time.monotonic() - begun)
             await until(lambda: arrived() == posted, "all have arrived", 60)
             return rate
+
+
+_TALKER: Final = """\
+{left}
+!begin.
++!begin <- .wait(go); {goals}.
++!talk(A) : left(A, N) & N > 0 <- .send(A, tell, item(N)); -left(A, N); +left(A, N - 1); !!talk(A).
++!talk(A) <- .print("sent all to ", A).
+taken(0).
+@t[atomic] +item(N)[source(S)] : taken(T) <- -item(N)[source(S)]; -taken(T); +taken(T + 1); !told(T + 1).
++!told({total}) <- .print("taken all").
++!told(_).
+"""
+
+
+async def talk(folder: Path, each: int) -> Talk:
+    """Three agents on three boards: each sends `each` messages to both others."""
+    programs = {name: f"program: {name}.asl" for name in TEAM}
+    for name in TEAM:
+        others = [other for other in TEAM if other != name]
+        left = " ".join(f"left({other}, {each})." for other in others)
+        goals = "; ".join(f"!!talk({other})" for other in others)
+        (folder / f"{name}.asl").write_text(_TALKER.format(left=left, goals=goals, total=2 * each))
+    with boards(folder, TEAM, "full", programs=programs) as made:
+        minds = [await asyncio.to_thread(made.think, board) for board in made.endpoints]
+        daemons = [*made.daemons.values(), *minds]
+        async with member(made.endpoints["b1"], PROBE) as starter:
+            used, begun = sum(one.cpu() for one in daemons), time.monotonic()
+            await starter.post(list(TEAM), "go")
+            await until(lambda: all(one.when("taken all") for one in minds), "all is taken", 300)
+            last, used = max(one.when("taken all") for one in minds), sum(one.cpu() for one in daemons) - used
+            return Talk(6 * each / (last - begun), 1e6 * used / (6 * each))
 
 
 async def latency(folder: Path, synchronous: Synchronous, letters: int) -> Spread:
@@ -322,3 +362,20 @@ def measure(quick: bool) -> Figures:
         talk=in_folder(lambda at: talk(at, backlog // 12)),
         fsync=fsync(),
     )
+
+
+def probe(quick: bool) -> dict[str, float]:
+    """Return what mail costs, in less time: less is better."""
+    seconds, letters, talks, queued = (1.0, 20, 100, 2_000) if quick else (6.0, 200, 3_000, 50_000)
+    rate = in_folder(lambda at: throughput(at, "full", seconds))
+    alone = in_folder(lambda at: latency(at, "full", letters))
+    talked = in_folder(lambda at: talk(at, talks))
+    held = in_folder(lambda at: resident(at, queued))
+    return {
+        "message between boards, p50 (ms)": alone.p50,
+        "many messages between boards (µs)": 1e6 / rate,
+        "message between agents (µs)": 1e6 / talked.rate,
+        "message between agents, processor time of all daemons (µs)": talked.cpu,
+        "commd, empty (MB)": held.empty,
+        f"commd, {queued:,} queued messages (MB)": held.queued,
+    }

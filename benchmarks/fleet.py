@@ -1,4 +1,4 @@
-"""One run: so many vehicles with their agents, started as the product starts them, and observed for some seconds."""
+"""Vehicles that only talk with their agents on one board, started as the product starts them, and observed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from typing import Final
 import msgspec
 
 from argosy.processes.process_table import Setup, places, plan
-from benchmarks.processes import BenchmarkFailed, Watched, pss, watched
+from benchmarks import health
+from benchmarks.health import DAEMONS
+from benchmarks.processes import BenchmarkFailed, Watched, memory, pss, watched
 from benchmarks.results import busy_seconds
-from benchmarks.scale import health as scale_health
-from benchmarks.scale.mission import FLEET, Field, Told, write_mission
 from benchmarks.spread import NOTHING, Spread, spread
-from benchmarks.traffic import POSITIONS
+from benchmarks.vehicles import POSITIONS, Told
 from schemas.mission.model import load_mission
+from tests.support.ports import free_port
 
 BEAT_LATE: Final = 1.5
 """Seconds between two heartbeats of the bridge after which the second one is late: one is due each second."""
@@ -34,7 +35,58 @@ PATIENCE: Final = 90.0
 """Seconds that all agents have to serve their vehicles, from the start of the last daemon."""
 SETTLE: Final = 4.0
 """Seconds from then on before anything counts."""
-DAEMONS: Final = ("commd", "bridged", "agentd")
+
+
+FLEET: Final = "scale"
+MOST_POSITIONS: Final = 100
+"""Positions a second, of all agents together, that plans print: their reader must not be what is measured."""
+ASK_EVERY: Final = 1000
+"""Milliseconds between the answer to an agent's question and its next one."""
+_PROGRAM: Final = """\
+!begin.
++!begin <- .wait(bridge(up), 300000); .print("serves"); !!ask_on.
++altitude(A) : every(K) & A mod K == 0 <- .print("at ", A).
++!ask_on <- .random(R); .wait(1000 * R); !!ask.
++!ask : pause(P)
+  <- .nano_time(B);
+     get_param("RTL_ALT");
+     .nano_time(E);
+     .print("asked ", (E - B) / 1000);
+     .wait(P);
+     !!ask.
+-!ask[error_msg(Why)] : pause(P) <- .print("not told: ", Why); .wait(P); !!ask.
+"""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A mission on disk, and where its vehicles meet their bridges."""
+
+    mission: Path
+    router: str
+    ports: list[int]
+    """Of the links on loopback: one for all, or one for each vehicle."""
+    every: int
+    """So many metres lie between two altitudes that a plan prints."""
+
+
+def write_mission(folder: Path, size: int, *, own_links: bool) -> Field:
+    """Write a mission of `size` vehicles, which share a link or have one each."""
+    (folder / "watcher.asl").write_text(_PROGRAM)
+    router = f"tcp/127.0.0.1:{free_port()}"
+    shared = free_port()
+    ports = [free_port() if own_links else shared for _ in range(size)]
+    every = max(1, size * POSITIONS // MOST_POSITIONS)
+    beliefs = f'beliefs: ["pause({ASK_EVERY})", "every({every})"]'
+    agents = [f"  agent{one}: {{program: watcher.asl, robot: uav{one}, {beliefs}}}" for one in range(1, size + 1)]
+    robots = [
+        f"  uav{one}: {{manifest: arducopter, link: 'udpin:127.0.0.1:{port}', sysid: {one}}}"
+        for one, port in enumerate(ports, 1)
+    ]
+    lines = [f"mission: {FLEET}", "agents:", *agents, "robots:", *robots, f"router: {{endpoint: {router}}}", ""]
+    mission = folder / "scale.yaml"
+    mission.write_text("\n".join(lines))
+    return Field(mission, router, ports, every)
 
 
 @dataclass
@@ -46,6 +98,8 @@ class Use:
     """Per cent of a core, all together."""
     pss: float = 0.0
     """MB (10^6), all together; what they share counts once."""
+    rss: float = 0.0
+    """MB, all together."""
 
 
 @dataclass
@@ -80,6 +134,8 @@ class Run:
     """How actions ended."""
     missed: dict[str, int] = field(default_factory=dict)
     """Deadlines that were missed, and what was lost."""
+    lag: dict[str, float] = field(default_factory=dict)
+    """By kind of daemon: seconds by which its loop was late at worst."""
 
     def cpu(self) -> float:
         """Per cent of a core, of all daemons."""
@@ -104,7 +160,7 @@ def run(size: int, *, seconds: float, own_links: bool = False, settle: float = S
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made = write_mission(folder, size, own_links=own_links)
         parts, started = _started(stack, folder, made)
-        records = stack.enter_context(scale_health.listening(made.router, FLEET))
+        records = stack.enter_context(health.listening(made.router, FLEET))
         found = Run(size, own_links, seconds)
         _wait_for_all(found, parts, started)
         time.sleep(settle)
@@ -115,7 +171,8 @@ def run(size: int, *, seconds: float, own_links: bool = False, settle: float = S
         found.busy = 100 * (busy_seconds() - busy) / found.seconds / (os.cpu_count() or 1)
         for kind, those in parts.items():
             cpu = 100 * (after[kind] - used[kind]) / found.seconds
-            found.use[kind] = Use(len(those), cpu, pss(one.process.pid for one in those))
+            pids = [one.process.pid for one in those]
+            found.use[kind] = Use(len(those), cpu, pss(pids), sum(memory(pid, "VmRSS") for pid in pids))
         lost = lost_datagrams(made.ports) - lost
         time.sleep(1.0)  # what was sent last becomes a belief
         told = _told(parts["talkers"][0])
@@ -147,7 +204,7 @@ def _started(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, lis
         if kind == "commd":
             parts[kind][-1].says("router board=")
     where = [f"{robot.sysid}:{port}" for robot, port in zip(mission.robots.values(), made.ports, strict=True)]
-    talkers = ("-m", "benchmarks.scale.mission", str(made.every), *where)
+    talkers = ("-m", "benchmarks.vehicles", str(made.every), *where)
     parts["talkers"].append(stack.enter_context(watched("talkers", *talkers)))
     return dict(parts), begun
 
@@ -216,11 +273,11 @@ def latencies(found: Run, agents: list[Watched], told: Told, begun: float, ended
     found.actions = dict(actions)
 
 
-def missed(found: Run, records: scale_health.Records, told: Told, begun: float, ended: float, datagrams: int) -> None:
+def missed(found: Run, records: health.Records, told: Told, begun: float, ended: float, datagrams: int) -> None:
     """Count what was late or lost between two moments, and what bridges took in and published."""
-    grown = scale_health.grown(records, begun, ended)
+    grown = health.grown(records, begun, ended)
     bridges, agents, boards = (grown[kind] for kind in ("bridged", "agentd", "commd"))
-    wanted = {"commd": 1, "bridged": found.size, "agentd": found.size}
+    found.lag = records.lag(begun, ended)
     found.messages, found.percepts = bridges.rates["messages"], bridges.rates["percepts"]
     found.missed = {
         "actions timed out": found.actions.get("timed_out", 0),
@@ -229,11 +286,11 @@ def missed(found: Run, records: scale_health.Records, told: Told, begun: float, 
         "percepts that did not come": agents.counts["percepts_missed"],
         "percepts that came after the status that refers to them": agents.counts["percepts_late"],
         "heartbeats of a bridge late": sum(
-            scale_health.gaps(times, begun, ended, BEAT_LATE) for times in told.beats.values()
+            health.gaps(times, begun, ended, BEAT_LATE) for times in told.beats.values()
         ),
-        "health records late": scale_health.late(records, begun, ended, wanted),
+        "health records late": health.late(records, begun, ended),
         "datagrams lost before the bridge": datagrams,
         "dropped by queues": sum(one.counts["drops"] for one in (bridges, agents, boards)),
         "not readable": sum(one.counts["bad_input"] for one in (bridges, agents, boards)),
-        "lines logged as errors": scale_health.errors(records, begun, ended),
+        "lines logged as errors": health.errors(records, begun, ended),
     }

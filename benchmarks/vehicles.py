@@ -1,5 +1,8 @@
 """Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
 
+`python -m benchmarks.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints what was
+sent (`Told`) of each EVERYth metre.
+
 They fly a circle: place, velocity and heading change from one position to the next as in a flight that was recorded
 (`tests/data`), so that a bridge has as much to tell of them. They also climb a metre with each position, which copters
 do not: by its altitude a position is known again. Percepts of the height so come at the most that the manifest lets
@@ -10,13 +13,14 @@ from __future__ import annotations
 
 import math
 import select
+import signal
 import socket
+import sys
 import time
-from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 HOME: Final = (-276040330, -485183630, 21_000)
@@ -34,6 +38,8 @@ _IN_AIR: Final = dialect.MAV_LANDED_STATE_IN_AIR
 _HEALTHY: Final = dialect.MAV_SYS_STATUS_PREARM_CHECK
 _POSITION_KNOWN: Final = 831
 """EKF_STATUS_REPORT.flags of a copter that is ready, as recorded."""
+PARAMETER: Final = 1500.0
+"""The value of every parameter."""
 
 
 @dataclass
@@ -44,7 +50,8 @@ class Talker:
     remote: tuple[str, int]
     sent: dict[int, float] = field(default_factory=dict)
     """`time.monotonic` at which each altitude (whole metres) was handed to the socket."""
-    messages: int = 0
+    beats: list[float] = field(default_factory=list)
+    """When HEARTBEATs of the bridge came."""
 
     def __post_init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -66,7 +73,6 @@ class Talker:
         self._protocol.seq = (self._protocol.seq + 1) % 256
         now = time.monotonic()
         self._socket.sendto(packet, self.remote)
-        self.messages += 1
         return now
 
     def tell(self, kind: str) -> None:
@@ -90,8 +96,13 @@ class Talker:
                 self._take(message)
 
     def _take(self, message: dialect.MAVLink_message) -> None:
-        """Acknowledge a command, as a vehicle does that takes all of them."""
-        if message.get_type() == "COMMAND_LONG" and message.target_system == self.system:
+        """Acknowledge a command and tell a parameter, as a vehicle does that takes all of them."""
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self.beats.append(time.monotonic())
+        elif kind == "PARAM_REQUEST_READ" and message.target_system == self.system:
+            self.send(dialect.MAVLink_param_value_message(message.param_id.encode(), PARAMETER, 9, 1, 0))
+        elif kind == "COMMAND_LONG" and message.target_system == self.system:
             sender = (message.get_srcSystem(), message.get_srcComponent())
             self.send(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, *sender))
             if message.param1 == dialect.MAVLINK_MSG_ID_HOME_POSITION:
@@ -154,27 +165,48 @@ RATES: Final = {
 """Messages of each kind in a second: 25."""
 
 
-def talk(talkers: list[Talker], seconds: float, warm_up: float, warm: Callable[[], None]) -> None:
-    """Let all of them talk at `RATES`, spread evenly over time, and answer what they are told.
+@dataclass
+class Told:
+    """What the vehicles have to tell; times are `time.monotonic`."""
 
-    It lasts for `warm_up`, then calls `warm`, and goes on without a break for `seconds`.
-    """
-    begun = time.monotonic()
-    seconds += warm_up
-    agenda = deque(
-        sorted(
-            ((index + 0.5 * number / len(talkers)) / rate + 0.013 * order, number, kind)
-            for number in range(len(talkers))
-            for order, (kind, rate) in enumerate(RATES.items())
-            for index in range(round(seconds * rate))
-        )
+    sent: dict[int, dict[int, float]] = field(default_factory=dict)
+    """By system id and altitude in metres: when it was handed to the socket."""
+    beats: dict[int, list[float]] = field(default_factory=dict)
+    """By system id: when HEARTBEATs of the bridge came."""
+
+
+def talk(talkers: list[Talker], every: int) -> Told:
+    """Talk at `RATES`, each message in its turn of the second, until SIGTERM."""
+    ended: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, frame: ended.append(number))
+    second = sorted(
+        ((index + (number + 0.5) / len(talkers)) / rate, number, kind)
+        for number in range(len(talkers))
+        for kind, rate in RATES.items()
+        for index in range(rate)
     )
-    while agenda:
-        while (wait := begun + agenda[0][0] - time.monotonic()) > 0:
-            for talker in select.select(talkers, [], [], wait)[0]:
-                talker.answer()
-        at, number, kind = agenda.popleft()
-        if at >= warm_up and warm_up:
-            warm()
-            warm_up = 0.0
-        talkers[number].tell(kind)
+    begun = time.monotonic()
+    while not ended:
+        for at, number, kind in second:
+            while (wait := begun + at - time.monotonic()) > 0:
+                for one in select.select(talkers, [], [], wait)[0]:
+                    one.answer()
+            talkers[number].tell(kind)
+            if ended:
+                break
+        begun += 1.0
+    sent = {one.system: {metres: at for metres, at in one.sent.items() if metres % every == 0} for one in talkers}
+    return Told(sent, {one.system: one.beats for one in talkers})
+
+
+def main() -> None:
+    """Talk, and tell."""
+    every, *where = sys.argv[1:]
+    ends = [one.partition(":") for one in where]
+    talkers = [Talker(int(system), ("127.0.0.1", int(port))) for system, _, port in ends]
+    print("talking", flush=True)
+    print(f"TOLD {msgspec.json.encode(talk(talkers, int(every))).decode()}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""What mail costs: throughput, latency, backlog, memory."""

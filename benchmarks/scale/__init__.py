@@ -1,1 +1,0 @@
-"""1 to 100 UAVs with their agents on one router."""
