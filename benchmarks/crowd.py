@@ -307,7 +307,12 @@ def probe(quick: bool) -> dict[str, float]:
         one = asyncio.run(crowd(agents, quick, 0.0))
         for what, load in (("full", one.hurried), ("normal", asyncio.run(normal(agents, quick)))):
             assert load is not None
-            found[f"message among {agents:,} agents, {what} (µs)"] = 1e6 / load.rate if load.rate else math.inf
+            rate = load.rate or 1e-9
+            found[f"message among {agents:,} agents, {what} (µs)"] = 1e6 / rate
+            used = load.agentd + load.commd
+            found[f"message among {agents:,} agents, {what}, processor time of agentd and commd (µs)"] = (
+                1e4 * used / rate
+            )
     found |= {
         f"{agents:,} agents: start (s)": one.start,
         f"{agents:,} agents: agentd at rest (% of a core)": one.idle,

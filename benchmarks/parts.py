@@ -20,6 +20,7 @@ and, where it has some,
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
@@ -59,27 +60,30 @@ class Part:
 
     def pictures(self, figures: Any) -> dict[str, str]:
         """Return its pictures."""
-        return dict(self.module().pictures(figures)) if hasattr(self.module(), "pictures") else {}
+        return dict(self._made("pictures", figures, {}))
 
     def goals(self, figures: Any) -> list[Goal]:
         """Return what is asked of it."""
-        return list(self.module().goals(figures)) if hasattr(self.module(), "goals") else []
+        return list(self._made("goals", figures, []))
 
     def rows(self, table: str, figures: Any) -> list[str]:
         """Return its rows in a table of several parts: `in_short` or `in_comparison`."""
-        return list(getattr(self.module(), table)(figures)) if hasattr(self.module(), table) else []
+        return list(self._made(table, figures, []))
+
+    def _made(self, what: str, figures: Any, nothing: Any) -> Any:
+        return getattr(self.module(), what, lambda _: nothing)(figures)
 
 
 PARTS: Final[tuple[Part, ...]] = (
-    Part("sizes", "benchmarks.paper.sizes", 0.1),
-    Part("usage", "benchmarks.paper.usage_page", 30),
+    Part("sizes", "benchmarks.sizes", 0.1),
+    Part("usage", "benchmarks.usage_page", 30),
     Part("scale", "benchmarks.scale", 6),
     Part("crowd", "benchmarks.crowd", 8),
     Part("loop", "benchmarks.loop.part", 4),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprint", 1.5),
     Part("reasoner", "benchmarks.reasoner.part", 5.5),
-    Part("small-boards", "benchmarks.small_boards.part", 7),
+    Part("small-boards", "benchmarks.small_boards", 7),
     Part("bridge", "benchmarks.bridge", 1.2),
     Part("mail", "benchmarks.mail", 3),
     Part("board", "benchmarks.board", 1.5),
@@ -92,36 +96,16 @@ PARTS: Final[tuple[Part, ...]] = (
 """In the order in which they run."""
 
 
-@dataclass(frozen=True)
-class Told:
-    """The goals of a part for the table of all."""
-
-    name: str
-    link: str
-    """To its figures; empty where there is none."""
-    goals: list[Goal]
-    busy: bool = False
-    """Others were at work on the machine while it was measured."""
-    measured: bool = True
-    """Whether there are results of it."""
+def goal_rows(goals: Iterable[Goal], *, part: str = "", busy: bool = False) -> list[str]:
+    """Return the rows of goals: `part` is what stands in the first column, if there is one."""
+    first = f"| {part} " if part else ""
+    on = " (busy machine)" if busy else ""
+    return [f"{first}| {one.title} | {one.wanted} | {one.found} | {_verdict(one)}{on} |" for one in goals]
 
 
 def line_of_goals(goals: list[Goal]) -> list[str]:
-    """Return the rows of a table of goals."""
-    rows = [f"| {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |" for goal in goals]
-    return table("| figure | goal | measured | |", rows) if goals else []
-
-
-def table_of_goals(parts: list[Told]) -> list[str]:
-    """Return the rows of a table of the goals of parts: of each its name, a link to its figures, and its goals."""
-    rows = [
-        f"| {f'[{one.name}]({one.link})' if one.link else one.name} | {goal.title} | {goal.wanted} | {goal.found} "
-        f"| {_verdict(goal)}{' (busy machine)' if one.busy else ''} |"
-        for one in parts
-        for goal in one.goals
-    ]
-    rows += [f"| {one.name} | | | | **not measured** |" for one in parts if not one.measured]
-    return table("| part | figure | goal | measured | |", rows)
+    """Return a table of goals; none for no goals."""
+    return table("| figure | goal | measured | |", goal_rows(goals)) if goals else []
 
 
 def tell(text: str) -> None:

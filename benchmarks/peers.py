@@ -96,10 +96,6 @@ class Process:
 PROCESSES: Final[dict[str, Process]] = {
     "Jason agent": Process((262, 267), (8.7, 12)),
     "Python agent": Process((22, 23), (0.8, 0.9)),
-    "HwBridge": Process((25, 29), (2, 2)),
-    "Comm": Process((22, 23), (0.4, 0.9)),
-    "mavros": Process((52, 52), (3, 3)),
-    "roscore": Process((54, 60), (1.1, 1.1)),
 }
 """Per process, of the measurements published with the paper."""
 JASON_BOARD: Final = (393.0, 430.0)

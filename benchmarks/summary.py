@@ -10,7 +10,7 @@ import msgspec
 
 from benchmarks import pages, peers, results
 from benchmarks.pages import table
-from benchmarks.parts import PARTS, Part, Told, table_of_goals
+from benchmarks.parts import PARTS, Part, goal_rows
 
 BUSY = 0.5
 """Cores that others may keep busy before figures are marked as those of a busy machine."""
@@ -18,12 +18,14 @@ Found = tuple[results.Origin, Any]
 """Where the figures of a part come from, and the figures."""
 
 
-def blocks(table: Sequence[Part] = PARTS) -> dict[str, str]:
+def blocks(parts: Sequence[Part] = PARTS) -> dict[str, str]:
     """Return them, of those parts that have results."""
-    found = {one: loaded for one in table if (loaded := load(one)) is not None}
+    found = {one: loaded for one in parts if (loaded := load(one)) is not None}
+    goals = [row for one in parts for row in _goals(one, found.get(one))]
+    short = [row for one, (_, figures) in found.items() for row in one.rows("in_short", figures)]
     return {
-        "goals": "\n".join(table_of_goals([_goals(one, found.get(one)) for one in table])),
-        "in-short": in_short(found),
+        "goals": "\n".join(table("| part | figure | goal | measured | |", goals)),
+        "in-short": "\n".join(table("| measured | Argosy | others |", short)),
         "comparison-board": comparison_board(found),
     }
 
@@ -35,21 +37,15 @@ def load(one: Part) -> Found | None:
     return None
 
 
-def _goals(one: Part, found: Found | None) -> Told:
-    """Return the goals of a part, with a link to its first block."""
+def _goals(one: Part, found: Found | None) -> list[str]:
+    """Return the rows of a part, with a link to its first block."""
     if found is None:
-        return Told(one.name, "", [], measured=False)
+        return [f"| {one.name} | | | | **not measured** |"]
     origin, figures = found
-    link = ""
+    name = one.name
     with contextlib.suppress(KeyError):
-        link = pages.section(next(iter(one.module().blocks(origin, figures))))
-    return Told(one.name, link, one.goals(figures), busy=max(origin.load, origin.others) > BUSY)
-
-
-def in_short(found: dict[Part, Found]) -> str:
-    """Return the table of README: the rows `| what | Argosy | others |` of every part that has some."""
-    rows = [row for one, (_, figures) in found.items() for row in one.rows("in_short", figures)]
-    return "\n".join(table("| measured | Argosy | others |", rows))
+        name = f"[{name}]({pages.section(next(iter(one.module().blocks(origin, figures))))})"
+    return goal_rows(one.goals(figures), part=name, busy=max(origin.load, origin.others) > BUSY)
 
 
 def comparison_board(found: dict[Part, Found]) -> str:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.processes import until_line
-from benchmarks.reasoner.elsewhere import ELSEWHERE
-from benchmarks.reasoner.rows import PROGRAMS
+from benchmarks.reasoner.rows import ELSEWHERE, PROGRAMS
 from benchmarks.reasoner.subjects import Subject
 
 SETTLE: Final = 0.5
@@ -35,19 +34,14 @@ def _median_of(times: int, measure: Callable[[], tuple[float, float]], which: in
     return statistics.median(measure()[which] for _ in range(times))
 
 
-def _start(subject: Subject, times: int) -> float:
-    with subject.prepared([("ag", PROGRAMS / "s_first.asl")]) as command:
-        return _median_of(times, lambda: until_line(command, "FIRST"), 0)
+def _first(program: str, which: int, most: int = 3, settle: float = 0.0) -> Callable[[Subject, int], float]:
+    """Return what measures seconds until a program's first print (0) or MB then (1), at most so many times."""
 
+    def measure(subject: Subject, times: int) -> float:
+        with subject.prepared([("ag", PROGRAMS / program)]) as command:
+            return _median_of(min(times, most), lambda: until_line(command, "FIRST", settle), which)
 
-def _idle(subject: Subject, times: int) -> float:
-    with subject.prepared([("ag", PROGRAMS / "i_idle.asl")]) as command:
-        return _median_of(min(times, 3), lambda: until_line(command, "FIRST", SETTLE), 1)
-
-
-def _beliefs(subject: Subject, times: int) -> float:
-    with subject.prepared([("ag", PROGRAMS / "m_beliefs.asl")]) as command:
-        return _median_of(min(times, 3), lambda: until_line(command, "FIRST", SETTLE), 1)
+    return measure
 
 
 def program_of_plans(count: int) -> str:
@@ -75,9 +69,9 @@ _START: Final = (
 )
 _HELD: Final = "What of it is held by whom is not known; tried: no import but those that tests/test_imports.py names."
 FOOTPRINTS: Final = (
-    Footprint("start to first print", "s", 0.25, ELSEWHERE.start, _start, _START),
-    Footprint("resident when idle", "MB", 30, ELSEWHERE.idle, _idle, _HELD),
-    Footprint("resident with 10,000 beliefs", "MB", 40, None, _beliefs, _HELD),
+    Footprint("start to first print", "s", 0.25, ELSEWHERE.start, _first("s_first.asl", 0, 10), _START),
+    Footprint("resident when idle", "MB", 30, ELSEWHERE.idle, _first("i_idle.asl", 1, settle=SETTLE), _HELD),
+    Footprint("resident with 10,000 beliefs", "MB", 40, None, _first("m_beliefs.asl", 1, settle=SETTLE), _HELD),
     Footprint("start of a program of 1,000 plans", "s", 1.5, None, _plans, _START),
 )
 """What is measured besides speed, in the order of the report."""

@@ -40,33 +40,17 @@ COUNTED: Final = ("f", "f2", "h")
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What was measured for a row: per subject its runs, in the order in which they were interleaved."""
-
-    row: str
-    runs: dict[str, list[Speeds]]
-
-    def result(self) -> Result:
-        """Return it with what the row is."""
-        return Result(row_called(self.row), self.runs)
-
-
-@dataclass(frozen=True)
 class Figures:
     """All that was measured."""
 
     repeat: int
-    rows: list[Measured]
+    rows: list[Result]
     footprints: dict[str, dict[str, float]]
     """Start times and memory: by title, then by subject."""
     instructions: dict[str, Counted] = field(default_factory=dict)
     """What a cycle takes, of the rows in `COUNTED`."""
     jason: str = ""
     """The version of the Jason that was found here; empty = there was none."""
-
-    def results(self) -> list[Result]:
-        """Return the rows."""
-        return [one.result() for one in self.rows]
 
 
 def measure(quick: bool) -> Figures:
@@ -78,15 +62,14 @@ def measure(quick: bool) -> Figures:
     repeat = 1 if quick else REPEAT
     results = measure_rows(rows, subjects, repeat)
     found = next((subject.version() for subject in subjects if isinstance(subject, JasonCommand)), "")
-    kept = [Measured(result.row.key, result.runs) for result in results]
     took = {key: counted(row_called(key)) for key in COUNTED}
-    return Figures(repeat, kept, footprints(subjects, 1 if quick else STARTS), took, found)
+    return Figures(repeat, results, footprints(subjects, 1 if quick else STARTS), took, found)
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the figures of docs/measurements/reasoner.md, of docs/architecture/mind.md, and those of
     docs/measurements/comparison.md about speed."""
-    results = figures.results()
+    results = figures.rows
     return {
         "reasoner": report.page(origin, results, figures.footprints, figures.repeat, figures.jason),
         "mind-instructions": report.instructions(origin, figures.instructions),
@@ -96,19 +79,19 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 def pictures(figures: Figures) -> dict[str, str]:
     """Return the picture of docs/measurements/reasoner.md."""
-    return {"reasoner": report.picture(figures.results())}
+    return {"reasoner": report.picture(figures.rows)}
 
 
 def goals(figures: Figures) -> list[Goal]:
     """Return what is asked of each row, and of start and memory."""
     found = []
-    for result in figures.results():
-        row, ratio = result.row, result.ratio("agentd", warm)
+    for result in figures.rows:
+        row, ratio = result.of, result.ratio("agentd", warm)
         if ratio is not None:
             title = f"{row.operation}: speed beside python-agentspeak, warm"
             wanted, ours = f"at least {row.target:g} times", f"{ratio:,.1f}" if ratio < 100 else f"{ratio:,.0f}"
             found.append(Goal(title, wanted, ours, ratio >= row.target, row.why))
-    won, known, behind = report.ahead(figures.results())
+    won, known, behind = report.ahead(figures.rows)
     if known == len(report.OF_JASON):
         title = "reasoner: rows ahead of Jason's warm JVM, by the ratio to python-agentspeak"
         found.append(
@@ -128,7 +111,7 @@ def goals(figures: Figures) -> list[Goal]:
 
 def in_short(figures: Figures) -> list[str]:
     """Return the rows of the README's table."""
-    return report.in_short(figures.results(), figures.footprints)
+    return report.in_short(figures.rows, figures.footprints)
 
 
 _ROUND: Final = re.compile(r"BENCH (\S+) round +\d+ +ops +(\d+) +ns +(\d+)")
@@ -184,7 +167,7 @@ def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) 
                 with subject.prepared(group[0].paths(), group[0].environment) as command:
                     runs[subject.key].append(run(command, {r.bench for r in group}))
         results += [
-            Result(row, {key: [found[row.bench] for found in turns] for key, turns in runs.items() if turns})
+            Result(row.key, {key: [found[row.bench] for found in turns] for key, turns in runs.items() if turns})
             for row in group
         ]
     return results

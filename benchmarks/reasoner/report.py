@@ -6,15 +6,15 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 from benchmarks import plots
 from benchmarks.pages import table
 from benchmarks.processes import Speeds
-from benchmarks.reasoner.elsewhere import ELSEWHERE
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import GENERATED, Counted
-from benchmarks.reasoner.rows import ROWS, Row, row_called
+from benchmarks.reasoner.rows import ELSEWHERE, ROWS, Row, row_called
 from benchmarks.results import Origin
 
 Figure = Callable[[Speeds], float]
@@ -24,8 +24,14 @@ Figure = Callable[[Speeds], float]
 class Result:
     """What was measured for a row: per subject its runs, in the order in which they were interleaved."""
 
-    row: Row
+    row: str
+    """Its key."""
     runs: dict[str, list[Speeds]]
+
+    @property
+    def of(self) -> Row:
+        """The row itself."""
+        return row_called(self.row)
 
     def median(self, key: str, figure: Figure) -> float | None:
         """The median of a figure over the runs of a subject; None if it was not run."""
@@ -40,39 +46,16 @@ class Result:
         return statistics.median(figure(a) / (base or figure)(b) for a, b in zip(ours, theirs, strict=True))
 
 
-def cold(speeds: Speeds) -> float:
-    """Operations per second in the first round."""
-    return speeds.cold
+cold: Final = attrgetter("cold")
+warm: Final = attrgetter("warm")
+resident: Final = attrgetter("rss")
 
 
-def warm(speeds: Speeds) -> float:
-    """Operations per second in the last two rounds."""
-    return speeds.warm
-
-
-def resident(speeds: Speeds) -> float:
-    """Peak resident memory, MB."""
-    return speeds.rss
-
-
-def told_speed(value: float | None) -> str:
-    """Return operations per second for a table."""
-    return "-" if value is None else f"{value:,.0f}"
-
-
-def told_times(value: float | None) -> str:
-    """Return a ratio for a table."""
-    return "-" if value is None else f"{value:.1f}x" if value < 100 else f"{value:,.0f}x"
-
-
-def told_share(value: float | None) -> str:
-    """Return a part of one for a table, in per cent."""
-    return "-" if value is None else f"{value:.0%}"
-
-
-def told_megabytes(value: float | None) -> str:
-    """Return MB for a table."""
-    return "-" if value is None else f"{value:.0f}"
+def told(value: float | None, kind: str = "") -> str:
+    """Return a figure for a table: times `x`, a part of one `%`, or by itself."""
+    if value is None:
+        return "-"
+    return f"{value:.0%}" if kind == "%" else f"{value:.1f}x" if kind == "x" and value < 100 else f"{value:,.0f}{kind}"
 
 
 def tables(results: list[Result]) -> list[str]:
@@ -96,12 +79,12 @@ def ahead(results: list[Result]) -> tuple[int, int, str]:
     What is compared are the ratios to python-agentspeak.
     """
     behind = [
-        f"{result.row.key} {told_times(ours)} where Jason has {told_times(result.row.jason.warm_ratio)}"
+        f"{result.of.key} {told(ours, 'x')} where Jason has {told(result.of.jason.warm_ratio, 'x')}"
         for result in results
-        if result.row.jason is not None
-        and not (ours := result.ratio("agentd", warm) or 0.0) > result.row.jason.warm_ratio
+        if result.of.jason is not None
+        and not (ours := result.ratio("agentd", warm) or 0.0) > result.of.jason.warm_ratio
     ]
-    known = sum(result.row.jason is not None for result in results)
+    known = sum(result.of.jason is not None for result in results)
     return known - len(behind), known, ", ".join(behind)
 
 
@@ -115,20 +98,20 @@ def _speed_table(results: list[Result]) -> str:
         ),
     ]
     for result in results:
-        row, ratio = result.row, result.ratio("agentd", warm)
+        row, ratio = result.of, result.ratio("agentd", warm)
         verdict = "" if ratio is None else " met" if ratio >= row.target else " **missed**"
         cells = [
             f"{row.key} {row.bench.split('_', 1)[1].replace('_', ' ')}",
             row.operation,
-            told_speed(result.median("agentd", cold)),
-            told_speed(result.median("agentd", warm)),
-            told_speed(result.median("agentspeak", cold)),
-            told_speed(result.median("agentspeak", warm)),
-            told_times(result.ratio("agentd", cold)),
-            told_times(ratio),
+            told(result.median("agentd", cold)),
+            told(result.median("agentd", warm)),
+            told(result.median("agentspeak", cold)),
+            told(result.median("agentspeak", warm)),
+            told(result.ratio("agentd", cold), "x"),
+            told(ratio, "x"),
             f"{row.target:g}x{verdict}",
-            told_megabytes(result.median("agentd", resident)),
-            told_megabytes(result.median("agentspeak", resident)),
+            told(result.median("agentd", resident)),
+            told(result.median("agentspeak", resident)),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -148,7 +131,7 @@ def _jason_table(results: list[Result]) -> str:
     ]
     ahead = {"warm": 0, "cold": 0, "memory": 0}
     for result in results:
-        jason = result.row.jason
+        jason = result.of.jason
         if jason is None:
             continue
         warm_ratio, cold_ratio = result.ratio("agentd", warm), result.ratio("agentd", cold, warm)
@@ -163,14 +146,14 @@ def _jason_table(results: list[Result]) -> str:
         ahead["cold"] += wins[1] == "ahead"
         ahead["memory"] += wins[2] == "under a quarter"
         cells = [
-            f"{result.row.key} {result.row.operation}",
-            *(told_times(warm_ratio), told_times(jason.warm_ratio), wins[0]),
-            *(told_times(cold_ratio), told_times(jason.cold_ratio), wins[1]),
+            f"{result.of.key} {result.of.operation}",
+            *(told(warm_ratio, "x"), told(jason.warm_ratio, "x"), wins[0]),
+            *(told(cold_ratio, "x"), told(jason.cold_ratio, "x"), wins[1]),
             *("-" if share is None else f"{share:.0%}", wins[2]),
         ]
         lines.append(f"| {' | '.join(cells)} |")
-    known = sum(r.row.jason is not None for r in results)
-    cold_known = sum(r.row.jason is not None and r.row.jason.cold is not None for r in results)
+    known = sum(r.of.jason is not None for r in results)
+    cold_known = sum(r.of.jason is not None and r.of.jason.cold is not None for r in results)
     lines += [
         "",
         f"Ahead of Jason's warm JVM on {ahead['warm']} of {known} rows, of its first round on {ahead['cold']} of "
@@ -194,11 +177,11 @@ def _records_table(results: list[Result]) -> str:
     for result in results:
         kept = result.ratio("agentd --decisions", warm, to="agentd")
         cells = [
-            f"{result.row.key} {result.row.operation}",
-            told_speed(result.median("agentd", warm)),
-            told_speed(result.median("agentd --decisions", warm)),
+            f"{result.of.key} {result.of.operation}",
+            told(result.median("agentd", warm)),
+            told(result.median("agentd --decisions", warm)),
             "-" if kept is None else f"{1 - kept:.0%}",
-            told_times(result.ratio("agentd --decisions", warm)),
+            told(result.ratio("agentd --decisions", warm), "x"),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -216,12 +199,12 @@ def _jason_here(results: list[Result]) -> str:
     for result in results:
         if "jason" in result.runs:
             cells = [
-                f"{result.row.key} {result.row.operation}",
-                told_speed(result.median("jason", cold)),
-                told_speed(result.median("jason", warm)),
-                told_megabytes(result.median("jason", resident)),
-                f"{told_times(result.ratio('agentd', warm, to='jason'))} the speed, "
-                f"{told_share(result.ratio('agentd', resident, to='jason'))} of the memory",
+                f"{result.of.key} {result.of.operation}",
+                told(result.median("jason", cold)),
+                told(result.median("jason", warm)),
+                told(result.median("jason", resident)),
+                f"{told(result.ratio('agentd', warm, to='jason'), 'x')} the speed, "
+                f"{told(result.ratio('agentd', resident, to='jason'), '%')} of the memory",
             ]
             lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -299,7 +282,7 @@ def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -
         *table("| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |"),
     ]
     for result in results:
-        row, ours = result.row, result.ratio("agentd", warm)
+        row, ours = result.of, result.ratio("agentd", warm)
         if row.key in COMPARED and row.jason is not None and ours is not None:
             remark = "Jason is faster" if ours < row.jason.warm_ratio else ""
             if row.key == "c":
@@ -319,7 +302,7 @@ def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -
 
 def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> list[str]:
     """The rows of the README's table about the reasoner."""
-    by_key = {result.row.key: ratio for result in results if (ratio := result.ratio("agentd", warm)) is not None}
+    by_key = {result.row: ratio for result in results if (ratio := result.ratio("agentd", warm)) is not None}
     indexed = [by_key[key] for key in ("c", "c2") if key in by_key]
     others = [ratio for key, ratio in by_key.items() if key not in {"c", "c2"}]
     if not indexed or not others:
@@ -338,7 +321,7 @@ def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> 
 
 def picture(results: list[Result]) -> str:
     """How many times python-agentspeak's warm speed agentd reaches on each row, and Jason elsewhere."""
-    shown = [(result.row, ratio) for result in results if (ratio := result.ratio("agentd", warm)) is not None]
+    shown = [(result.of, ratio) for result in results if (ratio := result.ratio("agentd", warm)) is not None]
     with plots.figure(height=0.7 + 0.33 * len(shown)) as (made, axes):
         places = range(len(shown))
         axes.barh(

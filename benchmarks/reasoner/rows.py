@@ -2,11 +2,82 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.reasoner.elsewhere import ELSEWHERE, Jason
+import msgspec
+
+from benchmarks.results import RESULTS
+
+FILE: Final = RESULTS / "jason-elsewhere.json"
+
+
+@dataclass(frozen=True)
+class Jason:
+    """What Jason did in a row, beside python-agentspeak in the same session."""
+
+    warm: float
+    """Operations per second, the mean of the last two rounds; the median of the runs."""
+    cold: float | None
+    """Operations per second in the first round; None where it was not recorded."""
+    agentspeak: float
+    """What python-agentspeak did there, warm. It does not warm up, so this stands for its first round too."""
+    rss: float
+    """Peak resident memory, MB."""
+
+    @property
+    def warm_ratio(self) -> float:
+        """Warm speed over python-agentspeak's."""
+        return self.warm / self.agentspeak
+
+    @property
+    def cold_ratio(self) -> float | None:
+        """Speed of the first round over python-agentspeak's."""
+        return None if self.cold is None else self.cold / self.agentspeak
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the figures come from, as far as it is known."""
+
+    known: str
+    """The day on which they came into this repository."""
+    date: str
+    """Of the measurement."""
+    machine: str
+    versions: dict[str, str]
+    runs: int
+    """Of which they are medians."""
+    noise: str
+    memory: str
+    """The unit of memory."""
+
+    def line(self) -> str:
+        """Return it as a sentence for a page."""
+        versions = ", ".join(f"{name} {number}" for name, number in self.versions.items())
+        return (
+            f"Measured elsewhere: {versions}, on {self.machine}; medians of {self.runs} runs, noise {self.noise}; date "
+            f"{self.date}, here since {self.known} (`benchmarks/results/{FILE.name}`)."
+        )
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """The file."""
+
+    origin: Origin
+    start: float
+    """Seconds from the start to the first print."""
+    idle: float
+    """MB resident."""
+    rows: dict[str, Jason]
+    """By the key of the row."""
+
+
+ELSEWHERE: Final = msgspec.json.decode(FILE.read_bytes(), type=Elsewhere)
+"""What Jason was measured to do elsewhere. Its ratios to python-agentspeak can be held against a run on another,
+roughly: what a compiler at run time gains over an interpreter differs from processor to processor."""
 
 PROGRAMS: Final = Path(__file__).parent / "programs"
 
@@ -38,11 +109,15 @@ class Row:
     """Name of each agent, and its program: a path, or a file in `PROGRAMS`."""
     target: float
     """How many times python-agentspeak's warm speed is asked for."""
-    jason: Jason | None = None
     environment: str = ""
     """For the percept rows: ``module:Class`` of the environment, or the module that embeds agentd's mind itself."""
     why: str = _REASONING
     """Told when its target is missed: the reason, as far as it is known, and what was tried."""
+
+    @property
+    def jason(self) -> Jason | None:
+        """What Jason did, where that is known."""
+        return ELSEWHERE.rows.get(self.key)
 
     def paths(self) -> list[tuple[str, Path]]:
         return [(name, PROGRAMS / file) for name, file in self.agents]
@@ -52,7 +127,7 @@ def _alone(program: str) -> tuple[tuple[str, str], ...]:
     return (("ag", program),)
 
 
-_ROWS: Final = (
+ROWS: Final = (
     Row("a", "a_goal_loop", "sub-goal", _alone("a_goal_loop.asl"), 12),
     Row("b", "b_belief_churn", "belief change", _alone("b_belief_churn.asl"), 12),
     Row("c0", "c0_fill_10k", "fact added", _alone("c_query_bound.asl"), 4),
@@ -97,9 +172,6 @@ _ROWS: Final = (
         why=_PERCEPTS,
     ),
 )
-
-
-ROWS: Final = tuple(replace(row, jason=ELSEWHERE.rows.get(row.key)) for row in _ROWS)
 """In the order of the report."""
 
 

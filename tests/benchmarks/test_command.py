@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import __main__ as command
 from benchmarks import results, summary
-from benchmarks.parts import PARTS, Goal, Part, Told, line_of_goals, table_of_goals
+from benchmarks.parts import PARTS, Goal, Part, goal_rows, line_of_goals
 
 GOOD = """
     from dataclasses import dataclass
@@ -85,7 +85,7 @@ def test_results_of_another_shape_are_told(
 
 def test_goals_stand_with_the_part_whose_they_are() -> None:
     goals = [Goal("p50", "4x", "3x", True), Goal("p99", "4x", "5x", False, "the disk; tried: nothing")]
-    rows = table_of_goals([Told("loop", "#the-decision-loop", goals), Told("mail", "", goals[:1], busy=True)])
+    rows = goal_rows(goals, part="[loop](#the-decision-loop)") + goal_rows(goals[:1], part="mail", busy=True)
     assert rows[-3] == "| [loop](#the-decision-loop) | p50 | 4x | 3x | met |"
     assert rows[-2] == "| [loop](#the-decision-loop) | p99 | 4x | 5x | **missed** the disk; tried: nothing |"
     assert rows[-1] == "| mail | p50 | 4x | 3x | met (busy machine) |"

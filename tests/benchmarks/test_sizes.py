@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks import results
-from benchmarks.paper.sizes import (
+from benchmarks.peers import Size
+from benchmarks.results import ROOT
+from benchmarks.sizes import (
     AGENTSPEAK,
     MISSIONS,
     PYTHON,
@@ -21,8 +23,6 @@ from benchmarks.paper.sizes import (
     goals,
     measure,
 )
-from benchmarks.peers import Size
-from benchmarks.results import ROOT
 from schemas.mission.model import load_mission
 
 

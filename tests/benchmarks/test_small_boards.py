@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import results
+from benchmarks import results, small_boards
+from benchmarks.control_groups import ControlGroup, Limits, Usage, limited
 from benchmarks.peers import PI_MB
-from benchmarks.small_boards import part as small_boards
-from benchmarks.small_boards.control_groups import ControlGroup, Limits, Usage, limited
-from benchmarks.small_boards.page import BEAGLEBONE, BOARDS, FORMS, PI_3, Figures, Flown
+from benchmarks.small_boards import BEAGLEBONE, BOARDS, FORMS, PI_3, Figures, Flown
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; print('eaten')"

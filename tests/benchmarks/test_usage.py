@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from argosy.processes.simulators import servo_log
-from benchmarks import results
+from benchmarks import results, usage, usage_page
 from benchmarks.flights import RESCUE, SINGLE, Flight, setup_in
-from benchmarks.paper import usage, usage_page
-from benchmarks.paper.usage import AGENT, ALL, BOARD, Figures, Sampled
-from benchmarks.paper.usage import usage as usage_of
-from benchmarks.paper.usage_page import goals
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.sampling import Sample, Sampler
+from benchmarks.usage import AGENT, ALL, BOARD, Figures, Sampled
+from benchmarks.usage import usage as usage_of
+from benchmarks.usage_page import goals
 
 SPEED = 10.0
 

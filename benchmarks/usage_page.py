@@ -1,4 +1,4 @@
-"""What `benchmarks.paper.usage` found, as tables and plots beside the paper's own figures."""
+"""What `benchmarks.usage` found, as tables and plots beside the paper's own figures."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any, Final
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
 from benchmarks.pages import table
-from benchmarks.paper.usage import AGENT, ALL, BDI, BOARD, IMPERATIVE, ROLES, Figures, Measured, Usage, measure, probe
 from benchmarks.parts import Goal
 from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.results import Origin
+from benchmarks.usage import AGENT, ALL, BDI, BOARD, IMPERATIVE, ROLES, Figures, Measured, Usage, measure, probe
 
 __all__ = ["Figures", "blocks", "goals", "in_comparison", "in_short", "measure", "pictures", "probe"]
 

@@ -1,1 +1,0 @@
-"""The paper's first mission within the limits of small boards."""
