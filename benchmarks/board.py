@@ -19,9 +19,8 @@ from argosy.processes.process_table import Process, plan
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, Watched
+from benchmarks.processes import BenchmarkFailed, Sampler, Watched
 from benchmarks.results import Origin
-from benchmarks.sampling import Sampler
 
 GOAL: Final = 60.0
 """MB of PSS."""

@@ -13,8 +13,7 @@ from typing import Final
 
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, Flight, flying
 from benchmarks.parts import tell
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.sampling import Sample, Sampler
+from benchmarks.processes import BenchmarkFailed, Sample, Sampler
 
 ALL: Final = "ALL"
 """The boards of a mission together: each sample of each board counts, as in the paper's table 5."""

@@ -64,6 +64,8 @@ class Turns:
     """From the robot's sample to the next action of the plan at the robot."""
     status: list[float] = field(default_factory=list)
     """From the robot's sample to the status that the bridge publishes of the agent's action."""
+    cpu: dict[str, float] = field(default_factory=dict)
+    """Processor time of bridge and agent for a turn."""
 
 
 def sizes() -> Sizes:
@@ -88,6 +90,8 @@ def turn(turns: int, *, kept: bool = True) -> Turns:
             bare.put_and_back()
             bare.ask()
             _loop(ours, number)
+        daemons = (ours.bridge, ours.agent)
+        used = {one.name: one.cpu() for one in daemons}
         for number in range(WARM_UP + 1, WARM_UP + turns + 1):
             found.put.append(bare.put_and_back() / 1000)
             time.sleep(PAUSE)
@@ -96,6 +100,7 @@ def turn(turns: int, *, kept: bool = True) -> Turns:
             for times, took in zip((found.pong, found.seen, found.status), _loop(ours, number), strict=True):
                 times.append(took)
             time.sleep(PAUSE)
+        found.cpu = {one.name: 1e6 * (one.cpu() - used[one.name]) / turns for one in daemons}
     return found
 
 
@@ -146,21 +151,11 @@ def measure(quick: bool) -> Figures:
 def probe(quick: bool) -> dict[str, float]:
     """Return what a turn of the loop and a percept cost: less is better."""
     found: dict[str, float] = {}
-    count, warm_up = (10, 5) if quick else (300, WARM_UP)
     for title, kept in (("agent kept on disk", True), ("agent not kept", False)):
-        with board(kept=kept) as ours:
-            spent = []
-            for number in range(1, warm_up + count + 1):
-                if number == warm_up + 1:
-                    used = {one.name: one.cpu() for one in (ours.bridge, ours.agent)}
-                spent.append(_loop(ours, number))
-                time.sleep(PAUSE)
-            _, seen, status = zip(*spent[warm_up:], strict=True)
-            found[f"sample to next action, {title}, p50 (µs)"] = median(seen)
-            found[f"sample to status, {title}, p50 (µs)"] = median(status)
-            for one in (ours.bridge, ours.agent):
-                by_turn = 1e6 * (one.cpu() - used[one.name]) / count
-                found[f"a turn, {title}, processor time of {one.name} (µs)"] = by_turn
+        turns = turn(10 if quick else 300, kept=kept)
+        found[f"sample to next action, {title}, p50 (µs)"] = median(turns.seen)
+        found[f"sample to status, {title}, p50 (µs)"] = median(turns.status)
+        found |= {f"a turn, {title}, processor time of {name} (µs)": used for name, used in turns.cpu.items()}
     for source, title in (("tick", "replaced"), ("mark", "added")):
         run = flood.measure(100.0 if quick else 500.0, source, 0.5 if quick else 6.0)
         if not run.complete:

@@ -9,8 +9,7 @@ import pytest
 from argosy.processes.simulators import servo_log
 from benchmarks import results, usage, usage_page
 from benchmarks.flights import RESCUE, SINGLE, Flight, setup_in
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.sampling import Sample, Sampler
+from benchmarks.processes import BenchmarkFailed, Sample, Sampler
 from benchmarks.usage import AGENT, ALL, BOARD, Figures, Sampled
 from benchmarks.usage import usage as usage_of
 from benchmarks.usage_page import goals
