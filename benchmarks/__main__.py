@@ -16,7 +16,7 @@ from types import FrameType
 
 import msgspec
 
-from benchmarks import apart, pages, results, summary
+from benchmarks import apart, pages, results
 from benchmarks.parts import PARTS, Goal, Part, line_of_goals
 
 
@@ -38,7 +38,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     chosen = [one for one in table if not args.parts or one.name in args.parts]
     if args.pages:
         shown = [_shown(one) for one in chosen]
-        _told(pages.write(summary.blocks(table)))
+        _told(pages.write(pages.of_several(table)))
         return 0 if all(shown) else 1
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
 
 
 def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
-    if (load := results.load_before(0.2 if quick else 2.0)) > summary.BUSY:
+    if (load := results.load_before(0.2 if quick else 2.0)) > pages.BUSY:
         _tell(f"note: others keep {load:.1f} cores of this machine busy: figures will be worse than on a quiet one")
     failed = []
     for number, one in enumerate(chosen):
@@ -61,7 +61,7 @@ def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
         if not apart.measured(one, quick) or (not quick and not _shown(one)):
             failed.append(one.name)
     if not quick:
-        _told(pages.write(summary.blocks(table)))
+        _told(pages.write(pages.of_several(table)))
         goals = [goal for one in chosen if one.name not in failed for goal in _goals(one)]
         print("\n".join(line_of_goals(goals)))
     if failed:
@@ -85,7 +85,7 @@ def _shown(one: Part) -> bool:
 
 
 def _goals(one: Part) -> list[Goal]:
-    found = summary.load(one)
+    found = pages.found_of(one)
     return [] if found is None else one.goals(found[1])
 
 

@@ -17,8 +17,7 @@ from typing import Final
 
 from argosy.processes.process_table import Process, plan
 from benchmarks.flights import setup_in, start_all, with_one_process
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Sampler, Watched
 from benchmarks.results import Origin
 

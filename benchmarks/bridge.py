@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.fleet import run
-from benchmarks.pages import table
-from benchmarks.parts import Goal, line_of_goals
+from benchmarks.parts import Goal, line_of_goals, table
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare

@@ -21,8 +21,7 @@ from typing import Final
 
 from benchmarks import spread as fits
 from benchmarks.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
 from benchmarks.spread import NOTHING, Spread, spread
@@ -429,7 +428,7 @@ def _at_rest(crowds: list[Crowd]) -> str:
         *table(
             "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
             "| at rest: agentd, commd | ends in |"
-        ),
+        )
     ]
     first = crowds[0]
     for one in crowds:
@@ -466,7 +465,7 @@ def _talking(rows: list[tuple[Crowd, Loaded]]) -> str:
         *table(
             "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
             "| slowest agent against the median one | agentd | commd |"
-        ),
+        )
     ]
     return "\n".join(
         head

@@ -21,8 +21,7 @@ from typing import Final
 
 import msgspec
 
-from benchmarks.pages import table
-from benchmarks.parts import PARTS, Goal, tell
+from benchmarks.parts import PARTS, Goal, table, tell
 from benchmarks.processes import LONGEST, BenchmarkFailed, lines, started
 from benchmarks.results import ROOT, Origin
 from benchmarks.spread import Interval, interval
@@ -46,7 +45,7 @@ LIMIT: Final = 1.05
 REASONS: Final = {
     "loop": "since 6d77f07 an agent that is kept on disk syncs each action before it starts, which a power failure had "
     "made it forget; by that alone its p50 is 1.13 times that of the revision before; tried: the bridge syncs ends in "
-    "a thread",
+    "a thread"
 }
 """What is known of why a probe costs more."""
 _TODAYS: Final = ("benchmarks", "tests/support")
@@ -170,9 +169,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 def compared_costs(figures: Figures) -> list[str]:
     """Return the rows of a table: each cost then and now, and their ratio."""
-    rows = [
-        *table(f"| | {figures.revision} | now | now / then: median (least to greatest) | |"),
-    ]
+    rows = [*table(f"| | {figures.revision} | now | now / then: median (least to greatest) | |")]
     for name, found in figures.probes.items():
         for title, costs in found.items():
             ratio = costs.ratio()

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone, memory, pss
 from benchmarks.results import ROOT, Origin
 from benchmarks.serving import NAMES, Site, copied, environment, serving

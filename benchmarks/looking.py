@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.pages import table
-from benchmarks.parts import Goal, line_of_goals, tell
+from benchmarks.parts import Goal, line_of_goals, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
 from benchmarks.serving import Site

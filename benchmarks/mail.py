@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from benchmarks.boards import PROBE, Member, Synchronous, boards, fsync, member, until
-from benchmarks.pages import table
-from benchmarks.parts import Goal, line_of_goals, tell
+from benchmarks.parts import Goal, line_of_goals, table, tell
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare as bare_process

@@ -5,18 +5,24 @@
     <!-- end of figures -->
 
 A part says which blocks it fills (`blocks`) and which pictures it draws (`pictures`). Nothing between the marks is
-typed by hand, and `tests/benchmarks/test_pages.py` holds the pages against the results.
+typed by hand, and `tests/benchmarks/test_pages.py` holds the pages against the results. What is made of several parts'
+results, as all goals and README's table, is made here (`of_several`).
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from benchmarks.results import ROOT
+import msgspec
+
+from benchmarks import peers
+from benchmarks.parts import PARTS, Part, goal_rows, table
+from benchmarks.results import ROOT, Origin, load
 
 PICTURES: Final = ROOT / "docs/measurements/figures"
 _BLOCK: Final = re.compile(
@@ -66,11 +72,6 @@ def write(blocks: Mapping[str, str], root: Path = ROOT) -> list[Path]:
     return changed
 
 
-def table(head: str, rows: Iterable[str] = ()) -> list[str]:
-    """Return the lines of a table: its head, the rule below it, and its rows, each as `| cell | cell |`."""
-    return [head, "|" + "---|" * (head.count("|") - 1), *rows]
-
-
 def section(name: str, root: Path = ROOT) -> str:
     """Return where a block stands, as a link from a page in docs/measurements: the page, and the heading above it.
 
@@ -95,3 +96,60 @@ def write_pictures(pictures: Mapping[str, str], folder: Path = PICTURES) -> None
     folder.mkdir(parents=True, exist_ok=True)
     for name, svg in pictures.items():
         (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+
+
+BUSY = 0.5
+"""Cores that others may keep busy before figures are marked as those of a busy machine."""
+Found = tuple[Origin, Any]
+"""Where the figures of a part come from, and the figures."""
+
+
+def of_several(parts: Sequence[Part] = PARTS) -> dict[str, str]:
+    """Return them, of those parts that have results."""
+    found = {one: loaded for one in parts if (loaded := found_of(one)) is not None}
+    goals = [row for one in parts for row in _goals(one, found.get(one))]
+    short = [row for one, (_, figures) in found.items() for row in one.rows("in_short", figures)]
+    return {
+        "goals": "\n".join(table("| part | figure | goal | measured | |", goals)),
+        "in-short": "\n".join(table("| measured | Argosy | others |", short)),
+        "comparison-board": comparison_board(found),
+    }
+
+
+def found_of(one: Part) -> Found | None:
+    """Return what a part found; None when it has no results of the shape that it has now."""
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+        return load(one.name, one.module().Figures)
+    return None
+
+
+def _goals(one: Part, found: Found | None) -> list[str]:
+    """Return the rows of a part, with a link to its first block."""
+    if found is None:
+        return [f"| {one.name} | | | | **not measured** |"]
+    origin, figures = found
+    name = one.name
+    with contextlib.suppress(KeyError):
+        name = f"[{name}]({section(next(iter(one.module().blocks(origin, figures))))})"
+    return goal_rows(one.goals(figures), part=name, busy=max(origin.load, origin.others) > BUSY)
+
+
+def comparison_board(found: dict[Part, Found]) -> str:
+    """Return the table of docs/measurements/comparison.md about the memory of a board, beside what the paper's
+    authors published."""
+    low, high, python_low, python_high, agent_low, agent_high = (
+        f"{peers.mb(value):.0f}"
+        for value in (*peers.JASON_BOARD, *peers.PYTHON_BOARD, *peers.PROCESSES["Jason agent"].memory)
+    )
+    jason, python = peers.TABLE_3["Jason"], peers.TABLE_3["Python"]
+    rows = [
+        f"| the paper's nodes in all: agent, HwBridge, Comm, mavros, roscore | {low} to {high} MB, of it the "
+        f"agent {agent_low} to {agent_high} | Raspberry Pi 3 | measurements published with the paper |",
+        f"| the same with a Python program in the agent's place | {python_low} to "
+        f"{python_high} MB | Raspberry Pi 3 | the same |",
+        f"| the paper's board with its agent; with a Python program | {jason.memory.mean:.2f} % of the memory, "
+        f"{jason.cpu.mean:.2f} % CPU; {python.memory.mean:.2f} %, {python.cpu.mean:.2f} % | Raspberry Pi 3 "
+        "| the paper, table 3 |",
+    ]
+    rows += [row for one, (_, figures) in found.items() for row in one.rows("in_comparison", figures)]
+    return "\n".join(table("| what | figure | machine | source |", rows))

@@ -14,7 +14,7 @@ and, where it has some,
 - `probe(quick) -> dict[str, float]`: what it costs in a shorter run, less is better, by titles with the unit in
   brackets: for a comparison with an earlier revision (`benchmarks.earlier`);
 - `in_short(figures) -> list[str]`, `in_comparison(figures) -> list[str]`: its rows in tables of several parts
-  (`benchmarks.summary`).
+  (`benchmarks.pages`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, Final
 
-from benchmarks.pages import table
+
+def table(head: str, rows: Iterable[str] = ()) -> list[str]:
+    """Return the lines of a table: its head, the rule below it, and its rows, each as `| cell | cell |`."""
+    return [head, "|" + "---|" * (head.count("|") - 1), *rows]
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,10 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.sizes", 0.1),
-    Part("usage", "benchmarks.usage_page", 30),
+    Part("usage", "benchmarks.usage", 30),
     Part("scale", "benchmarks.scale", 6),
     Part("crowd", "benchmarks.crowd", 8),
-    Part("loop", "benchmarks.loop.part", 4),
+    Part("loop", "benchmarks.loop", 4),
     Part("startup", "benchmarks.startup", 2),
     Part("footprint", "benchmarks.footprint", 1.5),
     Part("reasoner", "benchmarks.reasoner.part", 5.5),

@@ -22,16 +22,7 @@ T = TypeVar("T")
 
 ROOT: Final = Path(__file__).parent.parent
 RESULTS: Final = Path(__file__).parent / "results"
-PACKAGES: Final = (
-    "argosy",
-    "eclipse-zenoh",
-    "msgspec",
-    "pymavlink",
-    "psutil",
-    "aiohttp",
-    "agentspeak",
-    "matplotlib",
-)
+PACKAGES: Final = ("argosy", "eclipse-zenoh", "msgspec", "pymavlink", "psutil", "aiohttp", "agentspeak", "matplotlib")
 """Whose versions are told."""
 
 

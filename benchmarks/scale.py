@@ -15,8 +15,7 @@ from benchmarks import plots
 from benchmarks import spread as fits
 from benchmarks.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
 from benchmarks.health import DAEMONS
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 from benchmarks.vehicles import POSITIONS, RATES

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import plots
-from benchmarks.pages import table
-from benchmarks.parts import Goal
+from benchmarks.parts import Goal, table
 from benchmarks.peers import TABLE_4, TABLE_6, Size
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT, Origin

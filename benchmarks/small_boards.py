@@ -21,8 +21,7 @@ from benchmarks import peers
 from benchmarks.control_groups import ControlGroup, Limits, limited
 from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
 from benchmarks.health import listening
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone
 from benchmarks.results import Origin, busy_seconds
 from benchmarks.serving import READY

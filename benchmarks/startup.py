@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.pages import table
-from benchmarks.parts import tell
+from benchmarks.parts import table, tell
 from benchmarks.processes import watched_command
 from benchmarks.results import Origin
 from benchmarks.serving import FIRST, KINDS, NAMES, Site, copied, environment, kind, serving

@@ -21,8 +21,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from benchmarks.pages import table
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT, Origin
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import statistics
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
+from benchmarks import peers
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, Flight, flying
-from benchmarks.parts import tell
+from benchmarks.parts import Goal, table, tell
+from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.processes import BenchmarkFailed, Sample, Sampler
+from benchmarks.results import Origin
 
 ALL: Final = "ALL"
 """The boards of a mission together: each sample of each board counts, as in the paper's table 5."""
@@ -233,3 +236,336 @@ def flown(course: Course, approach: Approach, speed: float, every: float, enough
             return flight.over - flight.up, sampler.until(flight.over, enough)
         except BenchmarkFailed as failed:
             raise BenchmarkFailed(f"{course.title}, {approach}, speed {speed:g}: {failed}") from None
+
+
+TITLES: Final = {SINGLE.mission: "single UAV", RESCUE.mission: "search and rescue"}
+BOARD_MEMORY, BOARD_CPU = 1.1, 1.05
+AGENT_MEMORY, AGENT_CPU = 1.3, 1.2
+"""Times what imperative programs use that agents may use."""
+ONE_PAIR: Final = "; of one pair of flights"
+CPU: Final = "CPU"
+DOUBT: Final = 0.1
+"""By so much may the processor time of a single pair be off by chance: pairs of the same flights differ as much."""
+_CPU: Final = (
+    "Taken to be the reason, not measured apart: AgentSpeak is interpreted by Python, so that each percept is held "
+    "against beliefs and plans, where a program reads a value. Tried: a percept of the bus is known for one and no "
+    "reason to write a checkpoint (3584cde); a mind turns in the pass of the loop that brings its percepts (6446a99); "
+    "what is to be kept is looked for only when more than percepts came (4f513ce); numbers and words of percepts are "
+    "read as they are (9654dc5)"
+)
+_MEMORY: Final = (
+    "Taken to be the reason, not measured apart: the agent's process holds language, reasoner and checkpoint (SQLite) "
+    "besides what a program needs. Tried: no modules that nobody needs (4bd9879, kept by tests/test_imports.py)"
+)
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """What agents use beside programs: in the mean, and of each pair of flights."""
+
+    what: str
+    limit: float
+    whole: float
+    pairs: list[float]
+
+    @property
+    def missed(self) -> bool:
+        return min(self.pairs) > self.limit and not self.open
+
+    @property
+    def open(self) -> bool:
+        """Whether pairs stand on both sides of what is asked, or a single one, of processor time, close to it."""
+        if len(self.pairs) == 1 and self.what == CPU:
+            return abs(self.pairs[0] / self.limit - 1) <= DOUBT
+        return min(self.pairs) <= self.limit < max(self.pairs)
+
+    def __str__(self) -> str:
+        each = f" ({', '.join(f'{one:.2f}x' for one in self.pairs)})" if len(self.pairs) > 1 else ""
+        return f"{self.what} {self.whole:.2f}x{each}"
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of each mission at each speed. What pairs of flights answer differently is not decided."""
+    return [_goal(figures, mission, speed, who) for mission, speed in figures.flown() for who in (BOARD, AGENT)]
+
+
+def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
+    memory, cpu = (BOARD_MEMORY, BOARD_CPU) if who == BOARD else (AGENT_MEMORY, AGENT_CPU)
+    whose = "a board" if who == BOARD else "the agent's process"
+    ratios = _ratios(figures, mission, speed, who, memory, cpu)
+    missed, doubtful = [one for one in ratios if one.missed], [one for one in ratios if one.open]
+    met, why = not missed and not doubtful, ""
+    if missed:
+        why = _why(figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE), who, missed)
+    elif doubtful:
+        why = "; ".join(map(_span, doubtful))
+        why += ": from one flight to the next more changes than what it is off by. "
+        why += "Tried: pairs in changing order, means by what was spent"
+    return Goal(
+        f"{TITLES[mission]}, speed {speed:g}: {whose} in AgentSpeak beside Python",
+        f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x",
+        ", ".join(map(str, ratios)) + (ONE_PAIR if len(ratios[0].pairs) == 1 else "") + _lost(figures, mission, speed),
+        met,
+        why,
+        decided=met or bool(missed),
+    )
+
+
+def _span(ratio: Ratio) -> str:
+    if len(ratio.pairs) == 1:
+        return f"{ratio.what} of one pair, {ratio.whole:.2f}x, within {DOUBT:.0%} of what is asked"
+    return f"{ratio.what} of the pairs {min(ratio.pairs):.2f}x to {max(ratio.pairs):.2f}x"
+
+
+def _ratios(figures: Figures, mission: str, speed: float, who: str, memory: float, cpu: float) -> list[Ratio]:
+    bdi, other = (figures.of(mission, speed, approach) for approach in (BDI, IMPERATIVE))
+    pairs = figures.pairs(mission, speed)
+    mine, its = bdi.row(who), other.row(who)
+    found = [Ratio("RSS", memory, mine.rss.mean / its.rss.mean, [one.rss[who] / two.rss[who] for one, two in pairs])]
+    if who == BOARD and (whole := alone(bdi, other)) is not None:
+        each = [one.alone / two.alone for one, two in pairs if one.alone and two.alone]
+        found.append(Ratio("alone on its machine", memory, whole, each or [whole]))
+    used = [one.cpu[who] / two.cpu[who] for one, two in pairs]
+    return [*found, Ratio(CPU, cpu, mine.cpu.mean / its.cpu.mean, used)]
+
+
+def _lost(figures: Figures, mission: str, speed: float) -> str:
+    """Flights that were not done, if any: how many of how many, by approach."""
+    told = [
+        f"{len(one.again)} of {len(one.again) + len(one.flights)} {title}"
+        for approach, title in ((BDI, "of the agents"), (IMPERATIVE, "of the programs"))
+        if (one := figures.of(mission, speed, approach)).again
+    ]
+    return f"; flights lost: {', '.join(told)}" if told else ""
+
+
+def _why(bdi: Usage, other: Usage, who: str, missed: list[Ratio]) -> str:
+    mine, its = bdi.row(who), other.row(who)
+    parts = []
+    if any(one.what == CPU for one in missed):
+        parts.append(f"{mine.cpu.mean:.2f} beside {its.cpu.mean:.2f} % of a core. {_CPU}")
+    if any(one.what != CPU for one in missed):
+        parts.append(f"{mine.rss.mean:.1f} beside {its.rss.mean:.1f} MB (RSS). {_MEMORY}")
+    return "; ".join(parts)
+
+
+def alone(bdi: Usage, other: Usage) -> float | None:
+    """Return the ratio of what the boards would hold alone; None where the kernel does not tell."""
+    return sum(bdi.alone.values()) / sum(other.alone.values()) if bdi.alone and other.alone else None
+
+
+OURS: Final = {BDI: "AgentSpeak", IMPERATIVE: "Python"}
+THEIRS: Final = {BDI: "Jason", IMPERATIVE: "Python"}
+BOARDS: Final = {"pi1": "Scout", "pi2": "Rescuer 1", "pi3": "Rescuer 2", ALL: ALL}
+"""The paper's names of the boards of search and rescue."""
+PI_CORES: Final = 4
+"""The paper's per cents of processor are of all cores of its board."""
+
+
+def in_short(figures: Figures) -> list[str]:
+    """Return rows for a table of what Argosy is beside others: what the BDI approach costs a board, at speed 1."""
+    theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in paper_ratios()}
+    rows = []
+    for mission, speed in figures.flown():
+        if speed != 1:
+            continue
+        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
+        cpu, memory = theirs[TITLES[mission]]
+        one = ONE_PAIR if len(figures.pairs(mission, speed)) == 1 else ""
+        rows.append(
+            f"| agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory "
+            f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x{one} "
+            f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x "
+            f"([measured](docs/measurements/benchmarks.md#processor-and-memory)) |"
+        )
+    return rows
+
+
+def in_comparison(figures: Figures) -> list[str]:
+    """Return the row of boards' memory in docs/measurements/comparison.md: what, memory, of which machine, source."""
+    flown = [
+        one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE)
+    ]
+    return [
+        f"| Argosy with an imperative program in agentd's place, in flight | {one.row(BOARD).pss.mean:.0f} MB (PSS)"
+        + (
+            f"; {sum(one.alone.values()):.0f} MB if nothing else on the machine shares their libraries"
+            if one.alone
+            else ""
+        )
+        + " | a computer | [benchmarks.md](benchmarks.md#processor-and-memory) |"
+        for one in flown
+    ]
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the tables and where the plots stand."""
+    lines = [origin.line(), ""]
+    for mission, title in TITLES.items():
+        if any(one.mission == mission for one in figures.usages):
+            lines += [f"### {'Table 3' if mission == SINGLE.mission else 'Table 5'}: {title}", ""]
+            lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
+            lines.append("")
+    lines += ["### The two approaches", "", *_approaches(figures), ""]
+    lines += ["![AgentSpeak beside Python: ours and the paper's](figures/usage-ratios.svg)"]
+    return {"paper-usage": "\n".join(lines)}
+
+
+_PAPER_HEAD: Final = (
+    "| board | approach | speed | CPU, % of a core: mean | std | max | memory, % of a Pi 3: mean | std | max | "
+    "RSS, MB | PSS, MB | alone, MB |"
+)
+
+
+def _paper_table(figures: Figures, mission: str) -> list[str]:
+    """The paper's rows, and ours: a board's processes together."""
+    lines = table(_PAPER_HEAD)
+    for board in _boards(figures, mission):
+        for approach, theirs in THEIRS.items():
+            row = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
+            cpu = peers.Usage(*(PI_CORES * one for one in (row.cpu.mean, row.cpu.std, row.cpu.max)))
+            lines.append(
+                f"| {_name(mission, board)} | the paper's {theirs} | not told | {_told(cpu)} "
+                f"| {_told(row.memory)} | | | |"
+            )
+            for one in _usages(figures, mission, approach):
+                lines.append(_our_row(one, board))
+    return lines
+
+
+def _our_row(one: Usage, board: str) -> str:
+    row = one.row(BOARD, board)
+    percent = Measured(*(100 * value / peers.PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
+    told = [value for where, value in one.alone.items() if board in (ALL, where)]
+    held = f"{sum(told) / len(told):.1f}" if told else "not told here"
+    return (
+        f"| {_name(one.mission, board)} | **{OURS[one.approach]}** | {one.speed:g} | {_told(row.cpu)} "
+        f"| {_told(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {held} |"
+    )
+
+
+def _daemons(figures: Figures, mission: str) -> list[str]:
+    lines = [
+        *table(
+            "| process | approach | speed | CPU, % of a core: mean | std | max | RSS, MB: mean | std | max | PSS, MB |"
+        )
+    ]
+    for who in dict.fromkeys(ROLES.values()):
+        for approach, title in OURS.items():
+            for one in _usages(figures, mission, approach):
+                row = one.row(who)
+                lines.append(
+                    f"| {who} | {title} | {one.speed:g} | {_told(row.cpu)} | {_told(row.rss)} | {row.pss.mean:.1f} |"
+                )
+    return lines
+
+
+def _flights(figures: Figures, mission: str) -> list[str]:
+    """The pairs of flights, and what was lost."""
+    lines = table(
+        "| speed, pair | AgentSpeak: s | samples | board, CPU % | RSS, MB | Python: s | samples | board, CPU % "
+        "| RSS, MB | board: CPU | RSS | agent's process: CPU | RSS |"
+    )
+    lost = []
+    for speed in (speed for flown, speed in figures.flown() if flown == mission):
+        for number, pair in enumerate(figures.pairs(mission, speed), 1):
+            each = " | ".join(
+                f"{one.seconds:.0f} | {one.samples} | {one.cpu[BOARD]:.2f} | {one.rss[BOARD]:.1f}" for one in pair
+            )
+            mine, its = pair
+            ratios = " | ".join(
+                f"{used[who] / by[who]:.2f}x"
+                for who in (BOARD, AGENT)
+                for used, by in ((mine.cpu, its.cpu), (mine.rss, its.rss))
+            )
+            lines.append(f"| {speed:g}, {number} | {each} | {ratios} |")
+        for approach, title in OURS.items():
+            one = figures.of(mission, speed, approach)
+            whys = f" ({'; '.join(one.again)})" if one.again else ""
+            lost.append(f"{title} at speed {speed:g} {len(one.again)} of {len(one.again) + len(one.flights)}{whys}")
+    told = "Flights one by one, means of the boards; every second pair was flown in the opposite order."
+    return [told, "", *lines, "", f"Flights that were not done and were flown again: {', '.join(lost)}."]
+
+
+def _approaches(figures: Figures) -> list[str]:
+    lines = table("| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |")
+    for title, board, agent in paper_ratios():
+        lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
+    for mission, speed in figures.flown():
+        bdi, other = figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE)
+        told = []
+        for who in (BOARD, AGENT):
+            mine, its = bdi.row(who), other.row(who)
+            told += [f"{getattr(mine, what).mean / getattr(its, what).mean:.2f}x" for what in ("cpu", "rss", "pss")]
+            if who == BOARD:
+                held = alone(bdi, other)
+                told.append("not told" if held is None else f"{held:.2f}x")
+        lines.append(f"| {TITLES[mission]}, speed {speed:g} | {' | '.join(told)} |")
+    return lines
+
+
+def paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
+    """By mission: a board's CPU and memory in Jason beside Python; the agent's process from its own measurements."""
+    found = []
+    jason, python = peers.PROCESSES["Jason agent"], peers.PROCESSES["Python agent"]
+    agent = (
+        f"{_middle(jason.cpu) / _middle(python.cpu):.1f}x | {_middle(jason.memory) / _middle(python.memory):.1f}x | "
+    )
+    for title, by in ((SINGLE.title, peers.TABLE_3), (RESCUE.title, {k: v[ALL] for k, v in peers.TABLE_5.items()})):
+        mine, its = by["Jason"], by["Python"]
+        ratios = mine.cpu.mean / its.cpu.mean, mine.memory.mean / its.memory.mean
+        found.append((f"the paper, {title}", ratios, agent))
+    return found
+
+
+def _usages(figures: Figures, mission: str, approach: str) -> list[Usage]:
+    return [one for one in figures.usages if (one.mission, one.approach) == (mission, approach)]
+
+
+def _boards(figures: Figures, mission: str) -> list[str]:
+    if mission == SINGLE.mission:
+        return [ALL]
+    boards = [row.board for one in figures.usages if one.mission == mission for row in one.rows]
+    return [*(board for board in dict.fromkeys(boards) if board != ALL), ALL]
+
+
+def _name(mission: str, board: str) -> str:
+    return "the only one" if mission == SINGLE.mission else BOARDS[board]
+
+
+def _told(spread: Measured | peers.Usage) -> str:
+    return f"{spread.mean:.2f} | {spread.std:.2f} | {spread.max:.2f}"
+
+
+def _middle(ends: tuple[float, float]) -> float:
+    return sum(ends) / 2
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return the plot of the ratios, ours and the paper's."""
+    bars: list[tuple[str, float, float, str]] = []
+    for title, (cpu, memory), _ in paper_ratios():
+        bars.append((title, cpu, memory, COLOURS["paper"]))
+    for mission, speed in figures.flown():
+        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
+        label = f"{TITLES[mission]}, speed {speed:g}"
+        bars.append((label, mine.cpu.mean / its.cpu.mean, mine.rss.mean / its.rss.mean, COLOURS["agentd"]))
+    with figure(columns=2, height=2.8) as (made, panels):
+        for axes, index, title, goal in ((panels[0], 1, "CPU", BOARD_CPU), (panels[1], 2, "memory", BOARD_MEMORY)):
+            _panel(axes, bars, index, f"a board's {title}: BDI / imperative", goal)
+        panels[1].set_yticklabels([])
+        return {"usage-ratios": svg(made)}
+
+
+def _panel(axes: Any, bars: list[tuple[str, float, float, str]], index: int, title: str, goal: float) -> None:
+    values: list[float] = [float(bar[index]) for bar in bars]
+    axes.barh(range(len(bars)), values, color=[bar[3] for bar in bars])
+    axes.set_yticks(range(len(bars)), [bar[0] for bar in bars])
+    for place, value in enumerate(values):
+        axes.annotate(
+            f"{value:.2f}", (value, place), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
+        )
+    axes.axvline(goal, color="black", linewidth=0.8, linestyle="--")
+    axes.invert_yaxis()
+    axes.set_xlim(0, 1.15 * max(values))
+    axes.set_title(title, fontsize=9)

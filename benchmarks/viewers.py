@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.pages import table
-from benchmarks.parts import tell
+from benchmarks.parts import table, tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import ROOT, Origin
 from commd.bus.bus import open_bus

@@ -16,8 +16,7 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from benchmarks.pages import table
-from benchmarks.parts import tell
+from benchmarks.parts import table, tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import Origin
 from commd.bus.bus import open_bus

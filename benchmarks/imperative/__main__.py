@@ -13,7 +13,6 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
-from benchmarks.imperative.plan import PROGRAMS
 from commd.bus.errors import AlreadyRunning
 from commd.client import NotJoined, join
 from schemas.files.findings import Findings
@@ -39,7 +38,7 @@ async def live(program: str, mission: str, name: str, router: str, values: dict[
 def main() -> int:
     """Returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.imperative", description=__doc__)
-    parser.add_argument("program", choices=[module for module, _ in PROGRAMS.values()])
+    parser.add_argument("program", choices=("single_uav", "scout", "rescuer"))
     parser.add_argument("mission", help="mission file that has the program as a client")
     parser.add_argument("name", help="of the client")
     parser.add_argument("router", help="Zenoh endpoint of its board")

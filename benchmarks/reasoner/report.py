@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import Final
 
 from benchmarks import plots
-from benchmarks.pages import table
+from benchmarks.parts import table
 from benchmarks.processes import Speeds
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import GENERATED, Counted
@@ -278,9 +278,7 @@ COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
 
 def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
     """The block of docs/measurements/comparison.md about speed: some rows, how many there are, start and memory."""
-    lines = [
-        *table("| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |"),
-    ]
+    lines = [*table("| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |")]
     for result in results:
         row, ours = result.of, result.ratio("agentd", warm)
         if row.key in COMPARED and row.jason is not None and ours is not None:

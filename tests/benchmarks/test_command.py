@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import results, summary
+from benchmarks import pages, results
 from benchmarks.parts import PARTS, Goal, Part, goal_rows, line_of_goals
 
 GOOD = """
@@ -80,7 +80,7 @@ def test_results_of_another_shape_are_told(
     (part,) = _parts("good")
     assert not command._shown(part)
     assert capfd.readouterr().err == "error: good: Object missing required field `speed`\n"
-    assert summary.load(part) is None
+    assert pages.found_of(part) is None
 
 
 def test_goals_stand_with_the_part_whose_they_are() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks.imperative.plan import programs, variant
+from benchmarks.flights import programs, variant
 from benchmarks.results import ROOT
 from schemas.mission.model import load_mission
 

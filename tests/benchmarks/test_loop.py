@@ -7,8 +7,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from benchmarks.loop.flood import Flood
-from benchmarks.loop.part import Figures, Turns, blocks, fastest, goals, times
+from benchmarks.loop import Figures, Flood, Turns, blocks, fastest, goals, times
 from benchmarks.results import here
 
 

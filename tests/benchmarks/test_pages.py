@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import pages, results, summary
+from benchmarks import pages, results
 from benchmarks.parts import PARTS, Goal, Part
 
 
@@ -82,7 +82,7 @@ def test_a_missed_goal_without_a_reason_is_seen() -> None:
 
 
 def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
-    blocks = summary.blocks()
+    blocks = pages.of_several()
     places = pages.names()
     for name in blocks:
         for page in places[name]:
@@ -91,7 +91,7 @@ def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
 
 
 def test_every_block_is_filled_by_a_part() -> None:
-    filled = set(summary.blocks())
+    filled = set(pages.of_several())
     for part in PARTS:
         filled |= part.module().blocks(*_results(part)).keys()
     assert pages.names().keys() == filled

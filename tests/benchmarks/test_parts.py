@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import pages, results, summary
+from benchmarks import pages, results
 from benchmarks import webpage as page
 from benchmarks.board import Figures, Flown, Row, blocks, goals
 from benchmarks.parts import Part
@@ -92,12 +92,12 @@ def test_what_is_told_of_boards_beside_the_papers_comes_from_results(
 ) -> None:
     monkeypatch.setattr(results.load, "__defaults__", (tmp_path,))
     table = [Part("board", "benchmarks.board", 1)]
-    paper = summary.blocks(table)["comparison-board"]
+    paper = pages.of_several(table)["comparison-board"]
     assert "412 to 451 MB" in paper, "the paper's 393 to 430 MiB"
     assert "Argosy" not in paper, "nothing was measured yet"
     figures = Figures([Row("a board", _flown([87.4]), _flown([51.0]))])
     results.save("board", results.here("make bench", 0.0), figures, tmp_path)
     assert (
         "| Argosy, one process in flight | 51 MB (PSS); 66 MB if nothing else"
-        in summary.blocks(table)["comparison-board"]
+        in pages.of_several(table)["comparison-board"]
     )

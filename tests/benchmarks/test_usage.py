@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from argosy.processes.simulators import servo_log
-from benchmarks import results, usage, usage_page
+from benchmarks import results, usage
 from benchmarks.flights import RESCUE, SINGLE, Flight, setup_in
 from benchmarks.processes import BenchmarkFailed, Sample, Sampler
-from benchmarks.usage import AGENT, ALL, BOARD, Figures, Sampled
+from benchmarks.usage import AGENT, ALL, BOARD, Figures, Sampled, goals
 from benchmarks.usage import usage as usage_of
-from benchmarks.usage_page import goals
 
 SPEED = 10.0
 
@@ -119,9 +118,9 @@ def test_a_flight_that_is_not_done_is_flown_once_more_and_told(monkeypatch: pyte
     course += [lost, done, done]
     found = usage.measure(True)
     assert [one.again for one in found.usages] == [["single UAV: the copter was late"], []]
-    text = usage_page.blocks(results.here("a test", 0.0), found)["paper-usage"]
+    text = usage.blocks(results.here("a test", 0.0), found)["paper-usage"]
     assert "AgentSpeak at speed 1 1 of 2 (single UAV: the copter was late), Python at speed 1 0 of 1." in text
-    assert usage_page.goals(found)[0].found.endswith("; flights lost: 1 of 2 of the agents")
+    assert usage.goals(found)[0].found.endswith("; flights lost: 1 of 2 of the agents")
     course += [lost, lost]
     with pytest.raises(BenchmarkFailed, match="late"):
         usage.measure(True)

@@ -9,20 +9,18 @@ of the same sizes, between two Python processes through the same router, in turn
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
 
 import msgspec
 
-from benchmarks.loop import flood
-from benchmarks.loop.board import Board, board, payload
-from benchmarks.loop.flood import SECONDS, Flood
-from benchmarks.loop.raw import Sizes, raw
-from benchmarks.pages import table
-from benchmarks.parts import Goal
+from benchmarks.health import DAEMONS, Records, grown, listening
+from benchmarks.loop_board import Board, Sizes, board, payload, raw
+from benchmarks.parts import Goal, table
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
@@ -117,6 +115,127 @@ def _loop(ours: Board, number: int) -> list[float]:
     return [(at - begun) / 1000 for at in came if at is not None]
 
 
+SECONDS: Final = 4.0
+"""For which a rate is kept up."""
+KEEPS_UP: Final = 1.0
+"""Seconds after the last change within which the last event has to be there."""
+UNDER_WAY: Final = 0.3
+"""Seconds that a daemon's figures may be old when they come."""
+MADE: Final = 0.98
+"""Of the changes a second that are wanted so many have to be made: by less the rate was not tried."""
+GONE: Final = 8.0
+"""Seconds after which events do not come any more."""
+_LOST: Final = ("drops", "bad_input", "percepts_missed", "samples_dropped", "percepts_unreadable")
+"""Figures of the daemons' health that must stay 0. What a set of percepts drops for lack of room stands in `drops`."""
+
+
+@dataclass
+class Flood:
+    """One run."""
+
+    rate: float
+    """Changes a second that were wanted."""
+    reached: float
+    """That were made."""
+    changes: int
+    heard: int
+    """Belief events that came, as the program has counted them."""
+    behind: float
+    """Seconds from the last change to the line that the program prints for the last event; -1: it never came."""
+    lost: dict[str, float] = field(default_factory=dict)
+    """Of the daemons' counters of what is lost those that are not 0."""
+    disorder: list[str] = field(default_factory=list)
+    """What the program said came instead of what; the first lines."""
+    cpu: dict[str, float] = field(default_factory=dict)
+    """Per cent of a core, of each daemon, up to the last event."""
+
+    @property
+    def made(self) -> float:
+        """Changes a second that count: those that were made, and no more than were wanted."""
+        return min(self.rate, self.reached)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the sender made the rate that was wanted."""
+        return self.reached >= MADE * self.rate
+
+    @property
+    def complete(self) -> bool:
+        """Whether each change made its event, in order, and nothing is counted as lost."""
+        return self.heard == self.changes and not self.lost and not self.disorder
+
+    @property
+    def kept_up(self) -> bool:
+        """Whether that was at the rate that was wanted, and the agent was not left behind either."""
+        return self.in_time and self.complete and 0 <= self.behind <= KEEPS_UP
+
+
+def flood(rate: float, source: str = "tick", seconds: float = SECONDS) -> Flood:
+    """Let the robot change so often a second, on a board of its own. Raises BenchmarkFailed."""
+    with board() as ours, listening(ours.endpoint, "loop") as records:
+        return _flood(ours, records, source, rate, seconds)
+
+
+def _flood(ours: Board, records: Records, source: str, rate: float, seconds: float) -> Flood:
+    _rest(records)
+    count, lines = round(rate * seconds), len(ours.agent.said)
+    daemons = (ours.router, ours.bridge, ours.agent)
+    used = {one.name: one.cpu() for one in daemons}
+    begun = time.monotonic()
+    for index in range(1, count + 1):
+        if (wait := begun + index / rate - time.monotonic()) > 0:
+            time.sleep(wait)
+        ours.put(source, index, count)
+    ended = time.monotonic()
+
+    def done() -> float:
+        return ours.agent.when(f"all up to {count}", lines)
+
+    _until(lambda: bool(done()), GONE)
+    spent = time.monotonic() - begun
+    cpu = {one.name: 100 * (one.cpu() - used[one.name]) / spent for one in daemons}
+    ours.put("run", 1)
+    stood = "run 1 stands at "
+    _until(lambda: bool(ours.agent.when(stood, lines)), GONE)
+    _rest(records)
+    lost = grown(records, begun, time.monotonic())
+    said = [line for _, line in ours.agent.said[lines:]]
+    heard = [int(at) - 1 - int(less) for at, less in re.findall(rf"{stood}(\d+) without (-?\d+)", "\n".join(said))]
+    return Flood(
+        rate=rate,
+        reached=count / (ended - begun),
+        changes=count,
+        heard=heard[0] if heard else 0,
+        behind=done() - ended if done() else -1.0,
+        lost={
+            f"{kind}: {name}": lost[kind].counts[name] for kind in DAEMONS for name in _LOST if lost[kind].counts[name]
+        },
+        disorder=[line for line in said if " instead of " in line][:5],
+        cpu=cpu,
+    )
+
+
+def _rest(records: Records) -> None:
+    """Wait until bridge and agent have told their figures so much later that what was until now is in them."""
+    now = time.monotonic()
+
+    def told() -> bool:
+        at = records.last()
+        return len(at) > 1 and all(moment > now + UNDER_WAY for moment in at.values())
+
+    if not _until(told, GONE):
+        raise BenchmarkFailed(f"no figures of bridge and agent within {GONE:g} s")
+
+
+def _until(condition: Callable[[], bool], patience: float) -> bool:
+    until = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.01)
+    return True
+
+
 @dataclass
 class Figures:
     """What one run measured."""
@@ -157,7 +276,7 @@ def probe(quick: bool) -> dict[str, float]:
         found[f"sample to status, {title}, p50 (µs)"] = median(turns.status)
         found |= {f"a turn, {title}, processor time of {name} (µs)": used for name, used in turns.cpu.items()}
     for source, title in (("tick", "replaced"), ("mark", "added")):
-        run = flood.measure(100.0 if quick else 500.0, source, 0.5 if quick else 6.0)
+        run = flood(100.0 if quick else 500.0, source, 0.5 if quick else 6.0)
         if not run.complete:
             raise BenchmarkFailed(f"of {run.changes} percepts {run.heard} came")
         for name in ("agentd", "bridged"):
@@ -168,7 +287,7 @@ def probe(quick: bool) -> dict[str, float]:
 def _floods(source: str, rates: Sequence[float], seconds: float) -> Iterator[Flood]:
     """Raise the rate until changes are lost."""
     for rate in rates:
-        found = flood.measure(rate, source, seconds)
+        found = flood(rate, source, seconds)
         yield found
         if not found.kept_up:
             return

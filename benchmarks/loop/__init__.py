@@ -1,1 +1,0 @@
-"""The decision loop through the real daemons: its latency, where the time goes, and how many percepts it takes."""
