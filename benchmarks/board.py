@@ -18,7 +18,7 @@ from typing import Final
 from argosy.processes.process_table import Process, plan
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.parts import Goal, table, tell
-from benchmarks.processes import BenchmarkFailed, Sampler, Watched
+from benchmarks.processes import BenchmarkFailed, Sampler, Watched, until
 from benchmarks.results import Origin
 
 GOAL: Final = 60.0
@@ -116,13 +116,10 @@ def flown(subject: Subject, *, one_process: bool, seconds: float) -> Flown:
 
 
 def _until_it_flies(ours: list[Watched]) -> None:
-    until = time.monotonic() + PATIENCE
-    while not any(FLIES in line for one in ours for _, line in one.said):
-        ended = [one.name for one in ours if one.process.poll() is not None]
-        if ended or time.monotonic() > until:
-            last = "\n".join(line for one in ours for _, line in one.said[-3:])
-            raise BenchmarkFailed(f"it does not fly; ended: {ended}; last:\n{last}")
-        time.sleep(0.05)
+    until(lambda: any(one.when(FLIES) or one.process.poll() is not None for one in ours), PATIENCE)
+    if not any(one.when(FLIES) for one in ours):
+        last = "\n".join(line for one in ours for _, line in one.said[-3:])
+        raise BenchmarkFailed(f"it does not fly; last:\n{last}")
 
 
 def goals(figures: Figures) -> list[Goal]:

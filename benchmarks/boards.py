@@ -13,6 +13,7 @@ from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
+from benchmarks import processes
 from benchmarks.processes import SPEAKS, BenchmarkFailed, Watched, watched
 from commd.bus.bus import Bus, Query, Token, boot_id, open_bus
 from schemas.wire import keys
@@ -178,12 +179,9 @@ async def member(endpoint: str, name: str) -> AsyncIterator[Member]:
 
 
 async def until(condition: Callable[[], bool], wish: str, seconds: float, every: float = 0.005) -> None:
-    """Wait until something holds, and look every so many seconds. Raises BenchmarkFailed after a bound."""
-    begun = time.monotonic()
-    while not condition():
-        if time.monotonic() > begun + seconds:
-            raise BenchmarkFailed(f"not within {seconds:g} s: {wish}")
-        await asyncio.sleep(every)
+    """Wait until something holds. Raises BenchmarkFailed after a bound."""
+    if not await asyncio.to_thread(processes.until, condition, seconds, every):
+        raise BenchmarkFailed(f"not within {seconds:g} s: {wish}")
 
 
 WRITES: Final = 50

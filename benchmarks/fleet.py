@@ -18,7 +18,7 @@ import msgspec
 from argosy.processes.process_table import Setup, places, plan
 from benchmarks import health
 from benchmarks.health import DAEMONS
-from benchmarks.processes import BenchmarkFailed, Watched, memory, pss, watched
+from benchmarks.processes import BenchmarkFailed, Watched, memory, pss, until, watched
 from benchmarks.results import busy_seconds
 from benchmarks.spread import NOTHING, Spread, spread
 from benchmarks.vehicles import POSITIONS, Told
@@ -211,27 +211,31 @@ def _started(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, lis
 
 def _wait_for_all(found: Run, parts: dict[str, list[Watched]], begun: float) -> None:
     """Wait until the agents serve their vehicles; those that do not within `PATIENCE` are counted."""
-    agents, until = parts["agentd"][0], time.monotonic() + PATIENCE
-    while True:
-        served = {line.partition("]")[0]: at for at, line in list(agents.said) if line.endswith("] serves")}
-        ended = [one.name for those in parts.values() for one in those if one.process.poll() is not None]
-        if ended or (not served and time.monotonic() > until):
-            last = "\n".join(line for those in parts.values() for one in those[:3] for _, line in one.said[-3:])
-            raise BenchmarkFailed(f"{found.size} vehicles: ended: {ended}, serving: {len(served)}; last:\n{last}")
-        if len(served) == found.size or time.monotonic() > until:
-            break
-        time.sleep(0.1)
+    served: dict[str, float] = {}
+
+    def all_serve() -> bool:
+        served.update(
+            (line.partition("]")[0], at) for at, line in list(parts["agentd"][0].said) if line.endswith("] serves")
+        )
+        return len(served) == found.size or bool(_ended(parts))
+
+    until(all_serve, PATIENCE, 0.1)
+    if _ended(parts) or not served:
+        last = "\n".join(line for those in parts.values() for one in those[:3] for _, line in one.said[-3:])
+        raise BenchmarkFailed(f"{found.size} vehicles: ended: {_ended(parts)}, serving: {len(served)}; last:\n{last}")
     found.serving, found.ready = len(served), max(served.values()) - begun
+
+
+def _ended(parts: dict[str, list[Watched]]) -> list[str]:
+    return [one.name for those in parts.values() for one in those if one.process.poll() is not None]
 
 
 def _told(talkers: Watched) -> Told:
     talkers.process.terminate()
-    until = time.monotonic() + PATIENCE
-    while time.monotonic() < until:
-        for _, line in reversed(talkers.said):
-            if line.startswith("TOLD "):
-                return msgspec.json.decode(line[5:], type=Told)
-        time.sleep(0.05)
+    until(lambda: bool(talkers.when("TOLD ")), PATIENCE)
+    for _, line in talkers.said:
+        if line.startswith("TOLD "):
+            return msgspec.json.decode(line[5:], type=Told)
     raise BenchmarkFailed("the vehicles did not report what they had sent")
 
 

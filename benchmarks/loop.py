@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Final
@@ -21,7 +21,7 @@ import msgspec
 from benchmarks.health import DAEMONS, Records, grown, listening
 from benchmarks.loop_board import Board, Sizes, board, payload, raw
 from benchmarks.parts import Goal, table
-from benchmarks.processes import BenchmarkFailed
+from benchmarks.processes import BenchmarkFailed, until
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
 from schemas.wire.records import Action, ActionStatus, Header, Perception
@@ -191,12 +191,12 @@ def _flood(ours: Board, records: Records, source: str, rate: float, seconds: flo
     def done() -> float:
         return ours.agent.when(f"all up to {count}", lines)
 
-    _until(lambda: bool(done()), GONE)
+    until(lambda: bool(done()), GONE)
     spent = time.monotonic() - begun
     cpu = {one.name: 100 * (one.cpu() - used[one.name]) / spent for one in daemons}
     ours.put("run", 1)
     stood = "run 1 stands at "
-    _until(lambda: bool(ours.agent.when(stood, lines)), GONE)
+    until(lambda: bool(ours.agent.when(stood, lines)), GONE)
     _rest(records)
     lost = grown(records, begun, time.monotonic())
     said = [line for _, line in ours.agent.said[lines:]]
@@ -223,17 +223,8 @@ def _rest(records: Records) -> None:
         at = records.last()
         return len(at) > 1 and all(moment > now + UNDER_WAY for moment in at.values())
 
-    if not _until(told, GONE):
+    if not until(told, GONE):
         raise BenchmarkFailed(f"no figures of bridge and agent within {GONE:g} s")
-
-
-def _until(condition: Callable[[], bool], patience: float) -> bool:
-    until = time.monotonic() + patience
-    while not condition():
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 @dataclass

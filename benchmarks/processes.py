@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -156,6 +156,16 @@ def until_line(command: list[str], word: str, settle: float = 0.0) -> tuple[floa
     raise BenchmarkFailed(f"{' '.join(command)}: ended without printing {word}")
 
 
+def until(condition: Callable[[], bool], seconds: float, every: float = 0.02) -> bool:
+    """Wait until something holds, and look every so many seconds. Returns whether it did in time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(every)
+    return True
+
+
 @dataclass
 class Watched:
     """A process of the run and the lines that it has written, each with the moment at which it came."""
@@ -171,12 +181,10 @@ class Watched:
 
     def says(self, words: str, patience: float = SPEAKS) -> None:
         """Wait until it has said `words`. Raises BenchmarkFailed."""
-        until = time.monotonic() + patience
-        while not any(words in line for _, line in self.said):
-            if self.process.poll() is not None or time.monotonic() > until:
-                last = "\n".join(line for _, line in self.said[-5:])
-                raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
-            time.sleep(0.02)
+        until(lambda: bool(self.when(words)) or self.process.poll() is not None, patience)
+        if not self.when(words):
+            last = "\n".join(line for _, line in self.said[-5:])
+            raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
 
     def when(self, words: str, since: int = 0) -> float:
         """Return the monotonic time at which a line with `words` came, from line `since` on; 0 = not yet."""
