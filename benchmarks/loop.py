@@ -24,6 +24,7 @@ from benchmarks.parts import Goal, table
 from benchmarks.processes import BenchmarkFailed, until
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
+from schemas.wire import records as wire
 from schemas.wire.records import Action, ActionStatus, Header, Perception
 
 PAUSE: Final = 0.008
@@ -70,8 +71,10 @@ def sizes() -> Sizes:
     """Return the bytes of the loop's records, as they are encoded."""
     header = Header(seq=1000, stamp=time.time_ns(), source="thinker", boot="0123abcd")
     identity = f"thinker:{header.boot}:1000"
+    percept = Perception(header=header, name="ping", parameters=(1000,), update="replace")
+    together = getattr(wire, "Perceptions", None)  # an earlier revision has none
     records = (
-        Perception(header=header, name="ping", parameters=(1000,), update="replace"),
+        percept if together is None else together(changes=(percept,)),
         Action(header=header, id=identity, agent="thinker", name="pong", parameters=(1000,)),
         ActionStatus(
             header=header, id=identity, state="succeeded", result=True, after=1000, name="pong", parameters=(1000,)
