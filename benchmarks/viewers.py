@@ -14,8 +14,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -23,7 +23,7 @@ from typing import Final
 from benchmarks.parts import table, tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import ROOT, Origin
-from commd.bus.bus import open_bus
+from commd.bus.bus import Bus, open_bus
 from tests.support.ports import free_port
 from tests.support.processes import running
 
@@ -63,18 +63,29 @@ def measure(quick: bool) -> Figures:
     return Figures(seconds, [one for crowd in crowds for one in asyncio.run(_beside(crowd, seconds))])
 
 
+def router() -> tuple[str, AbstractAsyncContextManager[Bus]]:
+    """Return the endpoint of a router, and what runs it."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    return endpoint, open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+
+
+@asynccontextmanager
+async def crowd_of(size: int, endpoint: str) -> AsyncIterator[None]:
+    """Run so many agents and robots that publish what flying copters do."""
+    with running("tests.argosy.fleet_model.crowd", endpoint, str(size)) as fleet:
+        await asyncio.to_thread(fleet.says, "there")
+        yield
+
+
 async def _beside(crowd: int, seconds: float) -> list[Seen]:
-    endpoint, found = f"tcp/127.0.0.1:{free_port()}", []
-    async with open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
-        with running("tests.argosy.fleet_model.crowd", endpoint, str(crowd)) as fleet:
-            await asyncio.to_thread(fleet.says, "there")
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / "crowd.mcap"
-                for what, more in (("watch", ()), ("record", ("-o", str(file)))):
-                    tell(f"argosy {what}, {crowd} agents")
-                    found.append(
-                        await asyncio.to_thread(_seen, what, ("--router", endpoint, *more), crowd, seconds, file)
-                    )
+    (endpoint, served), found = router(), []
+    async with served, crowd_of(crowd, endpoint):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "crowd.mcap"
+            for what, more in (("watch", ()), ("record", ("-o", str(file)))):
+                tell(f"argosy {what}, {crowd} agents")
+                options = ("--router", endpoint, *more)
+                found.append(await asyncio.to_thread(_seen, what, options, crowd, seconds, file))
     return found
 
 

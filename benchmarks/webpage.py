@@ -19,8 +19,7 @@ from typing import Any, Final
 from benchmarks.parts import table, tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import Origin
-from commd.bus.bus import open_bus
-from tests.support.ports import free_port
+from benchmarks.viewers import crowd_of, router
 from tests.support.processes import Daemon, running
 
 SECONDS: Final = 8.0
@@ -175,24 +174,21 @@ def measure(quick: bool) -> Figures:
 
 
 async def _measured(seconds: float, crowds: tuple[int, ...]) -> Figures:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint, served = router()
     found, sizes = [], list[int]()
-    async with open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
+    async with served:
         with serving(endpoint) as (server, url):
             found.append(await stretch(server, seconds, 0, None, sizes))
             async with opened(url, sizes) as page:
                 found.append(await stretch(server, seconds, 0, page, sizes))
                 loaded = [(name, size) for name, size, _ in await page.evaluate(_LOADED)]
         for crowd in crowds:
-            with (
-                serving(endpoint) as (server, url),
-                running("tests.argosy.fleet_model.crowd", endpoint, str(crowd)) as fleet,
-            ):
-                await asyncio.to_thread(fleet.says, "there")
-                found.append(await stretch(server, seconds, crowd, None, sizes))
-                async with opened(url, sizes) as page:
-                    await page.locator(".row").nth(crowd - 1).wait_for(state="attached", timeout=60_000)
-                    found.append(await stretch(server, seconds, crowd, page, sizes))
+            with serving(endpoint) as (server, url):
+                async with crowd_of(crowd, endpoint):
+                    found.append(await stretch(server, seconds, crowd, None, sizes))
+                    async with opened(url, sizes) as page:
+                        await page.locator(".row").nth(crowd - 1).wait_for(state="attached", timeout=60_000)
+                        found.append(await stretch(server, seconds, crowd, page, sizes))
     total, leaflet = sum(size for _, size in loaded), sum(size for name, size in loaded if "leaflet" in name)
     return Figures(seconds, found, len(loaded), total / 1000, leaflet / 1000)
 

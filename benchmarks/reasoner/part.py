@@ -18,10 +18,9 @@ from typing import Final
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Speeds, lines, run, started
 from benchmarks.reasoner import report
-from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import Counted, counted
 from benchmarks.reasoner.report import Result, tables, warm
-from benchmarks.reasoner.rows import ROWS, Row, row_called
+from benchmarks.reasoner.rows import FOOTPRINTS, ROWS, Row, row_called
 from benchmarks.reasoner.subjects import Agentd, JasonCommand, Subject, subjects_here
 from benchmarks.results import Origin
 

@@ -12,9 +12,8 @@ from typing import Final
 from benchmarks import plots
 from benchmarks.parts import table
 from benchmarks.processes import Speeds
-from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import GENERATED, Counted
-from benchmarks.reasoner.rows import ELSEWHERE, ROWS, Row, row_called
+from benchmarks.reasoner.rows import ELSEWHERE, FOOTPRINTS, ROWS, Row, row_called
 from benchmarks.results import Origin
 
 Figure = Callable[[Speeds], float]

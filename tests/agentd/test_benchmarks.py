@@ -13,10 +13,9 @@ from subprocess import Popen
 import pytest
 
 from benchmarks.processes import BenchmarkFailed, Speeds, descendants, lines, memory, run, started, until_line
-from benchmarks.reasoner.footprint import FOOTPRINTS, program_of_plans
 from benchmarks.reasoner.part import Figures, goals, measure_rows
 from benchmarks.reasoner.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
-from benchmarks.reasoner.rows import ELSEWHERE, PROGRAMS, ROWS, Row, row_called
+from benchmarks.reasoner.rows import ELSEWHERE, FOOTPRINTS, PROGRAMS, ROWS, Row, program_of_plans, row_called
 from benchmarks.reasoner.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
 
 TINY = """
