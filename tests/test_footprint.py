@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-from benchmarks import footprint as footprints
 from benchmarks import results
+from benchmarks.measurements import footprint as footprints
 from benchmarks.processes import lines, memory, started
 from benchmarks.serving import NAMES, copied
 

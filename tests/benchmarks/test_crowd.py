@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from benchmarks import crowd as crowds
-from benchmarks.crowd import Crowd, Loaded
+from benchmarks.measurements import crowd as crowds
+from benchmarks.measurements.crowd import Crowd, Loaded
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
 

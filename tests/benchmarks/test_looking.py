@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from benchmarks.looking import Cost, Figures, blocks, goals
+from benchmarks.measurements.looking import Cost, Figures, blocks, goals
 from benchmarks.results import here
 from benchmarks.spread import Interval, interval
 

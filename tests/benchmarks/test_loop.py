@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from benchmarks.loop import Figures, Flood, Turns, blocks, fastest, goals, times
+from benchmarks.measurements.loop import Figures, Flood, Turns, blocks, fastest, goals, times
 from benchmarks.results import here
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import pages, results
-from benchmarks import webpage as page
-from benchmarks.board import Figures, Flown, Row, blocks, goals
+from benchmarks.measurements import webpage as page
+from benchmarks.measurements.board import Figures, Flown, Row, blocks, goals
 from benchmarks.parts import Part
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.spread import Spread, spread
@@ -91,7 +91,7 @@ def test_what_is_told_of_boards_beside_the_papers_comes_from_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(results.load, "__defaults__", (tmp_path,))
-    table = [Part("board", "benchmarks.board", 1)]
+    table = [Part("board", "benchmarks.measurements.board", 1)]
     paper = pages.of_several(table)["comparison-board"]
     assert "412 to 451 MB" in paper, "the paper's 393 to 430 MiB"
     assert "Argosy" not in paper, "nothing was measured yet"

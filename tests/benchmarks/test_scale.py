@@ -6,9 +6,9 @@ import dataclasses
 
 import pytest
 
-from benchmarks import scale
-from benchmarks.fleet import Run, Use
 from benchmarks.health import Records, errors, gaps, grown, late
+from benchmarks.measurements import scale
+from benchmarks.measurements.fleet import Run, Use
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
 from schemas.wire import keys

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import results
-from benchmarks.peers import Size
-from benchmarks.results import ROOT
-from benchmarks.sizes import (
+from benchmarks.measurements.sizes import (
     AGENTSPEAK,
     MISSIONS,
     PYTHON,
@@ -23,6 +21,8 @@ from benchmarks.sizes import (
     goals,
     measure,
 )
+from benchmarks.peers import Size
+from benchmarks.results import ROOT
 from schemas.mission.model import load_mission
 
 

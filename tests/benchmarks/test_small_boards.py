@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import results, small_boards
-from benchmarks.control_groups import ControlGroup, Limits, Usage, limited
+from benchmarks import results
+from benchmarks.measurements import small_boards
+from benchmarks.measurements.control_groups import ControlGroup, Limits, Usage, limited
+from benchmarks.measurements.small_boards import BEAGLEBONE, BOARDS, FORMS, PI_3, Figures, Flown
 from benchmarks.peers import PI_MB
-from benchmarks.small_boards import BEAGLEBONE, BOARDS, FORMS, PI_3, Figures, Flown
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; print('eaten')"

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from benchmarks.measurements.vehicles import RATES, Talker
 from benchmarks.results import ROOT
-from benchmarks.vehicles import RATES, Talker
 
 
 def test_a_talker_tells_as_much_that_is_new_as_a_copter_in_a_recorded_flight() -> None:

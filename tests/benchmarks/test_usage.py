@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from argosy.processes.simulators import servo_log
-from benchmarks import results, usage
+from benchmarks import results
 from benchmarks.flights import RESCUE, SINGLE, Flight, setup_in
+from benchmarks.measurements import usage
+from benchmarks.measurements.usage import AGENT, ALL, BOARD, Figures, Sampled, goals
+from benchmarks.measurements.usage import usage as usage_of
 from benchmarks.processes import BenchmarkFailed, Sample, Sampler
-from benchmarks.usage import AGENT, ALL, BOARD, Figures, Sampled, goals
-from benchmarks.usage import usage as usage_of
 
 SPEED = 10.0
 

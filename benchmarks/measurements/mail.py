@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final, TypeVar
 
-from benchmarks.boards import PROBE, Member, Synchronous, boards, fsync, member, until
+from benchmarks.measurements.boards import PROBE, Member, Synchronous, boards, fsync, member, until
 from benchmarks.parts import Goal, line_of_goals, table, tell
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin

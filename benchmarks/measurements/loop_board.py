@@ -3,9 +3,9 @@
 The robot speaks on Zenoh keys (driver `zenoh`), so that no physics of a vehicle is in the way: it puts `ping`, its
 agent answers each `+ping(N)` by the actions `pong(N)` and, when that has succeeded, `seen(N)`.
 
-`python -m benchmarks.loop_board ENDPOINT SIZE` is the other side of bare exchanges through the same router, which tell
-what those of the loop cost at least: it puts back what is put to it, and answers what it is asked. It has a session,
-two callbacks and nothing else: no asyncio, no records, no checks.
+`python -m benchmarks.measurements.loop_board ENDPOINT SIZE` is the other side of bare exchanges through the same
+router, which tell what those of the loop cost at least: it puts back what is put to it, and answers what it is asked.
+It has a session, two callbacks and nothing else: no asyncio, no records, no checks.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ class Raw:
 @contextmanager
 def raw(endpoint: str, session: zenoh.Session, sizes: Sizes) -> Iterator[Raw]:
     """Run the other side while the block lasts."""
-    with watched("raw", "-m", "benchmarks.loop_board", endpoint, str(sizes.status)) as other:
+    with watched("raw", "-m", "benchmarks.measurements.loop_board", endpoint, str(sizes.status)) as other:
         other.says("ready")
         made = Raw(session, sizes)
         guard = threading.Timer(LONGEST, session.close)  # what is waited for then does not come any more

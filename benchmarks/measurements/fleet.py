@@ -18,10 +18,10 @@ import msgspec
 from argosy.processes.process_table import Setup, places, plan
 from benchmarks import health
 from benchmarks.health import DAEMONS
+from benchmarks.measurements.vehicles import POSITIONS, Told
 from benchmarks.processes import BenchmarkFailed, Watched, memory, pss, until, watched
 from benchmarks.results import busy_seconds
 from benchmarks.spread import NOTHING, Spread, spread
-from benchmarks.vehicles import POSITIONS, Told
 from schemas.mission.model import load_mission
 from tests.support.ports import free_port
 
@@ -204,7 +204,7 @@ def _started(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, lis
         if kind == "commd":
             parts[kind][-1].says("router board=")
     where = [f"{robot.sysid}:{port}" for robot, port in zip(mission.robots.values(), made.ports, strict=True)]
-    talkers = ("-m", "benchmarks.vehicles", str(made.every), *where)
+    talkers = ("-m", "benchmarks.measurements.vehicles", str(made.every), *where)
     parts["talkers"].append(stack.enter_context(watched("talkers", *talkers)))
     return dict(parts), begun
 

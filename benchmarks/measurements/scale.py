@@ -1,9 +1,9 @@
 """Part `scale`: 1 to 100 vehicles with their agents on one router: what they cost, how late, what is missed.
 
-Vehicles that only talk (`benchmarks.vehicles`) send what copters send that fly a circle and cost next to nothing, so
-that the measurement is the product's and not its vehicles'. Daemons are started as the product starts them: one commd,
-one bridged for all vehicles of a link, one agentd for all agents of a board; in a second row each vehicle has a link,
-and so a bridged, of its own.
+Vehicles that only talk (`vehicles`) send what copters send that fly a circle and cost next to nothing, so that the
+measurement is the product's and not its vehicles'. Daemons are started as the product starts them: one commd, one
+bridged for all vehicles of a link, one agentd for all agents of a board; in a second row each vehicle has a link, and
+so a bridged, of its own.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Any, Final
 
 from benchmarks import plots
 from benchmarks import spread as fits
-from benchmarks.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
 from benchmarks.health import DAEMONS
+from benchmarks.measurements.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
+from benchmarks.measurements.vehicles import POSITIONS, RATES
 from benchmarks.parts import Goal, table, tell
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
-from benchmarks.vehicles import POSITIONS, RATES
 
 SIZES: Final = (1, 10, 25, 50, 100)
 APART: Final = (10, 50)

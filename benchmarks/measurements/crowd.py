@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import spread as fits
-from benchmarks.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
+from benchmarks.measurements.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
 from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin

@@ -1,7 +1,7 @@
 """Part `trial`: how fast `argosy trial` flies missions in virtual time, what a run takes, and where the time goes.
 
 Runs without faults, one at a time, each in its own process as in any trial. The profile is of one further run of each
-mission, in a process of its own: `python -m benchmarks.trial MISSION` prints the CPU seconds of each package as JSON.
+mission, in a process of its own: `python -m benchmarks.measurements.trial MISSION` prints CPU seconds by package.
 The fleet is flown once, and not profiled.
 """
 
@@ -137,7 +137,7 @@ def _flown(quick: bool, folder: Path) -> list[Flown]:
 
 
 def _profiled(path: str) -> dict[str, float]:
-    command = [sys.executable, "-m", "benchmarks.trial", path]
+    command = [sys.executable, "-m", "benchmarks.measurements.trial", path]
     environment = os.environ | {"PYTHONHASHSEED": "0"}
     done = subprocess.run(
         command, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=_PATIENCE, check=False

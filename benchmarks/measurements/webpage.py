@@ -16,10 +16,10 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
+from benchmarks.measurements.viewers import crowd_of, router
 from benchmarks.parts import table, tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import Origin
-from benchmarks.viewers import crowd_of, router
 from tests.support.processes import Daemon, running
 
 SECONDS: Final = 8.0

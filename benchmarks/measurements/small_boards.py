@@ -18,9 +18,9 @@ from typing import Final
 
 from argosy.processes.process_table import plan
 from benchmarks import peers
-from benchmarks.control_groups import ControlGroup, Limits, limited
 from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
 from benchmarks.health import listening
+from benchmarks.measurements.control_groups import ControlGroup, Limits, limited
 from benchmarks.parts import Goal, table, tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone
 from benchmarks.results import Origin, busy_seconds

@@ -11,13 +11,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Final
 
-from benchmarks.fleet import run
+from benchmarks.measurements.fleet import run
+from benchmarks.measurements.vehicles import POSITIONS, RATES
 from benchmarks.parts import Goal, line_of_goals, table
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare
 from benchmarks.spread import Spread
-from benchmarks.vehicles import POSITIONS, RATES
 from tests.support.ports import free_port
 
 SECONDS: Final = 45.0

@@ -19,7 +19,7 @@ from typing import Final
 import msgspec
 
 from benchmarks.health import DAEMONS, Records, grown, listening
-from benchmarks.loop_board import Board, Sizes, board, payload, raw
+from benchmarks.measurements.loop_board import Board, Sizes, board, payload, raw
 from benchmarks.parts import Goal, table
 from benchmarks.processes import BenchmarkFailed, until
 from benchmarks.results import Origin

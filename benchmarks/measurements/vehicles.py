@@ -1,7 +1,7 @@
 """Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
 
-`python -m benchmarks.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints what was
-sent (`Told`) of each EVERYth metre.
+`python -m benchmarks.measurements.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints
+what was sent (`Told`) of each EVERYth metre.
 
 They fly a circle: place, velocity and heading change from one position to the next as in a flight that was recorded
 (`tests/data`), so that a bridge has as much to tell of them. They also climb a metre with each position, which copters
