@@ -382,7 +382,7 @@ def test_members_that_the_model_has_forgotten_are_counted_in_the_overview() -> N
 @shown(flying)
 async def test_the_help_tells_the_keys(app: WatchApp, pilot: Pilot[None]) -> None:
     await press(app, pilot, "question_mark")
-    await until(app, pilot, "orders nothing")
+    await until(app, pilot, "gives orders")
     await press(app, pilot, "escape")
     await until(app, pilot, "TIMELINE")
 
