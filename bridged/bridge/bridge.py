@@ -20,7 +20,7 @@ from bridged.bridge.safety_orders import SafetyOrders
 from bridged.drivers.api import Setup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
-from commd.common.tasks import wait_at_most
+from commd.common.tasks import in_step, wait_at_most
 from commd.process.systemd import Loop
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import FUNCTOR
@@ -170,8 +170,12 @@ class Bridge:
         held_back = self._clock.to_wall(self.percepts.tick())
         self.action_server.step()
         if self.action_server.running:
-            return self._tick
-        return max(self._tick, min(held_back, TICKS_ACTIVE * self._tick if self.driver.active else TICK_IDLE))
+            pause = self._tick
+        else:
+            period = TICKS_ACTIVE * self._tick if self.driver.active else TICK_IDLE
+            pause = max(self._tick, min(held_back, in_step(self._clock.wall(), period, self._tick)))
+        self.percepts.next_tick = self._clock.now() + pause * self._clock.speed
+        return pause
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""

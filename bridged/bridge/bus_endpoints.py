@@ -49,6 +49,7 @@ class Service:
         self._agents, self._inject = tuple(agents), inject
         self._percepts = {agent: bus.publisher(keys.percepts(bus.fleet, agent), Perceptions) for agent in self._agents}
         self._by_name = {agent: bus.raw.publisher(keys.percept(bus.fleet, agent, "*")) for agent in self._agents}
+        self._statuses = {agent: bus.raw.publisher(keys.status(bus.fleet, agent, "*")) for agent in self._agents}
         self._stops = 0
         """Orders that have arrived and are not begun."""
 
@@ -60,9 +61,10 @@ class Service:
                 self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
-        """Put a status for observers, after the agent's own answer has been sent."""
-        key = keys.status(self._bus.fleet, agent, status.name)
-        asyncio.get_running_loop().call_soon(self._bus.put, key, status)
+        """Put a status for observers, if there are any, after the agent's own answer has been sent."""
+        if self._statuses[agent].matching:
+            key = keys.status(self._bus.fleet, agent, status.name)
+            asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
     def open(self, bridge: Bridge) -> None:
         """Begin to serve. Orders and manifest changes are served as actions are, in the order of arrival: an

@@ -76,13 +76,15 @@ class PerceptPublisher:
         clock: Clock,
         wake: asyncio.Event | None = None,
     ) -> None:
-        """`wake` is set when a change is held back, or may be for less long: a tick may be due earlier then."""
+        """`wake` is set when a tick is due before `next_tick`: a change is held back, or may be for less long."""
         self.expired = 0
         """Beliefs removed so far because their source fell silent."""
         self.dropped = 0
         """Beliefs removed so far because there were too many."""
         self.unreadable = 0
         """Readings so far that lacked a field which the manifest names, or had one of which no term can be made."""
+        self.next_tick = math.inf
+        """When `tick` is called at the latest, in mission seconds; its caller may set it."""
         self.sets = {agent: PerceptSet() for agent in agents}
         self._publish = publish
         self._robot, self._boot, self._clock, self._wake = robot, boot, clock, wake or asyncio.Event()
@@ -222,9 +224,10 @@ class PerceptPublisher:
         elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
             self._publish_slot(slot, parameters, now)
         else:
-            if slot.waiting is None:
-                self._wake.set()
             slot.waiting = parameters
+            if slot.due < self.next_tick:
+                self.next_tick = slot.due
+                self._wake.set()
 
     def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
         period = _period(slot.entry)

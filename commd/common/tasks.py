@@ -48,6 +48,15 @@ class Tasks:
             asyncio.get_running_loop().call_exception_handler(context)
 
 
+def in_step(now: float, period: float, least: float = 0.0) -> float:
+    """Return the seconds from `now` to a multiple of `period`, `least` at least.
+
+    Tasks that wait so for one period wake together: a wake-up of the process costs more than their work.
+    """
+    left = period - now % period
+    return left if left >= least else left + period
+
+
 async def wait_at_most(event: asyncio.Event, seconds: float | None) -> None:
     """Wait for an event, at most `seconds` (wall; None = for ever)."""
     with suppress(TimeoutError):

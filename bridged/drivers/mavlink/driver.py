@@ -19,7 +19,7 @@ from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links, Sh
 from bridged.drivers.mavlink.transport.signing import read_key
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
 from bridged.drivers.mavlink.vehicle.streams import unread
-from commd.common.tasks import wait_at_most
+from commd.common.tasks import in_step, wait_at_most
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
@@ -87,6 +87,7 @@ class MavlinkDriver(VehicleSession):
                 except Exception as error:  # a defect must not take the link down, and with it the way home
                     loop.call_exception_handler({"message": "looking at the vehicle", "exception": error})
                 pause = min(TICK, 1 / (TICKS * self.clock.speed)) if self.streams.at_work else TICK_IDLE
+                pause = in_step(loop.time(), pause)
                 due = loop.time() + pause
                 self.asked.clear()
                 await wait_at_most(self.asked, pause)

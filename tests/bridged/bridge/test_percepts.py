@@ -264,6 +264,16 @@ def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_ag
     assert board.taken() == [("remove", "altitude", (5.0,))], "it ages from when it was heard before the change"
 
 
+def test_a_change_that_is_held_back_wakes_the_bridge_only_if_it_is_due_before_the_next_tick(board: Board) -> None:
+    board.hear("POSITION", alt=5000)
+    board.percepts.next_tick = board.clock.now() + 0.05
+    board.hear("POSITION", alt=6000)
+    assert not board.wake.is_set(), "it is due in 0.1 s"
+    board.percepts.next_tick = board.clock.now() + 0.25
+    board.hear("POSITION", alt=7000)
+    assert board.wake.is_set()
+
+
 def test_what_another_manifest_holds_back_for_less_long_wakes_the_bridge(board: Board) -> None:
     board.hear("POSITION", alt=0)
     board.hear("POSITION", alt=100)

@@ -155,6 +155,13 @@ ROOM_EACH, ROOM_STEP = 10 * 1024, 16
 requests. The bytes are about those that a vehicle sends in a second: more would be old when read. The default buffer
 serves the first addresses. The system may give less (Linux: net.core.rmem_max)."""
 
+BURST = 32
+"""Datagrams that are read in one pass of the event loop at most: what has arrived together costs one wake-up, and other
+work on the loop has its turn after some milliseconds."""
+
+MAX_DATAGRAM = 65_536
+"""Bytes."""
+
 MAX_REMEMBERED = 1024
 """Addresses that a socket remembers before it forgets those that the link has forgotten."""
 
@@ -175,18 +182,35 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._link = link
         self._listens = link.address.kind == "udpin"
         self._transport: asyncio.DatagramTransport | None = None
+        self._socket: socket.socket | None = None
+        """The transport's: it reads one datagram in a pass of the event loop."""
         self._queued: Callable[[], int] = lambda: 0
         self._peers: set[object] = set()
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
         self._transport = transport
+        self._socket = transport.get_extra_info("socket").dup()
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
         if not self._listens:
             # The socket is connected: the kernel passes only what comes from there.
             self._add_peer("remote", str(self._link.address), None)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        self._received(data, addr)
+        for _ in range(BURST - 1):
+            if self._socket is None:
+                return
+            try:
+                data, addr = self._socket.recvfrom(MAX_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self.error_received(error)
+                return
+            self._received(data, addr)
+
+    def _received(self, data: bytes, addr: tuple[str, int]) -> None:
         key: object = addr if self._listens else "remote"
         peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
         self._link.received(peer, data, datagram=True)
@@ -204,6 +228,9 @@ class UdpSocket(asyncio.DatagramProtocol):
         if self._transport is not None:
             self._transport.abort()
             self._transport = None
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
             for key in self._peers:
                 self._link.drop_peer(key)
 
