@@ -35,12 +35,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="folder whose FLEET/AGENT has checkpoints and files of .save_agent (default: the user's state folder)",
+        help="folder whose FLEET has the checkpoint and the files of .save_agent (default: the user's state folder)",
     )
     parser.add_argument(
         "--fresh",
         action="store_true",
-        help="delete the checkpoints of these agents, so that they start with their initial goals",
+        help="delete the state of these agents, so that they start with their initial goals",
     )
     parser.add_argument("--seed", type=int, default=0, help="integer that random numbers start from (default 0)")
     parser.add_argument(

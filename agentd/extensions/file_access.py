@@ -11,8 +11,8 @@ from pathlib import Path
 
 from commd.process.state_dir import make_private_file, make_private_folder, state_directory
 
-KEPT = "mind.sqlite"
-"""What the names of an agent's checkpoint and of what belongs to it begin with, in the same folder."""
+KEPT = "kept_in"
+"""In the agent's folder: the name of the checkpoint that has its state."""
 MOST_SAVED = 16 * 2**20
 """Bytes of program text that ``.save_agent`` writes at most."""
 
@@ -63,7 +63,7 @@ class AgentFiles:
         target = (folder / path).resolve()
         if not target.is_relative_to(folder) or target == folder:
             raise NotAllowed(f"{path} is outside of {folder}, where agents save")
-        if target.name.startswith(KEPT):
+        if target.name == KEPT:
             raise NotAllowed(f"{path} is where the agent itself is kept")
         make_private_folder(target.parent)
         beginning = target.with_name(f".{target.name}.{os.getpid()}")

@@ -16,8 +16,10 @@ from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Literal, atom
+from agentd.mail.neighbours import MOST, MOST_BYTES, NearMessage, Neighbours, is_small
 from agentd.mail.outbox import Outbox
 from agentd.mind import Mind
+from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.data.effects import SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
@@ -60,24 +62,74 @@ class AgentInbox(ReceiveOnce):
         missing: Callable[[str, int], None],
     ) -> None:
         """The callables are those of `ReceiveOnce`."""
-        self._waiting: deque[tuple[Numbered, int]] = deque()
+        self.near = 0
+        """Messages of other agents of the daemon that wait, or are about to."""
+        self._waiting: deque[tuple[Numbered, int, NearMessage | None]] = deque()
         """The messages in the mind's mailbox, in its order; number 0: one without a number."""
         self._absorbed: dict[Numbered, int] = {}
         """The last numbers that the mind has taken and that no save holds."""
+        self._passed: dict[Numbered, int] = {}
+        """The same for messages that were not from `commd`, in numberings that `commd` has also brought mail of."""
+        self._by_commd: set[Numbered] = set()
+        """Those numberings."""
+        self._unstored: list[NearMessage] = []
+        """Messages of other agents of the daemon that no commit has seen."""
+        self._taken: list[int] = []
+        """Rows of those that the mind has taken."""
+        self._rows = 0
+        """The last row."""
         super().__init__(bus, agent, read, room, lambda: PATIENCE, missing)
 
+    def restore(self, done: Mapping[Numbered, int]) -> None:
+        super().restore(done)
+        self._by_commd |= done.keys()
+
     def _handed_over(self, whose: Numbered, seq: int) -> None:
-        self._waiting.append((whose, seq))
+        self._waiting.append((whose, seq, None))
 
     def unnumbered(self) -> None:
-        """Note that a message which is not from `commd` was put into the mind's mailbox."""
-        self._waiting.append((_NOBODY, 0))
+        """Note that a message which is not from an agent was put into the mind's mailbox."""
+        self._waiting.append((_NOBODY, 0, None))
+
+    def is_next(self, whose: Numbered, seq: int) -> bool:
+        """Whether a message is the next of its numbering, and those before are on disk or came by this process."""
+        return self._of(whose).done == seq - 1
+
+    def expect(self, message: NearMessage) -> None:
+        """Note that the next message of a numbering will be handed over by its sender."""
+        progress = self._of(message.whose)
+        progress.arrived = progress.handed = progress.done = message.seq
+        self.near += 1
+
+    def take(self, message: NearMessage) -> None:
+        """Note that an expected message was put into the mind's mailbox."""
+        self._waiting.append((message.whose, message.seq, message))
+        self._unstored.append(message)
+        self.counters["received"] += 1
+
+    def take_again(self, message: NearMessage, refused: bool) -> None:
+        """The same for a message that a former life has left in its row; `refused`: the mind does not get it."""
+        self.expect(message)
+        self._rows = message.number
+        self._waiting.append((message.whose, message.seq, message))
+        if refused:
+            self._waiting.pop()
+            self.near -= 1
+            self._taken.append(message.number)
 
     def absorb(self, left: int) -> bool:
         """Note that the mind has `left` messages in its mailbox. Return whether `commd` waits for a save."""
-        while len(self._waiting) > left:
-            whose, seq = self._waiting.popleft()
-            if seq:
+        waiting = self._waiting
+        while len(waiting) > left:
+            whose, seq, message = waiting.popleft()
+            if message is not None:
+                message.taken = True
+                self.near -= 1
+                if message.number:
+                    self._taken.append(message.number)
+                if whose in self._by_commd:
+                    self._passed[whose] = seq
+            elif seq:
                 self._absorbed[whose] = seq
         return bool(self._absorbed)
 
@@ -85,7 +137,7 @@ class AgentInbox(ReceiveOnce):
         """Return the last message that a mind with `left` messages has taken and that no save holds."""
         place = len(self._waiting) - left - 1
         if place >= 0 and self._waiting[place][1]:
-            whose, seq = self._waiting[place]
+            whose, seq, _ = self._waiting[place]
         elif self._absorbed:
             whose, seq = next(reversed(self._absorbed.items()))
         else:
@@ -95,7 +147,33 @@ class AgentInbox(ReceiveOnce):
     def take_absorbed(self) -> dict[Numbered, int]:
         """Return the numbers for a save that begins now; `saved` is to be called when it is on disk."""
         found, self._absorbed = self._absorbed, {}
+        self._by_commd |= found.keys()
         return found
+
+    def captured(self) -> tuple[dict[Numbered, int], list[int]]:
+        """Note that the mind is captured as it is.
+
+        Return the last numbers that it has taken of messages which were not from `commd`, where they must be known,
+        and the rows of those that had one.
+        """
+        passed, self._passed = self._passed, {}
+        taken, self._taken = self._taken, []
+        self._unstored = [message for message in self._unstored if not message.taken]
+        return passed, taken
+
+    def store(self) -> list[NearMessage]:
+        """Give rows to the messages of other agents of the daemon that the mind, as it was captured, has not taken."""
+        new, self._unstored = self._unstored, []
+        for message in new:
+            self._rows += 1
+            message.number = self._rows
+            if message.taken:
+                self._taken.append(message.number)
+        return new
+
+    def left(self) -> list[NearMessage]:
+        """Return the messages of other agents of the daemon that the mind has not taken."""
+        return [message for _, _, message in self._waiting if message is not None]
 
     def saved(self, numbers: Mapping[Numbered, int]) -> None:
         """Let `commd` have the receipts: the effects of the messages up to these numbers are on disk."""
@@ -119,8 +197,14 @@ class MailClient:
         directory: AgentDirectory,
         rights: MailRights | None,
         tracing: Tracing,
+        neighbours: Neighbours,
     ) -> None:
         """`life` is the end of the ids of this life's messages; `rights` say whose mail is accepted, None: all."""
+        self.held: list[tuple[MailClient, NearMessage]] = []
+        """Messages to agents of this daemon that wait until the mind rests."""
+        self.given: Callable[[], None] = lambda: None
+        """Called when another agent of the daemon has given it mail."""
+        self._bus, self._neighbours = bus, neighbours
         self._mind, self._agent = runner.mind, runner.mind.name
         self._life, self._runner, self._directory = life, runner, directory
         self._rights, self._tracing = rights, tracing
@@ -129,27 +213,137 @@ class MailClient:
         self.poison: PoisonInputs | None = None
         """Knows the messages that are not to be taken."""
         self._bad: Counter[str] = Counter()
+        self._near: Counter[str] = Counter()
+        self._refused: list[tuple[Message, Refusal]] = []
+        """Restored messages that are not accepted."""
+        self._own = Numbered(self._agent, self.outbox.numbering)
+        self._accepted: dict[tuple[str, str], bool] = {}
+        """Whose mail of which performatives is accepted, as far as it was asked."""
+        neighbours.join(self._agent, self)
 
     @property
     def counters(self) -> Counter[str]:
         """What became of messages so far."""
-        return self.outbox.counters + self.inbox.counters + self._bad
+        return self.outbox.counters + self.inbox.counters + self._bad + self._near
 
     def send(self, mail: SendMail) -> None:
-        """Put a message or broadcast into the outbox; it leaves when it is on disk. Raises Failed for its plan."""
+        """Send a message or broadcast when it is on disk, or the mind rests. Raises Failed for its plan."""
         if mail.receiver is not None:
             receivers = [mail.receiver]
         else:  # a broadcast: to all that are known, online or not, but oneself
             receivers = [name for name in self._directory.names if name != self._agent]
+        identity = f"{mail.msg_id}.{self._life}"
+        far: list[str] = []
+        near: list[tuple[MailClient, NearMessage]] = []
         try:
-            content = to_wire(mail.content)
-            self.outbox.post(receivers, mail.performative, content, f"{mail.msg_id}.{self._life}", mail.in_reply_to)
+            for receiver in receivers:
+                other = self._neighbours.find(receiver)
+                message = None if other is None else self._near_message(other, receiver, mail, identity)
+                if other is None or message is None:
+                    far.append(receiver)
+                else:
+                    near.append((other, message))
+            if far:
+                self.outbox.post(far, mail.performative, to_wire(mail.content), identity, mail.in_reply_to)
         except (BadTerm, Unsendable) as bad:
             error = bad.reason.code if isinstance(bad, Unsendable) else "not_sendable"
             failed = Failed(error, f"the message cannot be sent: {bad}")
             self._tracing.refused(mail, failed)
             raise failed from None
+        for other, message in near:
+            other.inbox.expect(message)
+            self.outbox.numbers[message.receiver] = message.seq
+        self.held += near
         self._tracing.sent(mail, receivers)
+
+    # --- to and from agents of the same daemon ---
+
+    def _near_message(self, other: MailClient, receiver: str, mail: SendMail, identity: str) -> NearMessage | None:
+        """Return a message to an agent of this daemon; None if it has to go by `commd`.
+
+        Raises BadTerm and Unsendable.
+        """
+        answered = mail.in_reply_to
+        if answered:
+            answered = answered.removesuffix(f".{other._life}")
+        seq = self.outbox.numbers[receiver] + 1
+        if not (other.inbox.is_next(self._own, seq) and other._may_take(self._agent, mail.performative, answered)):
+            return None
+        small = is_small(mail.content)
+        content = detached(mail.content) if small else from_wire(to_wire(mail.content))
+        given = Mail(self._agent, mail.performative, content, identity, answered)
+        message = NearMessage(given, receiver, mail.in_reply_to, self._own, seq)
+        if small or len(message.encoded(self._bus.wire, self._bus.stamp())) <= MOST_BYTES:
+            return message
+        return None
+
+    def _may_take(self, sender: str, performative: str, answered: str) -> bool:
+        """Whether a message of another agent of this daemon can be taken as it is."""
+        if self.inbox.near >= MOST or (self.poison is not None and self.poison.is_watchful):
+            return False
+        if self._rights is None or is_answer(answered):
+            return True
+        accepted = self._accepted.get((sender, performative))
+        if accepted is None:
+            accepted = self._accepted[sender, performative] = self._rights.accepts(sender, performative)
+        return accepted
+
+    def release(self) -> bool:
+        """Give the held messages to their receivers. Return whether there were any."""
+        if not self.held:
+            return False
+        held, self.held = self.held, []
+        for other, message in held:
+            if self._neighbours.find(message.receiver) is other:
+                other._runner.feed(message.mail)
+                other.inbox.take(message)
+                other.given()
+            else:  # it has left
+                self.outbox.put(message.encoded(self._bus.wire, self._bus.stamp()), message.receiver, message.seq)
+        self._near["near"] += len(held)
+        return True
+
+    def rows(self) -> list[tuple[int, bytes]]:
+        """Return the new rows of messages that the mind, as it was captured last, has not taken."""
+        wire, stamp = self._bus.wire, self._bus.stamp()
+        return [(message.number, message.encoded(wire, stamp)) for message in self.inbox.store()]
+
+    def restore(self, number: int, message: Message) -> None:
+        """Give the mind a message that a former life has left in its row."""
+        kept = Mail(message.sender, message.performative, message.content, message.id)
+        whose = Numbered(message.sender, message.header.boot)
+        near = NearMessage(kept, self._agent, message.in_reply_to, whose, message.header.seq)
+        near.number = number
+        try:
+            hand_over = self._read(message)
+        except MessageRefused as bad:
+            self._refused.append((message, bad.reason))
+            self.inbox.take_again(near, refused=True)
+        else:
+            hand_over()
+            self.inbox.take_again(near, refused=False)
+
+    def return_refused(self) -> None:
+        """Notify senders of restored messages that are not accepted."""
+        for message, why in self._refused:
+            self._return(message, why)
+        self._refused.clear()
+
+    def leave(self) -> None:
+        """Take no mail any more; what the mind has not taken comes again in the next life."""
+        self.inbox.withdraw()
+        self._neighbours.leave(self._agent)
+
+    def return_left(self) -> None:
+        """Notify the senders in this daemon of what the mind has not taken: there is no next life."""
+        for message in self.inbox.left():
+            self._return(message.message(self._bus.stamp()), Refusal(code="receiver_left"))
+
+    def _return(self, message: Message, why: Refusal) -> None:
+        log.warning("mail_refused id=%s receiver=%s why=%s", message.id, message.receiver, why)
+        sender = self._neighbours.find(message.sender)
+        if sender is not None:
+            sender._undelivered(message, why)
 
     def tell(self, mail: Mail) -> None:
         """Give the mind a message that is not from `commd`."""
@@ -167,13 +361,6 @@ class MailClient:
     def absorbed(self) -> bool:
         """Note what the mind has taken. Return whether `commd` waits for a save."""
         return self.inbox.absorb(len(self._mind.mailbox))
-
-    def pass_unsaved(self) -> None:
-        """Do without a checkpoint: let sent messages leave, and give receipts for those that the mind has taken."""
-        self.absorbed()
-        self.inbox.saved(self.inbox.take_absorbed())
-        self.outbox.saved(self.outbox.take_unsaved())
-        self.outbox.take_gone()
 
     def _room(self) -> bool:
         return len(self._mind.mailbox) < INPUTS

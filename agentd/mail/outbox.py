@@ -109,6 +109,12 @@ class Outbox:
         self.unsaved += new
         self._count(new)
 
+    def put(self, message: bytes, receiver: str, seq: int) -> None:
+        """Accept a message that has its number already, and is encoded."""
+        new = [Outgoing(self._number + 1, receiver, seq, message)]
+        self.unsaved += new
+        self._count(new)
+
     def _count(self, new: Sequence[Outgoing]) -> None:
         for one in new:
             self._room[one.receiver] += 1

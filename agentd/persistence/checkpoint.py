@@ -1,15 +1,15 @@
-"""Keep an agent on disk: its mind, its mail and its actions, written together in one transaction.
+"""Keep the agents of a daemon on disk: their minds, mail and actions, written together in one transaction.
 
-One SQLite database per agent. Everything here blocks: `Checkpoint.save` is for a writer thread. The next life of an
-agent reads exactly what the last one had saved. A corrupt file is renamed and a new one is made; a file of a newer
-version, of another agent or in use by another process is refused.
+One SQLite database per daemon; each table has the agent as its first column. Everything here blocks: `Checkpoint.save`
+is for a writer thread. The next life of an agent reads exactly what the last one had saved. A corrupt file is renamed
+and a new one is made; a file of a newer version or in use by another process is refused.
 """
 
 from __future__ import annotations
 
 import sqlite3
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,40 +25,67 @@ NUMBERINGS: Final = 1_000
 """Numberings of one sender whose last number is kept; older ones are those of lives that are long over."""
 DAMAGED: Final = "state_damaged"
 """Code of the notes about missing parts of a file."""
-CACHE: Final = 64
-"""Kibibytes of pages that SQLite keeps in memory for each agent."""
-STATEMENTS: Final = 24
-"""Compiled statements that SQLite keeps for each agent: more than this module has."""
+CACHE: Final = 1024
+"""Kibibytes of pages that SQLite keeps in memory."""
+STATEMENTS: Final = 64
+"""Compiled statements that SQLite keeps: more than this module has."""
 LOCK_PATIENCE: Final = 3.0
 """Wall seconds to wait for a file that another process has open: that process may be about to end."""
 APPLICATION: Final = 0x4172_676F
 """SQLite's application id of a checkpoint of Argosy."""
 PAGE: Final = 1024
-"""Bytes of a page: the cost of a small change on disk, and of each open file in memory."""
-LOG_PAGES: Final = 1024
+"""Bytes of a page: the cost of a small change on disk."""
+LOG_PAGES: Final = 4096
 """Pages in the write-ahead log before they are moved into the database."""
 MIGRATIONS: Final = (
     """
-    CREATE TABLE belief (rank INTEGER PRIMARY KEY, entry BLOB NOT NULL);
-    CREATE TABLE predicate (number INTEGER PRIMARY KEY, signature BLOB NOT NULL);
-    CREATE TABLE plan (rank INTEGER PRIMARY KEY, entry BLOB NOT NULL);
-    CREATE TABLE pending (
-        queued INTEGER, number INTEGER, origin INTEGER NOT NULL, event BLOB NOT NULL, PRIMARY KEY (queued, number)
+    CREATE TABLE agent (
+        number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, numbering TEXT NOT NULL DEFAULT '',
+        lives INTEGER NOT NULL DEFAULT 0, program BLOB NOT NULL DEFAULT x''
+    );
+    CREATE TABLE belief (agent INTEGER, rank INTEGER, entry BLOB NOT NULL, PRIMARY KEY (agent, rank)) WITHOUT ROWID;
+    CREATE TABLE predicate (
+        agent INTEGER, number INTEGER, signature BLOB NOT NULL, PRIMARY KEY (agent, number)
     ) WITHOUT ROWID;
-    CREATE TABLE value (name TEXT PRIMARY KEY, value BLOB NOT NULL) WITHOUT ROWID;
-    CREATE TABLE agent (name TEXT PRIMARY KEY, value NOT NULL) WITHOUT ROWID;
-    CREATE TABLE extra (name TEXT PRIMARY KEY, value BLOB NOT NULL) WITHOUT ROWID;
+    CREATE TABLE plan (agent INTEGER, rank INTEGER, entry BLOB NOT NULL, PRIMARY KEY (agent, rank)) WITHOUT ROWID;
+    CREATE TABLE pending (
+        agent INTEGER, queued INTEGER, number INTEGER, origin INTEGER NOT NULL, event BLOB NOT NULL,
+        PRIMARY KEY (agent, queued, number)
+    ) WITHOUT ROWID;
+    CREATE TABLE value (agent INTEGER, name TEXT, value BLOB NOT NULL, PRIMARY KEY (agent, name)) WITHOUT ROWID;
     CREATE TABLE absorbed (
-        sender TEXT, numbering TEXT, seq INTEGER NOT NULL, used INTEGER NOT NULL, PRIMARY KEY (sender, numbering)
+        agent INTEGER, sender TEXT, numbering TEXT, seq INTEGER NOT NULL, used INTEGER NOT NULL,
+        PRIMARY KEY (agent, sender, numbering)
+    ) WITHOUT ROWID;
+    CREATE TABLE incoming (
+        agent INTEGER, number INTEGER, message BLOB NOT NULL, PRIMARY KEY (agent, number)
     ) WITHOUT ROWID;
     CREATE TABLE outgoing (
-        number INTEGER PRIMARY KEY, receiver TEXT NOT NULL, seq INTEGER NOT NULL, message BLOB NOT NULL
+        agent INTEGER, number INTEGER, receiver TEXT NOT NULL, seq INTEGER NOT NULL, message BLOB NOT NULL,
+        PRIMARY KEY (agent, number)
+    ) WITHOUT ROWID;
+    CREATE TABLE receiver (
+        agent INTEGER, name TEXT, next_seq INTEGER NOT NULL, PRIMARY KEY (agent, name)
+    ) WITHOUT ROWID;
+    CREATE TABLE action (
+        agent INTEGER, id TEXT, name TEXT NOT NULL, parameters BLOB NOT NULL, PRIMARY KEY (agent, id)
     );
-    CREATE TABLE receiver (name TEXT PRIMARY KEY, next_seq INTEGER NOT NULL) WITHOUT ROWID;
-    CREATE TABLE action (id TEXT PRIMARY KEY, name TEXT NOT NULL, parameters BLOB NOT NULL);
     """,
 )
 """The scripts that bring a database from version N to N + 1; the first one begins with an empty file."""
+TABLES: Final = (
+    "belief",
+    "predicate",
+    "plan",
+    "pending",
+    "value",
+    "absorbed",
+    "incoming",
+    "outgoing",
+    "receiver",
+    "action",
+)
+"""Those that have rows of each agent."""
 
 Synchronous = Literal["FULL", "NORMAL"]
 _ENDINGS: Final = ("", "-wal", "-shm", ENDING)
@@ -87,62 +114,94 @@ class ActionInFlight(NamedTuple):
 
 @dataclass(slots=True)
 class Saving:
-    """The changes of one transaction; whatever is not given stays unchanged."""
+    """The changes of one agent in a transaction; whatever is not given stays unchanged."""
 
     mind: MindChanges | None = None
     absorbed: dict[tuple[str, str], int] = field(default_factory=dict)
     """The number of the last message that the mind has taken, by sender and numbering."""
+    incoming: list[tuple[int, bytes]] = field(default_factory=list)
+    """Messages of other agents of the daemon that the mind has not taken, by their place."""
+    taken: list[int] = field(default_factory=list)
+    """Places of those that it has taken."""
     outgoing: list[Outgoing] = field(default_factory=list)
     """New messages."""
     delivered: list[int] = field(default_factory=list)
     """Numbers of the messages to remove."""
     next_seq: dict[str, int] = field(default_factory=dict)
     """The number of the next message, by receiver."""
-    numbering: str | None = None
-    """The identity of the agent's own numbering."""
     actions: dict[str, ActionInFlight] = field(default_factory=dict)
     """New actions, by id."""
     ended: list[str] = field(default_factory=list)
     """Ids of the actions to remove."""
-    lives: int | None = None
-    extra: dict[str, bytes] = field(default_factory=dict)
-    soft: bool = False
-    """Whether it must survive the end of the process only, not a power cut: nobody else has heard of what it keeps."""
+    life: LifeRow | None = None
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, name) for name in self.__slots__)
+
+
+class LifeRow(NamedTuple):
+    """What is different in each life of an agent: a row of the table, without its name."""
+
+    numbering: str
+    """The identity of its own numbering."""
+    lives: int
+    program: bytes
+    """The digest of its program."""
 
 
 @dataclass(slots=True)
 class Stored:
-    """The content of a checkpoint."""
+    """The state of one agent in a checkpoint."""
 
-    mind: StoredMind
-    absorbed: dict[tuple[str, str], int]
-    outgoing: tuple[Outgoing, ...]
-    next_seq: dict[str, int]
-    numbering: str
-    actions: dict[str, ActionInFlight]
-    lives: int
-    extra: dict[str, bytes]
+    life: LifeRow
+    mind: StoredMind = field(default_factory=StoredMind)
+    absorbed: dict[tuple[str, str], int] = field(default_factory=dict)
+    incoming: list[tuple[int, bytes]] = field(default_factory=list)
+    outgoing: list[Outgoing] = field(default_factory=list)
+    next_seq: dict[str, int] = field(default_factory=dict)
+    actions: dict[str, ActionInFlight] = field(default_factory=dict)
+
+    def as_saving(self) -> Saving:
+        """Return the saving that makes another checkpoint hold the same."""
+        mind = self.mind
+        return Saving(
+            mind=MindChanges(
+                beliefs=mind.beliefs,
+                predicates=mind.predicates,
+                plans=mind.plans,
+                pending=mind.pending,
+                values=mind.values,
+            ),
+            absorbed=self.absorbed,
+            incoming=self.incoming,
+            outgoing=self.outgoing,
+            next_seq=self.next_seq,
+            actions=self.actions,
+            life=self.life,
+        )
 
 
 class Checkpoint:
-    """The file of one agent, made by `open`. Any thread may save; saves are serialized."""
+    """The file of a daemon, made by `open`. Any thread may save; saves are serialized."""
 
-    def __init__(self, path: Path, agent: str, synchronous: Synchronous) -> None:
+    def __init__(self, path: Path, synchronous: Synchronous) -> None:
         self.path = path
         self.notes: list[Note] = []
         """Damage of the file that was found."""
-        self._agent, self._synchronous = agent, synchronous
+        self._synchronous = synchronous
         self._sums = PageChecksums(path)
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False
-        self._marked = False
-        """Whether the row `saved` was written by this process."""
+        self._numbers: dict[str, int] = {}
+        """The numbers of the agents in the file."""
+        self._used = 0
+        """The highest number in the column of the same name."""
 
     @classmethod
-    def open(cls, path: Path, agent: str, synchronous: Synchronous = "FULL") -> Checkpoint:
-        """Open the file of an agent, or make it; a corrupt one is renamed. Raises CheckpointError."""
-        made = cls(path, agent, synchronous)
+    def open(cls, path: Path, synchronous: Synchronous = "FULL") -> Checkpoint:
+        """Open a file, or make it; a corrupt one is renamed. Raises CheckpointError."""
+        made = cls(path, synchronous)
         with _as_checkpoint_error(path, "opened"):
             make_private_folder(path.parent)
             try:
@@ -158,7 +217,7 @@ class Checkpoint:
                 if code_of(error) not in CORRUPT:
                     raise
                 aside = set_aside(path)
-                text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} starts without it"
+                text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: its agents start without it"
                 made.notes.append(Note(DAMAGED, text, "file"))
                 made._open()
         return made
@@ -166,96 +225,156 @@ class Checkpoint:
     def _open(self) -> None:
         """Open the database at the present version, or make it.
 
-        Raises CheckpointError for a database of another agent or a newer version, and sqlite3.DatabaseError for a
-        corrupt one.
+        Raises CheckpointError for a database of a newer version, and sqlite3.DatabaseError for a corrupt one.
         """
         self._sums.begin()
         try:
-            _check_and_migrate(self.path, self._agent, self._synchronous)
+            _check_and_migrate(self.path, self._synchronous)
         except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
             raise corrupt(str(error)) from None
         self._database = _connected(self.path, self._synchronous, STATEMENTS)
+        self._soft = False
         self._sums.carry_over(self._database)
+        self._look_up()
 
-    def read(self) -> Stored | None:
-        """Return the content; None if nothing was ever saved. Raises CheckpointError."""
+    def _look_up(self) -> None:
+        """Read the numbers that rows refer to."""
+        self._numbers = dict(self._rows("SELECT name, number FROM agent"))
+        ((self._used,),) = self._rows("SELECT coalesce(max(used), 0) FROM absorbed")
+
+    @property
+    def agents(self) -> frozenset[str]:
+        """The agents whose state is in the file."""
+        return frozenset(self._numbers)
+
+    def read(self) -> dict[str, Stored]:
+        """Return the state of each agent that was ever saved. Raises CheckpointError."""
         with self._lock, _as_checkpoint_error(self.path, "read"):
-            about = dict(self._rows("SELECT name, value FROM agent"))
-            if "saved" not in about:
-                return None
-            return Stored(
-                mind=StoredMind(
-                    beliefs=list(self._rows("SELECT rank, entry FROM belief ORDER BY rank")),
-                    predicates=list(self._rows("SELECT number, signature FROM predicate ORDER BY number")),
-                    plans=list(self._rows("SELECT rank, entry FROM plan ORDER BY rank")),
-                    pending=[((q, n), o, e) for q, n, o, e in self._rows("SELECT * FROM pending ORDER BY 1, 2")],
-                    values=dict(self._rows("SELECT name, value FROM value")),
-                ),
-                absorbed={(s, n): seq for s, n, seq in self._rows("SELECT sender, numbering, seq FROM absorbed")},
-                outgoing=tuple(Outgoing(*row) for row in self._rows("SELECT * FROM outgoing ORDER BY number")),
-                next_seq=dict(self._rows("SELECT name, next_seq FROM receiver")),
-                numbering=about.get("numbering", ""),
-                actions={i: ActionInFlight(n, p) for i, n, p in self._rows("SELECT * FROM action ORDER BY rowid")},
-                lives=about.get("lives", 0),
-                extra=dict(self._rows("SELECT name, value FROM extra")),
-            )
+            lives = list(self._rows("SELECT number, name, numbering, lives, program FROM agent ORDER BY name"))
+            found = {number: Stored(LifeRow(*life)) for number, _, *life in lives}
+            for n, rank, entry in self._rows("SELECT * FROM belief ORDER BY 1, 2"):
+                found[n].mind.beliefs.append((rank, entry))
+            for n, number, signature in self._rows("SELECT * FROM predicate ORDER BY 1, 2"):
+                found[n].mind.predicates.append((number, signature))
+            for n, rank, entry in self._rows("SELECT * FROM plan ORDER BY 1, 2"):
+                found[n].mind.plans.append((rank, entry))
+            for n, queued, number, origin, event in self._rows("SELECT * FROM pending ORDER BY 1, 2, 3"):
+                found[n].mind.pending.append(((queued, number), origin, event))
+            for n, name, value in self._rows("SELECT * FROM value"):
+                found[n].mind.values[name] = value
+            for n, sender, numbering, seq in self._rows("SELECT agent, sender, numbering, seq FROM absorbed"):
+                found[n].absorbed[sender, numbering] = seq
+            for n, *row in self._rows("SELECT * FROM incoming ORDER BY 1, 2"):
+                found[n].incoming.append(tuple(row))
+            for n, *row in self._rows("SELECT * FROM outgoing ORDER BY 1, 2"):
+                found[n].outgoing.append(Outgoing(*row))
+            for n, name, next_seq in self._rows("SELECT * FROM receiver"):
+                found[n].next_seq[name] = next_seq
+            for n, identity, *row in self._rows("SELECT * FROM action ORDER BY rowid"):
+                found[n].actions[identity] = ActionInFlight(*row)
+            return {name: found[number] for number, name, *_ in lives}
 
     def _rows(self, query: str) -> Iterator[Any]:
         assert self._database is not None
         return self._database.execute(query)
 
-    def save(self, saving: Saving) -> None:
-        """Write all of it or nothing; it is on disk when this returns. Raises CheckpointError; then save it again."""
+    def save(self, savings: Mapping[str, Saving], soft: bool = False) -> None:
+        """Write the changes of agents, by name: all of it or nothing. Raises CheckpointError; then save it again.
+
+        It is on disk when this returns. If `soft` it survives the end of the process only, not a power cut: nobody else
+        has heard of it.
+        """
         with self._lock, _as_checkpoint_error(self.path, "written"):
             if self._database is None:
                 self._open()
-                self._soft = False
                 assert self._database is not None
-                self._marked = False  # the file may be another one
-            if saving.soft != self._soft:
-                self._database.execute(f"PRAGMA synchronous={'NORMAL' if saving.soft else self._synchronous}")
-                self._soft = saving.soft
+            if soft != self._soft:
+                self._database.execute(f"PRAGMA synchronous={'NORMAL' if soft else self._synchronous}")
+                self._soft = soft
             try:
                 self._database.execute("BEGIN IMMEDIATE")
-                self._write(self._database, saving)
+                self._write(self._database, savings)
                 self._database.execute("COMMIT")
             except BaseException:
                 self._undo()
                 raise
-            self._marked = True
 
-    def shrink(self) -> None:
-        """Release the memory of a save, for a daemon may have hundreds of agents, and shorten a long log."""
+    def shorten_log(self) -> None:
+        """Move a long log into the database; errors are left to the next save."""
         with self._lock, suppress(sqlite3.Error, OSError):
-            if self._database is not None:
-                if self._sums.due(LOG_PAGES * PAGE):
-                    self._sums.carry_over(self._database)
-                self._database.execute("PRAGMA shrink_memory")
+            if self._database is not None and self._sums.due(LOG_PAGES * PAGE):
+                self._sums.carry_over(self._database)
 
-    def _write(self, database: sqlite3.Connection, saving: Saving) -> None:
-        mind = saving.mind or MindChanges()
-        about = {"saved": None if self._marked else 1, "numbering": saving.numbering, "lives": saving.lives}
+    def _write(self, database: sqlite3.Connection, savings: Mapping[str, Saving]) -> None:
+        """Execute each statement once, with the rows of all agents."""
+        for name in savings:
+            if name not in self._numbers:
+                (number,) = database.execute("INSERT INTO agent (name) VALUES (?) RETURNING number", (name,)).fetchone()
+                self._numbers[name] = number
+        each = [(self._numbers[name], saving) for name, saving in savings.items()]
+        minds = [(n, saving.mind) for n, saving in each if saving.mind is not None]
         for statement, rows in (
-            ("DELETE FROM belief WHERE rank = ?", _each(mind.beliefs_gone)),
-            ("INSERT OR REPLACE INTO belief VALUES (?, ?)", mind.beliefs),
-            ("INSERT OR REPLACE INTO predicate VALUES (?, ?)", mind.predicates),
-            ("DELETE FROM plan WHERE rank = ?", _each(mind.plans_gone)),
-            ("INSERT OR REPLACE INTO plan VALUES (?, ?)", mind.plans),
-            ("DELETE FROM pending WHERE queued = ? AND number = ?", mind.pending_gone),
-            ("INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?)", [(*at, int(o), e) for at, o, e in mind.pending]),
-            ("INSERT OR REPLACE INTO value VALUES (?, ?)", list(mind.values.items())),
-            ("INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?)", saving.outgoing),
-            ("DELETE FROM outgoing WHERE number = ?", _each(saving.delivered)),
-            ("INSERT OR REPLACE INTO receiver VALUES (?, ?)", list(saving.next_seq.items())),
-            ("INSERT OR REPLACE INTO action VALUES (?, ?, ?)", [(i, *one) for i, one in saving.actions.items()]),
-            ("DELETE FROM action WHERE id = ?", _each(saving.ended)),
-            ("INSERT OR REPLACE INTO extra VALUES (?, ?)", list(saving.extra.items())),
-            (_PUT_ABOUT, [(name, value) for name, value in about.items() if value is not None]),
+            (
+                "DELETE FROM belief WHERE agent = ? AND rank = ?",
+                [(n, rank) for n, m in minds for rank in m.beliefs_gone],
+            ),
+            ("INSERT OR REPLACE INTO belief VALUES (?, ?, ?)", [(n, *row) for n, m in minds for row in m.beliefs]),
+            (
+                "INSERT OR REPLACE INTO predicate VALUES (?, ?, ?)",
+                [(n, *row) for n, m in minds for row in m.predicates],
+            ),
+            ("DELETE FROM plan WHERE agent = ? AND rank = ?", [(n, rank) for n, m in minds for rank in m.plans_gone]),
+            ("INSERT OR REPLACE INTO plan VALUES (?, ?, ?)", [(n, *row) for n, m in minds for row in m.plans]),
+            (
+                "DELETE FROM pending WHERE agent = ? AND queued = ? AND number = ?",
+                [(n, *key) for n, m in minds for key in m.pending_gone],
+            ),
+            (
+                "INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?, ?)",
+                [(n, *key, int(origin), event) for n, m in minds for key, origin, event in m.pending],
+            ),
+            (
+                "INSERT OR REPLACE INTO value VALUES (?, ?, ?)",
+                [(n, *row) for n, m in minds for row in m.values.items()],
+            ),
+            ("INSERT OR REPLACE INTO incoming VALUES (?, ?, ?)", [(n, *row) for n, s in each for row in s.incoming]),
+            (
+                "DELETE FROM incoming WHERE agent = ? AND number = ?",
+                [(n, number) for n, s in each for number in s.taken],
+            ),
+            (
+                "INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?, ?)",
+                [(n, *row) for n, s in each for row in s.outgoing],
+            ),
+            (
+                "DELETE FROM outgoing WHERE agent = ? AND number = ?",
+                [(n, number) for n, s in each for number in s.delivered],
+            ),
+            (
+                "INSERT OR REPLACE INTO receiver VALUES (?, ?, ?)",
+                [(n, *row) for n, s in each for row in s.next_seq.items()],
+            ),
+            (
+                "INSERT OR REPLACE INTO action VALUES (?, ?, ?, ?)",
+                [(n, i, *a) for n, s in each for i, a in s.actions.items()],
+            ),
+            ("DELETE FROM action WHERE agent = ? AND id = ?", [(n, identity) for n, s in each for identity in s.ended]),
+            (
+                "UPDATE agent SET numbering = ?, lives = ?, program = ? WHERE number = ?",
+                [(*s.life, n) for n, s in each if s.life is not None],
+            ),
         ):
             if rows:  # a statement without rows takes time too, while an action waits
                 database.executemany(statement, rows)
-        if saving.absorbed:
-            _write_absorbed(database, saving.absorbed)
+        if absorbed := [(n, *whose, seq) for n, saving in each for whose, seq in saving.absorbed.items()]:
+            self._write_absorbed(database, absorbed)
+
+    def _write_absorbed(self, database: sqlite3.Connection, absorbed: list[tuple[int, str, str, int]]) -> None:
+        """Keep the last numbers taken, and of each sender the `NUMBERINGS` that were used last."""
+        self._used += 1
+        database.executemany(_PUT_ABSORBED, [(*row, self._used) for row in absorbed])
+        senders = {(number, sender) for number, sender, *_ in absorbed}
+        database.executemany(_PRUNE_ABSORBED, [(*one, *one, NUMBERINGS) for one in senders])
 
     def _undo(self) -> None:
         """Roll back a transaction that failed; if that fails too, the next save opens the file again."""
@@ -264,18 +383,32 @@ class Checkpoint:
             if self._database.in_transaction:
                 self._database.execute("ROLLBACK")
                 self._sums.carry_over(self._database)  # the log may hold some of it
+            self._look_up()
         except (sqlite3.Error, OSError):
             database, self._database = self._database, None
             with suppress(sqlite3.Error):
                 database.close()
 
-    def forget(self) -> None:
-        """Close and remove the file. Raises CheckpointError."""
-        self.close()
-        remove(self.path)
+    def forget(self, agents: Iterable[str]) -> None:
+        """Remove the state of agents. Raises CheckpointError."""
+        with self._lock, _as_checkpoint_error(self.path, "written"):
+            if self._database is None:
+                self._open()
+                assert self._database is not None
+            rows = [(self._numbers[name],) for name in agents if name in self._numbers]
+            try:
+                self._database.execute("BEGIN IMMEDIATE")
+                for table in TABLES:
+                    self._database.executemany(f"DELETE FROM {table} WHERE agent = ?", rows)  # noqa: S608
+                self._database.executemany("DELETE FROM agent WHERE number = ?", rows)
+                self._database.execute("COMMIT")
+            except BaseException:
+                self._undo()
+                raise
+            self._look_up()
 
     def close(self) -> None:
-        """Close the file and keep it. Raises CheckpointError."""
+        """Close the file and keep it; one without agents is removed. Raises CheckpointError."""
         with self._lock, _as_checkpoint_error(self.path, "closed"):
             database, self._database = self._database, None
             if database is not None:
@@ -283,33 +416,17 @@ class Checkpoint:
                     self._sums.carry_over(database)
                 database.close()
             self._sums.close()
+        if database is not None and not self._numbers:
+            remove(self.path)
 
 
-def _write_absorbed(database: sqlite3.Connection, absorbed: dict[tuple[str, str], int]) -> None:
-    """Keep the last numbers taken, and of each sender the `NUMBERINGS` that were used last."""
-    (used,) = database.execute("SELECT coalesce(max(used), 0) + 1 FROM absorbed").fetchone()
-    rows = ((sender, numbering, seq, used) for (sender, numbering), seq in absorbed.items())
-    database.executemany(_PUT_ABSORBED, rows)
-    database.executemany(
-        _PRUNE_ABSORBED, [(sender, sender, NUMBERINGS) for sender in {sender for sender, _ in absorbed}]
-    )
-
-
-def _each(values: Iterable[Any]) -> list[tuple[Any]]:
-    return [(value,) for value in values]
-
-
-_PUT_ABOUT: Final = """
-    INSERT INTO agent VALUES (?, ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value
-    WHERE value != excluded.value
-"""
 _PUT_ABSORBED: Final = """
-    INSERT INTO absorbed VALUES (?, ?, ?, ?) ON CONFLICT (sender, numbering)
+    INSERT INTO absorbed VALUES (?, ?, ?, ?, ?) ON CONFLICT (agent, sender, numbering)
     DO UPDATE SET seq = max(seq, excluded.seq), used = excluded.used
 """
 _PRUNE_ABSORBED: Final = """
-    DELETE FROM absorbed WHERE sender = ? AND numbering IN
-    (SELECT numbering FROM absorbed WHERE sender = ? ORDER BY used DESC LIMIT -1 OFFSET ?)
+    DELETE FROM absorbed WHERE agent = ? AND sender = ? AND numbering IN
+    (SELECT numbering FROM absorbed WHERE agent = ? AND sender = ? ORDER BY used DESC LIMIT -1 OFFSET ?)
 """
 
 
@@ -327,7 +444,7 @@ def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
         raise CheckpointError(f"{path} cannot be {what}: {why}") from error
 
 
-def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None:
+def _check_and_migrate(path: Path, synchronous: Synchronous) -> None:
     database = _connected(path, synchronous, 0)
     try:
         (version,) = database.execute("PRAGMA user_version").fetchone()
@@ -341,10 +458,7 @@ def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None
         (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
         if tables and kind != APPLICATION:
             raise corrupt("it is a database of something else")
-        _migrate(database, version, agent)
-        (owner,) = database.execute("SELECT value FROM agent WHERE name = 'name'").fetchone()
-        if owner != agent:
-            raise CheckpointError(f"{path} belongs to the agent {owner}, not to {agent}")
+        _migrate(database, version)
     finally:
         database.close()
 
@@ -375,7 +489,7 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
     return database
 
 
-def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
+def _migrate(database: sqlite3.Connection, version: int) -> None:
     """Bring the database to the present version and lock it, in one transaction."""
     database.execute("BEGIN EXCLUSIVE")
     if version < len(MIGRATIONS):
@@ -385,12 +499,11 @@ def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
         database.execute(f"PRAGMA user_version={len(MIGRATIONS)}")
     if not version:
         database.execute(f"PRAGMA application_id={APPLICATION}")
-        database.execute("INSERT INTO agent VALUES ('name', ?)", (agent,))
     database.execute("COMMIT")
 
 
 def remove(path: Path) -> None:
-    """Remove the file of an agent, if there is one, without reading it. Raises CheckpointError."""
+    """Remove a file, if there is one, without reading it. Raises CheckpointError."""
     with _as_checkpoint_error(path, "removed"):
         for ending in _ENDINGS:
             path.with_name(path.name + ending).unlink(missing_ok=True)

@@ -83,6 +83,11 @@ class PoisonInputs:
             self._note.suspect, self._note.deaths = None, 0
         _watch(self)
 
+    @property
+    def is_watchful(self) -> bool:
+        """Whether a message may have to be refused."""
+        return self.poison is not None or bool(self._note.refused)
+
     def is_set_aside(self, mail: tuple[str, str, int], event: Callable[[], str]) -> bool:
         """Return whether a message is to be refused: it was set aside, or its `event` is the work to set aside."""
         if self._note.refused and mail in self._note.refused:

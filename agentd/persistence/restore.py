@@ -4,15 +4,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
-import typing
 from collections.abc import Iterable
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from agentd.extensions.file_access import KEPT
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import Instantiation
@@ -25,34 +21,30 @@ from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.checkpoint import (
     DAMAGED,
-    Checkpoint,
-    CheckpointError,
+    LifeRow,
     Outgoing,
     Saving,
     Stored,
-    Synchronous,
-    remove,
 )
 from commd.client.receive_once import Numbered
-from commd.process.state_dir import make_private_folder
 from schemas.wire.codec import BadRecord, Codec, R, codec
 from schemas.wire.records import Action, Message, Note
 
 log = logging.getLogger("keeping")
 
-FILE = KEPT
-"""In the agent's folder of state."""
-
 
 @dataclass
 class RestoredState:
-    """The checkpoint of one agent."""
+    """The state of one agent in a checkpoint."""
 
-    checkpoint: Checkpoint
+    path: Path
+    """The checkpoint."""
+    folder: Path
+    """Of the agent's other files."""
     stored: Stored | None
     """None: the agent begins for the first time."""
-    writer: Executor
-    """The one thread that writes all checkpoints of a daemon."""
+    notes: list[Note] = field(default_factory=list)
+    """Damage that was found."""
     actions: list[Action] = field(default_factory=list)
     """Actions that the last life had begun, or was about to begin."""
     _unread: Saving = field(default_factory=Saving)
@@ -61,7 +53,7 @@ class RestoredState:
     @property
     def life(self) -> int:
         """The number of restarts of the agent, this one included; 0: it begins."""
-        return 0 if self.stored is None else self.stored.lives
+        return 0 if self.stored is None else self.stored.life.lives
 
     @property
     def correspondents(self) -> set[str]:
@@ -95,72 +87,44 @@ class RestoredState:
                 self._lost(what, f"action {identity}", bad)
         mailing.outbox.restore(messages)
         mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
+        for number, kept_message in stored.incoming:
+            try:
+                mailing.restore(number, _read(codec(Message), kept_message))
+            except BadRecord as bad:
+                self._unread.taken.append(number)
+                self._lost(f"message {number} of another agent of the daemon", f"incoming {number}", bad)
 
     async def went_back(self, stored: Stored, mailing: MailClient) -> str:
         """Ask the board whether it has mail that this checkpoint does not know: return a warning, or an empty text."""
-        if not stored.numbering:
+        if not stored.life.numbering:
             return ""
-        ahead = await mailing.outbox.ahead(stored.numbering, {one: seq - 1 for one, seq in stored.next_seq.items()})
+        ahead = await mailing.outbox.ahead(
+            stored.life.numbering, {one: seq - 1 for one, seq in stored.next_seq.items()}
+        )
         if not ahead:
             return ""
         whom = ", ".join(f"{count} to {receiver}" for receiver, count in sorted(ahead.items()))
         return (
-            f"{self.checkpoint.path} is older than what the agent has done (a backup, or a damaged file): its board has"
+            f"{self.path} is older than what the agent has done (a backup, or a damaged file): its board has"
             f" taken messages that are not known here: {whom}; the agent may do and say again what it did then"
         )
 
     def first_saving(self, mailing: MailClient, program: bytes) -> Saving:
         """Return the first save of this life; `program` is the digest of the agent's program."""
-        extra = {"program": program}
-        begun = {} if self.stored is None else dict.fromkeys(self.stored.next_seq, 1)
-        return replace(
-            self._unread, next_seq=begun, numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra
-        )
+        saving = self._unread
+        saving.life = LifeRow(mailing.outbox.numbering, self.life + 1, program)
+        if self.stored is not None:
+            saving.next_seq = dict.fromkeys(self.stored.next_seq, 1)
+        return saving
 
     def _lost(self, what: str, about: str, why: BadRecord) -> None:
-        note = Note(DAMAGED, f"{self.checkpoint.path}: {what} cannot be read and is lost: {why}", about)
+        note = Note(DAMAGED, f"{self.path}: {what} cannot be read and is lost: {why}", about)
         log.error("%s", note.text)
-        self.checkpoint.notes.append(note)
+        self.notes.append(note)
 
     def is_of(self, program: bytes) -> bool:
         """Return whether the last life ran the program with this digest."""
-        return self.stored is None or self.stored.extra.get("program", program) == program
-
-
-async def open_memory(
-    folder: Path, agent: str, writer: Executor, synchronous: typing.Literal["full", "normal"], *, fresh: bool
-) -> RestoredState:
-    """Open an agent's checkpoint, or make it. Raises CheckpointError.
-
-    `fresh` removes the old content, unsent mail included, and logs that.
-    """
-    path = folder / FILE
-
-    def work() -> RestoredState:
-        make_private_folder(path.parent)
-        mode: Synchronous = "FULL" if synchronous == "full" else "NORMAL"
-        try:
-            checkpoint = Checkpoint.open(path, agent, mode)
-        except CheckpointError as error:
-            if not fresh or error.__cause__ is not None:  # another process has it open, or the disk fails
-                raise
-            log.warning("agent=%s what is kept is removed unread: %s", agent, error)
-            remove(path)
-            checkpoint = Checkpoint.open(path, agent, mode)
-        stored = checkpoint.read()
-        if fresh and stored is not None:
-            log.warning("agent=%s forgets what it was; messages=%d are lost", agent, len(stored.outgoing))
-            checkpoint.forget()
-            checkpoint, stored = Checkpoint.open(path, agent, mode), None
-        return RestoredState(checkpoint, stored, writer)
-
-    try:
-        memory = await asyncio.get_running_loop().run_in_executor(writer, work)
-    except OSError as error:
-        raise CheckpointError(f"{path}: {error.strerror or error}") from None
-    for note in memory.checkpoint.notes:
-        log.error("agent=%s %s", agent, note.text)
-    return memory
+        return self.stored is None or self.stored.life.program == program
 
 
 def _read(made: Codec[R], kept: bytes) -> R:

@@ -66,7 +66,7 @@ class ActionClient:
         agent: str,
         life: str,
         action_requests: ActionRequests | None,
-        checkpointer: Checkpointer | None,
+        checkpointer: Checkpointer,
         feed: Callable[[ActionDone], None],
         on_interrupted: Callable[[Literal], None],
         tasks: Tasks,
@@ -106,8 +106,7 @@ class ActionClient:
             return prepared
         identity = f"{self._agent}:{self._life}:{effect.id}"
         action = Action(id=identity, agent=self._agent, name=effect.name, parameters=prepared.parameters)
-        if self._checkpointer is not None:
-            prepared.kept = self._checkpointer.begun(action)
+        prepared.kept = self._checkpointer.begun(action)
         return prepared
 
     def cancel(self, number: int) -> None:
@@ -120,8 +119,7 @@ class ActionClient:
 
     def _forget(self, identity: str) -> None:
         """Remove an action that has ended from the checkpoint."""
-        if self._checkpointer is not None:
-            self._checkpointer.ended(identity)
+        self._checkpointer.ended(identity)
 
     async def _perform(self, effect: PerformAction, prepared: _Prepared) -> None:
         try:

@@ -18,9 +18,13 @@ from agentd.extensions.file_access import AgentFiles, NotAllowed
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.terms.terms import EMPTY, atom, make_list
+from agentd.mail.neighbours import Neighbours
 from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
 from agentd.mind.data.inputs import TeamReply
-from agentd.persistence.restore import FILE, RestoredState, open_memory
+from agentd.persistence.checkpoint import Synchronous
+from agentd.persistence.group_commit import GroupCommit
+from agentd.persistence.restore import RestoredState
+from agentd.persistence.state_files import forget_name, open_state
 from agentd.runtime.agent_directory import AgentDirectory, Do, NotDone, PresenceBeliefs, Services
 from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
@@ -91,8 +95,10 @@ class AgentGroup:
         self._presence_beliefs = PresenceBeliefs(bus, self.directory, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
-        self._writer = ThreadPoolExecutor(1, "checkpoints")
-        """Writes the checkpoints of all agents, one at a time."""
+        self._writer = ThreadPoolExecutor(1, "checkpoint")
+        """Writes the checkpoint of the agents."""
+        self._commits = GroupCommit(None, self._writer)
+        self._neighbours = Neighbours()
 
     async def add(self, *parts: Part) -> None:
         """Join the bus under the names of agents of the mission. They begin to reason in `run`.
@@ -100,32 +106,29 @@ class AgentGroup:
         Raises AlreadyRunning, BusClosed and CheckpointError.
         """
         tokens = await self._bus.claim_all([part.name for part in parts])
-        memories = await asyncio.gather(*(self._memory(part.name) for part in parts))
-        for part, memory in zip(parts, memories, strict=True):
-            self._house(part, self._mission.agents[part.name].board, tokens[part.name], memory)
+        kept = await self._restored([part.name for part in parts])
+        for part in parts:
+            self._house(part, self._mission.agents[part.name].board, tokens[part.name], kept.get(part.name))
 
     def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        host = AgentHost(self._bus, self._clock, part, self.directory, self, token, self._subscribers, memory, rights)
+        daemon = self._subscribers, self._commits, self._neighbours
+        host = AgentHost(self._bus, self._clock, part, self.directory, self, token, *daemon, memory, rights)
         self.hosts[part.name] = host
         self._homes[part.name] = board
         self.directory.add(part.name, board)
         return host
 
-    async def _memory(self, name: str) -> RestoredState | None:
-        """Open the checkpoint of an agent; None for one that never has any, or was created at run time."""
-        agent = self._mission.agents.get(name)
-        if agent is None:
-            return None
-        fresh_start = agent.on_restart == "fresh"
-        if fresh_start and not (self._state / name / FILE).exists():
-            return None
-        synchronous, fresh = self._mission.mail.synchronous, self._fresh or fresh_start
-        memory = await open_memory(self._state / name, name, self._writer, synchronous, fresh=fresh)
-        if fresh_start:
-            await asyncio.get_running_loop().run_in_executor(self._writer, memory.checkpoint.forget)
-            return None
-        return memory
+    async def _restored(self, names: list[str]) -> dict[str, RestoredState]:
+        """Open the checkpoint; return the state of each agent of the mission that is kept. Raises CheckpointError."""
+        fresh = [name for name in names if self._mission.agents[name].on_restart == "fresh"]
+        kept = [name for name in names if name not in fresh]
+        forgotten = names if self._fresh else fresh
+        synchronous: Synchronous = "FULL" if self._mission.mail.synchronous == "full" else "NORMAL"
+        work = partial(open_state, self._state, self._bus.name, kept, forgotten, synchronous)
+        checkpoint, states = await asyncio.get_running_loop().run_in_executor(self._writer, work)
+        self._commits = GroupCommit(checkpoint, self._writer)
+        return states
 
     async def run(self, stop: asyncio.Event) -> None:
         """Run the agents until `stop` is set or a program stops the team. Raises AccessDenied."""
@@ -168,8 +171,10 @@ class AgentGroup:
             self._unit.stopping()
             watch.cancel()
             self._work.cancel()
-            forget = self.stopped is not None
-            await asyncio.gather(*(host.close_checkpoint(forget) for host in self.hosts.values()))
+            forgotten = [] if self.stopped is None else [name for name in self.hosts if name in self._mission.agents]
+            await self._commits.close(forgotten)
+            for name in forgotten:
+                forget_name(self._state, name)
             self._writer.shutdown(wait=False)
 
     def _agents_of(self, board: str) -> Agents:

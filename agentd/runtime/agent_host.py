@@ -13,6 +13,7 @@ from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mail.mail_client import MailClient
+from agentd.mail.neighbours import Neighbours
 from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import (
@@ -25,7 +26,9 @@ from agentd.mind.data.inputs import (
     TeamReply,
 )
 from agentd.mind.persistence.change_tracking import Keeper
+from agentd.persistence.checkpoint import Stored
 from agentd.persistence.checkpointer import Checkpointer
+from agentd.persistence.group_commit import GroupCommit
 from agentd.persistence.poison_inputs import DEATHS, Held, PoisonInputs, text_of
 from agentd.persistence.restore import RestoredState, come_back, raise_interrupted
 from agentd.runtime.action_client import ActionClient
@@ -80,12 +83,14 @@ class AgentHost:
         team: Team,
         token: Token,
         subscribers: TraceSubscribers,
+        commits: GroupCommit,
+        neighbours: Neighbours,
         memory: RestoredState | None = None,
         rights: MailRights | None = None,
     ) -> None:
-        """`memory` is the agent's checkpoint; without one it begins without a past each time.
+        """`memory` is the agent's state on disk; without one it begins without a past each time.
 
-        `rights` decide whose mail it accepts; None: all.
+        `commits` and `neighbours` are those of the daemon; `rights` decide whose mail it accepts; None: all.
         """
         self.part = part
         self.begins = memory is None or memory.stored is None
@@ -136,13 +141,15 @@ class AgentHost:
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # so that the predicates in it exist before anybody queries it
         self._runner = MindRunner(bus, self._mind, self._turn)
-        self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing)
+        self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing, neighbours)
         self._mind.post_office = self._mailing.send
-        self._checkpointer: Checkpointer | None = None
         self._poison: PoisonInputs | None = None
-        if memory is not None and self._keeper is not None:
-            self._checkpointer = self._restored(memory, self._keeper)
-            self._poison = self._mailing.poison = PoisonInputs(memory.checkpoint.path.parent, self._in_hand)
+        if memory is not None:
+            self._poison = self._mailing.poison = PoisonInputs(memory.folder, self._in_hand)
+            self._restore(memory)
+        self._checkpointer = Checkpointer(commits, memory, self._keeper, self._runner, self._mailing, bus.wire)
+        if memory is not None:
+            self._checkpointer.first = memory.first_saving(self._mailing, part.digest)
         self._perceiving: PerceptSync | None = None
         self._by_hand: HandPercepts | None = None
         self._action_requests: ActionRequests | None = None
@@ -166,35 +173,32 @@ class AgentHost:
         self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
         self._viewer = Viewer(bus, clock, self._mind, part, self._control, self._tracing, self._prints)
 
-    def _restored(self, memory: RestoredState, keeper: Keeper) -> Checkpointer:
-        """Restore the mail of a former life, and prepare to save this one."""
+    def _restore(self, memory: RestoredState) -> None:
+        """Restore the mail of a former life."""
         memory.restore(self._mailing)
         self._directory.remember(memory.correspondents)
         if not memory.is_of(self.part.digest):
             log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
-        checkpointer = Checkpointer(memory, keeper, self._runner, self._mailing, self._bus.wire)
-        checkpointer.first = memory.first_saving(self._mailing, self.part.digest)
-        return checkpointer
 
     async def _come_back(self) -> None:
         """Resume what a former life has left, if there was one."""
-        memory, keeper, checkpointer = self._memory, self._keeper, self._checkpointer
-        if memory is None or keeper is None or checkpointer is None or memory.stored is None:
+        memory, keeper = self._memory, self._keeper
+        if memory is None or keeper is None or memory.stored is None:
             return
         for what in keeper.left_out:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
-        self._tasks.spawn(self._note_old_state(memory, checkpointer))
-        await checkpointer.count_life()
+        self._mailing.return_refused()
+        self._tasks.spawn(self._note_old_state(memory, memory.stored))
+        await self._checkpointer.count_life()
         interrupted = await self._action_client.take_up(memory.actions)
         self._tracing.came_back(CameBack(memory.life, tuple(interrupted)))
         come_back(self._mind, keeper, memory.life, interrupted, self.part.on_restart)
         memory.stored = None
 
-    async def _note_old_state(self, memory: RestoredState, checkpointer: Checkpointer) -> None:
+    async def _note_old_state(self, memory: RestoredState, stored: Stored) -> None:
         """Note if the checkpoint is older than the mail that the agent has sent."""
-        assert memory.stored is not None
-        if warning := await memory.went_back(memory.stored, self._mailing):
-            checkpointer.add_note(Note("state_went_back", warning))
+        if warning := await memory.went_back(stored, self._mailing):
+            self._checkpointer.add_note(Note("state_went_back", warning))
             self._mailing.signal("state_went_back")
 
     def _in_hand(self) -> Held:
@@ -203,8 +207,8 @@ class AgentHost:
 
     def _set_aside(self) -> None:
         """Skip the input at which the last lives have ended, if there is one."""
-        poison, keeper, checkpointer = self._poison, self._keeper, self._checkpointer
-        if poison is None or poison.died_at is None or keeper is None or checkpointer is None:
+        poison, keeper = self._poison, self._keeper
+        if poison is None or poison.died_at is None or keeper is None:
             return
         held = poison.died_at
         if keeper.set_aside(held.event):
@@ -212,7 +216,7 @@ class AgentHost:
         poison.keep(held)
         what = text_of(held)
         text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {poison.kept})"
-        checkpointer.add_note(Note("set_aside", text, what))
+        self._checkpointer.add_note(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 
     # --- turns ---
@@ -247,12 +251,13 @@ class AgentHost:
             ready = mind.ready and not control.paused
             if not ready:
                 _busy.discard(self)
-            next_save = self._save()
+            self._checkpointer.look(quiet=not mind.ready or (control.paused and mind.atomic is None))
             if ready:
                 return 0.0
             due = None if control.paused else mind.wake_at
             pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-            pauses += [pause for pause in (next_save, control.left) if pause is not None]
+            if control.left is not None:
+                pauses.append(control.left)
             return min(pauses, default=None)
         finally:
             if poison is not None:
@@ -278,28 +283,17 @@ class AgentHost:
             self._tracing.ran(first, now, effects)
         return effects
 
-    def _save(self) -> float | None:
-        """Begin a save if one is due. Returns the wall seconds until the next call at the latest."""
-        if self._checkpointer is not None:
-            paused = self._control.paused and self._mind.atomic is None
-            return self._checkpointer.look(quiet=paused or not self._mind.ready)
-        self._mailing.pass_unsaved()
-        return None
-
     async def _leave(self, in_order: bool) -> None:
         """Save the state, hand over mail, and end the tasks; after `.stopMAS` the state is removed later."""
         for note in self._mind.drops.unlogged(self._mind.now):
             self._carry_out(note)
-        self._mailing.inbox.withdraw()
-        if self._checkpointer is not None:
-            await self._end_atomic_plan()
-            await self._checkpointer.finish()
-        else:
-            self._mailing.pass_unsaved()
+        self._mailing.leave()
+        await self._end_atomic_plan()
+        await self._checkpointer.finish()
         await self._mailing.outbox.drain(LEAVE)
         await self._tasks.end()
-        if self._checkpointer is not None:
-            await self._checkpointer.finish()
+        await self._checkpointer.finish()
+        self._checkpointer.leave()
         self._tracing.close(in_order=in_order)
 
     async def _end_atomic_plan(self) -> None:
@@ -312,13 +306,9 @@ class AgentHost:
                     self._carry_out(effect)
             await asyncio.sleep(0)
 
-    async def close_checkpoint(self, forget: bool) -> None:
-        """Close the checkpoint; `forget` removes it, so that the agent begins without a past."""
-        if self._checkpointer is not None:
-            await self._checkpointer.close(forget)
-
     def close(self) -> None:
         """Leave the bus for good."""
+        self._mailing.return_left()
         self._viewer.withdraw()
         self._control.withdraw()
         self._bus.withdraw(self._token)
@@ -473,10 +463,9 @@ class AgentHost:
 
     def notes(self) -> tuple[Note, ...]:
         """Return the present warnings."""
-        kept = () if self._checkpointer is None else self._checkpointer.notes()
         percepts = self._perceiving or self._by_hand
         by_hand = () if percepts is None else percepts.notes()
-        return (*self._control.notes(), *by_hand, *kept)
+        return (*self._control.notes(), *by_hand, *self._checkpointer.notes())
 
 
 _busy: set[AgentHost] = set()

@@ -61,7 +61,7 @@ class MindRunner:
     def __init__(self, bus: Bus, mind: Mind, turn: Callable[[], float | None]) -> None:
         """`turn` reasons, and returns the wall seconds until the next turn: 0: immediately, None: at an input only."""
         self.mind = mind
-        self._bus, self._turn = bus, turn
+        self._bus, self._turn, self._loop = bus, turn, asyncio.get_running_loop()
         self._timer = WakeupTimer()
         self._turn_due = False
         """Whether a turn follows as soon as everything that the bus has delivered is taken in."""
@@ -75,8 +75,10 @@ class MindRunner:
         self.mind.feed(item)
         if self._turn_due:
             return
-        if self._timer.asleep and self._bus.afterwards(self._turn_now):
+        if self._timer.asleep:
             self._turn_due = True
+            if not self._bus.afterwards(self._turn_now):
+                self._loop.call_soon(self._turn_now)
         else:
             self._timer.set()
 
@@ -125,8 +127,11 @@ class MindRunner:
             self._timer.set()
             return
         self._left = self._finished
-        if pause == 0 or self._left:
+        if self._left:
             self._timer.set()
+        elif pause == 0:
+            self._turn_due = True
+            self._loop.call_soon(self._turn_now)
         else:
             self._timer.within(pause)
 

@@ -267,6 +267,10 @@ class MailRights:
         if sender in RESERVED:
             content = message.content
             return isinstance(content, Structure) and NOTICES.get(sender) == (performative, content.functor)
+        return self.accepts(sender, performative)
+
+    def accepts(self, sender: str, performative: str) -> bool:
+        """Whether the agent accepts messages of this performative from another agent or program, or from itself."""
         if sender == self.agent:
             return True
         if sender in self._named:

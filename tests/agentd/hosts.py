@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,10 +12,13 @@ from typing import Any, cast
 
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parse import parse_program
+from agentd.mail.neighbours import Neighbours
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
-from agentd.persistence.restore import RestoredState, open_memory
+from agentd.persistence.group_commit import GroupCommit
+from agentd.persistence.restore import RestoredState
+from agentd.persistence.state_files import open_state
 from agentd.runtime.agent_directory import AgentDirectory
 from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
@@ -29,40 +33,67 @@ class Disk:
 
     def __init__(self, checkpoint: Checkpoint) -> None:
         self.savings: list[Saving] = []
-        """What was saved, in order."""
+        """What was saved of each agent, in order."""
+        self.soft: list[bool] = []
+        """Which of the commits need not survive a power cut."""
         self.open = threading.Event()
         self.open.set()
         self.full = ""
         self.notes, self.path = checkpoint.notes, checkpoint.path
         self._checkpoint = checkpoint
 
-    def save(self, saving: Saving) -> None:
+    def save(self, savings: Mapping[str, Saving], soft: bool) -> None:
         if not self.open.wait(30):
             raise AssertionError("the disk was held up for too long")
         if self.full:
             raise CheckpointError(self.full)
-        self._checkpoint.save(saving)
-        self.savings.append(saving)
+        self._checkpoint.save(savings, soft)
+        self.savings.extend(savings.values())
+        self.soft.append(soft)
 
-    def shrink(self) -> None:
-        self._checkpoint.shrink()
+    def shorten_log(self) -> None:
+        self._checkpoint.shorten_log()
 
     def close(self) -> None:
         self._checkpoint.close()
 
-    def forget(self) -> None:
-        self._checkpoint.forget()
+
+class Hosts:
+    """A daemon's agents in a test: their checkpoint, its writer, and the mail between them."""
+
+    def __init__(self, checkpoint: Checkpoint, states: dict[str, RestoredState]) -> None:
+        self.states = states
+        self.disk = Disk(checkpoint)
+        self.writer = ThreadPoolExecutor(1)
+        self.commits = GroupCommit(cast(Checkpoint, self.disk), self.writer)
+        self.neighbours = Neighbours()
+        self.closed = False
+
+    @classmethod
+    async def open(cls, folder: Path, *agents: str) -> Hosts:
+        """Open the checkpoint of these agents in a folder."""
+        checkpoint, states = await asyncio.to_thread(open_state, folder, agents[0], agents, (), "FULL")
+        assert checkpoint is not None
+        return cls(checkpoint, states)
+
+    async def close(self) -> None:
+        if not self.closed:
+            self.closed = True
+            await self.commits.close()
+            self.writer.shutdown()
 
 
 class Hosted:
     """One life of an agent."""
 
-    def __init__(self, host: AgentHost, memory: RestoredState) -> None:
-        self.host = host
-        self.disk = cast(Disk, memory.checkpoint)
-        self._writer = memory.writer
+    def __init__(self, host: AgentHost, daemon: Hosts) -> None:
+        self.host, self.daemon, self.disk = host, daemon, daemon.disk
         self._stop = asyncio.Event()
-        self._life = asyncio.create_task(host.run(self._stop))
+        self._life: asyncio.Task[None] | None = None
+
+    def begin(self) -> None:
+        """Let it reason."""
+        self._life = asyncio.create_task(self.host.run(self._stop))
 
     @property
     def prints(self) -> list[str]:
@@ -76,33 +107,46 @@ class Hosted:
         """Hand it a message that does not come by the bus."""
         self.host._mailing.tell(mail)
 
-    async def end(self) -> None:
-        """Let it leave in order."""
+    async def leave(self) -> None:
+        """Let it leave in order, while its daemon goes on."""
         self.disk.open.set()
         self._stop.set()
-        await self._life
-        await self.host.close_checkpoint(forget=False)
+        if self._life is not None:
+            await self._life
         self.host.close()
-        self._writer.shutdown()
+
+    async def end(self) -> None:
+        """Let it leave in order, and end its daemon."""
+        await self.leave()
+        await self.daemon.close()
 
     async def die(self) -> None:
         """End it as a kill does: nothing is saved that is not on disk."""
         self.disk.full = "the process is dead"
-        self._life.cancel()
         self._stop.set()
-        await asyncio.gather(self._life, return_exceptions=True)
-        await self.host.close_checkpoint(forget=False)
+        if self._life is not None:
+            self._life.cancel()
+            await asyncio.gather(self._life, return_exceptions=True)
+        await self.daemon.close()
         self.host.close()
-        self._writer.shutdown()
 
 
 async def host_on(
-    bus: Bus, name: str, source: str, folder: Path, *, others: tuple[str, ...] = (), **part: Any
+    bus: Bus,
+    name: str,
+    source: str,
+    folder: Path,
+    *,
+    others: tuple[str, ...] = (),
+    daemon: Hosts | None = None,
+    begins: bool = True,
+    **part: Any,
 ) -> Hosted:
-    """Begin a life of an agent that is kept in a folder; the names of `others` are known to it."""
-    writer = ThreadPoolExecutor(1)
-    memory = await open_memory(folder / name, name, writer, "full", fresh=False)
-    memory.checkpoint = cast(Checkpoint, Disk(memory.checkpoint))
+    """Begin a life of an agent that is kept in a folder; the names of `others` are known to it.
+
+    Without `daemon` it is alone in its daemon. Unless it `begins`, it reasons when the test says so.
+    """
+    daemon = daemon or await Hosts.open(folder, name)
     program = compile_program(parse_program(source, f"{name}.asl"))
     directory = cast(
         AgentDirectory,
@@ -113,10 +157,13 @@ async def host_on(
     sources = Sources(main=f"{name}.asl")
     sources.keep(sources.main, source)
     made = Part(name=name, program=program, **{"sources": sources, **part})
-    host = AgentHost(
-        bus, Clock(), made, directory, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), TraceSubscribers(bus), memory
-    )
-    return Hosted(host, memory)
+    token = bus.token(f"test/{name}/{bus.boot}")
+    together = TraceSubscribers(bus), daemon.commits, daemon.neighbours, daemon.states.get(name)
+    host = AgentHost(bus, Clock(), made, directory, NoTeam(), token, *together)
+    hosted = Hosted(host, daemon)
+    if begins:
+        hosted.begin()
+    return hosted
 
 
 class NoTeam:

@@ -82,7 +82,7 @@ async def state_under_an_open_umask(row: Row, _: World) -> None:
     open_ones = [f"{path.relative_to(state.parent)} {mode:o}" for path, mode in modes.items() if mode & 0o077]
     row.expect(not open_ones, f"nobody else may read {open_ones}")
     kinds = {path.suffix or path.name for path in modes if not path.is_dir()}
-    row.expect({".mail", ".sqlite", ".actions"} <= kinds, f"mail, minds and the ledger are among {kinds}")
+    row.expect({".mail", ".minds", ".actions"} <= kinds, f"mail, minds and the ledger are among {kinds}")
     row.seen.append(f"{len(modes)} files and folders of state, none of which group or others may read or write")
 
 

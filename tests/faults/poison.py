@@ -97,7 +97,7 @@ def poison_message(state: Path) -> Row:
 
 def backup_restored(state: Path) -> Row:
     """The checkpoint of an agent is put back to a copy of before it has sent more mail."""
-    row = Row("checkpoint that goes back in time", "real files: a copy of the agent's folder put back after kill -9")
+    row = Row("checkpoint that goes back in time", "real files: a copy of the agents' folder put back after kill -9")
     (state / "agent.asl").write_text(_COUNTING)
     (state / "office.yaml").write_text(_MISSION)
     mission, endpoint = str(state / "office.yaml"), f"tcp/127.0.0.1:{free_port()}"
@@ -114,7 +114,7 @@ def backup_restored(state: Path) -> Row:
         with running(*agentd) as first:
             first.says("begun")
             asyncio.run(talk([1]))
-        folder = next((state / "minds").rglob("mind.sqlite")).parent
+        folder = next((state / "minds").rglob("*.minds")).parent
         shutil.copytree(folder, state / "copy")
         with running(*agentd) as second:
             second.says("restarted")

@@ -64,13 +64,13 @@ def test_a_save_costs_in_proportion_to_what_has_changed() -> None:
 
 def test_a_save_writes_only_rows_that_have_changed(tmp_path: Path) -> None:
     life = life_with(2000)
-    checkpoint = Checkpoint.open(tmp_path / "mind.sqlite", "bob")
-    checkpoint.save(Saving(mind=life.keeper.changes()))
+    checkpoint = Checkpoint.open(tmp_path / "bob.minds")
+    checkpoint.save({"bob": Saving(mind=life.keeper.changes())})
     assert checkpoint._database is not None
     before = checkpoint._database.total_changes
     life.feed(GoalAdded(term("add(1)")), GoalAdded(term("note(7)")), GoalAdded(term("rest")))
-    checkpoint.save(Saving(mind=life.keeper.changes()))
-    assert checkpoint._database.total_changes - before <= 8  # two beliefs, one goal, predicates new, one about
+    checkpoint.save({"bob": Saving(mind=life.keeper.changes())})
+    assert checkpoint._database.total_changes - before <= 8  # two beliefs, one goal, predicates new
 
 
 def test_intentions_that_wait_on_are_not_written_again() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -12,16 +11,17 @@ import pytest
 
 from agentd.language.terms.terms import atom
 from agentd.mind.data.inputs import Mail as Told
-from agentd.persistence.checkpoint import CheckpointError, Saving
+from agentd.persistence.checkpoint import CheckpointError, LifeRow, Saving
 from agentd.persistence.checkpointer import Checkpointer
-from agentd.persistence.restore import open_memory
+from agentd.persistence.group_commit import Batch
+from agentd.persistence.state_files import open_state
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.mail.test_mail_client import a_desk, numbered
-from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
+from tests.support.buses import FLEET, Connect, bus_test, served, until
 from tests.support.notes import identities
 
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
@@ -143,7 +143,7 @@ async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_o
 async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_or_is_remembered(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.persistence.checkpointer.SLOW", 0.2)
+    monkeypatch.setattr("agentd.persistence.group_commit.SLOW", 0.2)
 
     agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
@@ -172,7 +172,8 @@ async def test_an_action_that_is_about_to_start_survives_a_power_failure(connect
     begun = checkpointer.begun(Action(id="b:1:1", agent="b", name="goto"))
     checkpointer.look(quiet=True)
     await begun
-    assert [saving.soft for saving in agent.disk.savings if saving.actions] == [False]
+    kept = zip(agent.disk.savings, agent.disk.soft, strict=True)
+    assert [soft for saving, soft in kept if saving.actions] == [False]
     await agent.end()
 
 
@@ -203,13 +204,15 @@ async def test_an_atomic_plan_is_kept_whole(connect: Connect, tmp_path: Path, mo
     program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) <- -+n(N+1); -+m(N+1); !!go.\n"
 
     seen: list[set[str]] = []
-    begin = Checkpointer._begin
+    capture = Checkpointer.capture
 
-    def look(checkpointer: Checkpointer) -> None:
-        seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
-        begin(checkpointer)
+    def look(checkpointer: Checkpointer, batch: Batch, now: float) -> bool:
+        captured = capture(checkpointer, batch, now)
+        if captured:
+            seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
+        return captured
 
-    monkeypatch.setattr(Checkpointer, "_begin", look)
+    monkeypatch.setattr(Checkpointer, "capture", look)
     agent = await host_on(await connect("b"), "b", program, tmp_path)
     await until(lambda: len(seen) > 5, "it is kept several times while it runs")
     await agent.end()
@@ -282,22 +285,24 @@ async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent
     await again.end()
 
 
-@async_test
-async def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_start_fresh(tmp_path: Path) -> None:
-    writer = ThreadPoolExecutor(1)
-    made = await open_memory(tmp_path, "a", writer, "full", fresh=False)
-    await asyncio.wrap_future(writer.submit(made.checkpoint.save, Saving(lives=1)))
+def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
+    made, _ = open_state(tmp_path, "a", ["a"], [], "FULL")
+    assert made is not None
+    made.save({"a": Saving(life=LifeRow("n", 1, b""))})
     with pytest.raises(CheckpointError, match="another process has it open"):
-        await open_memory(tmp_path, "a", writer, "full", fresh=True)
-    await asyncio.wrap_future(writer.submit(made.checkpoint.close))
-    with closing(sqlite3.connect(tmp_path / "mind.sqlite")) as database:
+        open_state(tmp_path, "a", ["a"], ["a"], "FULL")
+    made.close()
+    with closing(sqlite3.connect(tmp_path / "a.minds")) as database:
         database.execute("PRAGMA user_version = 99")
     with pytest.raises(CheckpointError, match="newer Argosy"):
-        await open_memory(tmp_path, "a", writer, "full", fresh=False)
-    anew = await open_memory(tmp_path, "a", writer, "full", fresh=True)
-    assert anew.life == 0
-    anew.checkpoint.close()
-    writer.shutdown()
+        open_state(tmp_path, "a", ["a"], [], "FULL")
+    again, states = open_state(tmp_path, "a", ["a"], ["a"], "FULL")
+    assert again is not None
+    assert states["a"].life == 0
+    again.close()
 
 
 @bus_test
@@ -305,16 +310,16 @@ async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_
     connect: Connect, tmp_path: Path
 ) -> None:
     program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"
-    file = tmp_path / "a" / "mind.sqlite"
+    file = tmp_path / "a.minds"
 
     bus = await connect("a")
     agent = await host_on(bus, "a", program, tmp_path, others=("c",))
     await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
     await agent.die()
-    file.with_name("mind.sqlite.sums").unlink()  # what is done to the rows would be found by the checksums
+    file.with_name("a.minds.sums").unlink()  # what is done to the rows would be found by the checksums
     with closing(sqlite3.connect(file)) as database:
         database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
-        database.execute("INSERT INTO action VALUES ('a:1:1', cast(x'67ff' AS TEXT), x'83')")
+        database.execute("INSERT INTO action SELECT number, 'a:1:1', cast(x'67ff' AS TEXT), x'83' FROM agent")
         database.commit()
     again = await host_on(bus, "a", program, tmp_path, others=("c",))
     await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
@@ -368,8 +373,8 @@ async def test_an_atomic_plan_is_kept_whole_though(
 async def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in ("LAST_PATIENCE", "CLOSE_PATIENCE"):
-        monkeypatch.setattr(f"agentd.persistence.checkpointer.{name}", 0.3)
+    monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.3)
+    monkeypatch.setattr("agentd.persistence.group_commit.CLOSE_PATIENCE", 0.3)
 
     agent = await host_on(await connect("a"), "a", HEARS, tmp_path)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
@@ -378,6 +383,6 @@ async def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
     await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
     agent._stop.set()
     await agent._life
-    await asyncio.wait_for(agent.host.close_checkpoint(forget=False), 120)
-    assert "its file is left as it is: the disk does not answer" in caplog.text
+    await asyncio.wait_for(agent.daemon.commits.close(), 120)
+    assert "is left as it is: the disk does not answer" in caplog.text
     agent.disk.open.set()

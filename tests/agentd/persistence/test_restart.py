@@ -86,6 +86,43 @@ def test_no_message_is_lost_doubled_or_out_of_order_while_daemons_are_killed(
         end(*live.values())
 
 
+@pytest.mark.parametrize("synchronous", ["full", "normal"])
+def test_no_mail_between_neighbours_is_lost_doubled_or_out_of_order_while_their_daemon_is_killed_amid_commits(
+    tmp_path: Path, endpoint: str, synchronous: str
+) -> None:
+    chance, count, kills = random.Random(synchronous), 20_000, 20 if THOROUGH else 6
+    text = ONE.format(more=', beliefs: ["peer(b)"]').replace("b.asl", 'a.asl, beliefs: ["peer(a)"]')
+    text += f"mail: {{synchronous: {synchronous}}}\n"
+    log = tmp_path / "state" / "one" / "a.minds-wal"
+    with a_fleet(tmp_path, endpoint, text, a=STREAM.replace("COUNT", str(count))) as fleet:
+        complete: set[str] = set()
+        until = time.monotonic() + 200
+        for _ in range(kills):
+            both = fleet.start("a", "b")
+            both.says("agents=")
+            _amid_a_commit(log, chance)
+            both.kill()
+            assert "WRONG" not in both.text
+            complete |= {name for name in "ab" if f"[{name}] complete" in both.text}
+        both = fleet.start("a", "b")
+        while complete != {"a", "b"}:
+            assert time.monotonic() < until, both.text
+            time.sleep(0.1)
+            assert "WRONG" not in both.text
+            complete |= {name for name in "ab" if f"[{name}] complete" in both.text}
+        end(both)
+        assert "error:" not in both.text
+
+
+def _amid_a_commit(log: Path, chance: random.Random) -> None:
+    """Wait until a commit grows the write-ahead log, some time after now, and up to a few milliseconds more."""
+    time.sleep(chance.uniform(0.05, 0.5))
+    size, until = log.stat().st_size, time.monotonic() + 10
+    while log.stat().st_size == size and time.monotonic() < until:
+        pass
+    time.sleep(chance.choice((0, 0.0005, 0.002)))
+
+
 LIVES = """\
 colour(red).
 !begin.
@@ -166,8 +203,7 @@ def test_a_team_that_has_stopped_itself_starts_fresh(tmp_path: Path, endpoint: s
         backfill = fleet.start("b")
         assert first.ends() == 3
         end(backfill)
-        kept = [file.parent.name for file in (tmp_path / "state").rglob("mind.sqlite")]
-        assert kept == ["b"]
+        assert [file.name for file in (tmp_path / "state").rglob("*.minds")] == ["b.minds"]
         second = fleet.start("a")
         second.says("[a] keeps 1")
         assert printed(second) == ["[a] begun", "[a] keeps 1"]
@@ -195,9 +231,9 @@ def test_what_is_no_goal_to_go_on_with_is_reported_before_anything_starts(
 def test_a_corrupt_memory_is_set_aside_and_reported_and_the_agent_starts_fresh(tmp_path: Path, endpoint: str) -> None:
     with a_fleet(tmp_path, endpoint, ONE.format(more=""), a=LIVES, b=ASKS) as fleet:
         until_kept(fleet).kill()
-        (file,) = (tmp_path / "state").rglob("a/mind.sqlite")
+        (file,) = (tmp_path / "state").rglob("a.minds")
         file.write_bytes(b"no database at all" * 1000)
         second = fleet.start("a")
         second.says("[a] begun")
-        assert "mind.sqlite.corrupt-1" in second.text
+        assert "a.minds.corrupt-1" in second.text
         end(second)

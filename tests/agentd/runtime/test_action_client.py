@@ -6,6 +6,7 @@ import asyncio
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -14,6 +15,7 @@ from agentd.conversion.term_conversion import BadTerm, to_wire
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
+from agentd.persistence.checkpointer import Checkpointer
 from agentd.runtime.action_client import ActionClient
 from commd.bus.bus import Bus, Query
 from commd.client.actions import ActionRequests
@@ -288,7 +290,8 @@ class Alone:
         self.told: list[object] = []
         self.tasks: list[asyncio.Task[None]] = []
         action_requests, tell = cast(ActionRequests, hands), self.told.append
-        self.action_client = ActionClient("a", "2", action_requests, None, tell, tell, cast(Tasks, self))
+        kept = cast(Checkpointer, SimpleNamespace(begun=lambda action: None, ended=lambda identity: None))
+        self.action_client = ActionClient("a", "2", action_requests, kept, tell, tell, cast(Tasks, self))
 
     def spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))

@@ -81,8 +81,7 @@ class Boards:
         """A daemon of agents, in this process."""
         async with session(self.endpoints[board], names[0]) as bus:
             agent_group = AgentGroup(bus, Clock(), self.mission, self.folder / "agents", 0)
-            for name in names:
-                await agent_group.add(prepare(self.mission, name, 0))
+            await agent_group.add(*(prepare(self.mission, name, 0) for name in names))
             stop = asyncio.Event()
             task = asyncio.create_task(agent_group.run(stop))
             try:

@@ -222,7 +222,7 @@ def test_nothing_is_saved_outside_of_the_folder_of_state(tmp_path: Path, path: s
     assert not (tmp_path / "state").exists()
 
 
-@pytest.mark.parametrize("path", ["mind.sqlite", "./mind.sqlite-wal"])
+@pytest.mark.parametrize("path", ["kept_in", "./kept_in"])
 def test_nothing_is_saved_over_what_the_agent_is_kept_in(tmp_path: Path, path: str) -> None:
     with pytest.raises(NotAllowed, match="where the agent itself is kept"):
         AgentFiles([tmp_path], tmp_path / "state").save(path, "p.")

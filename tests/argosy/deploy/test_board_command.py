@@ -57,7 +57,7 @@ def test_one_process_flies_a_mission_and_sigterm_in_flight_leaves_the_robot_as_t
         assert re.search(r"leaving uav1: rtl: the vehicle is in RTL", one.text)
         assert "Traceback" not in one.text
     kept = {path.name for path in (tmp_path / "state").rglob("*") if path.is_file()}
-    assert {"mind.sqlite", "uav1.actions", "local.mail"} <= kept
+    assert {"uav.minds", "uav1.actions", "local.mail"} <= kept
 
 
 def test_a_program_that_stops_its_team_ends_no_board(tmp_path: Path) -> None:

@@ -27,11 +27,11 @@ def _hit(path: Path, chance: random.Random) -> None:
 
 
 def _checkpoint(folder: Path) -> Path:
-    path = folder / "mind.sqlite"
-    made = Checkpoint.open(path, "a")
+    path = folder / "a.minds"
+    made = Checkpoint.open(path)
     for round_ in range(20):
         rows = [(rank, random.Random(rank).randbytes(300)) for rank in range(round_ * 10, round_ * 10 + 10)]
-        made.save(Saving(mind=MindChanges(beliefs=rows), lives=1))
+        made.save({"a": Saving(mind=MindChanges(beliefs=rows))})
     made.close()
     return path
 
@@ -40,39 +40,37 @@ def _checkpoint(folder: Path) -> Path:
 def test_a_bit_of_a_checkpoint_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     path = _checkpoint(tmp_path)
     _hit(path, random.Random(seed))
-    made = Checkpoint.open(path, "a")
+    made = Checkpoint.open(path)
     assert made.notes
-    assert made.read() is None
+    assert made.read() == {}
     made.close()
-    assert path.with_name("mind.sqlite.corrupt-1").exists()
-    again = Checkpoint.open(path, "a")
+    assert path.with_name("a.minds.corrupt-1").exists()
+    again = Checkpoint.open(path)
     assert again.notes == []
     again.close()
 
 
 def test_a_checkpoint_that_is_well_is_read_as_it_was(tmp_path: Path) -> None:
-    made = Checkpoint.open(_checkpoint(tmp_path), "a")
+    made = Checkpoint.open(_checkpoint(tmp_path))
     assert made.notes == []
-    stored = made.read()
-    assert stored is not None
-    assert len(stored.mind.beliefs) == 200
+    assert len(made.read()["a"].mind.beliefs) == 200
     made.close()
 
 
 @pytest.mark.parametrize("seed", range(HITS))
 def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     (tmp_path / "live").mkdir()
-    path = tmp_path / "live" / "mind.sqlite"
-    made = Checkpoint.open(path, "a")
+    path = tmp_path / "live" / "a.minds"
+    made = Checkpoint.open(path)
     for rank in range(40):
-        made.save(Saving(mind=MindChanges(beliefs=[(rank, random.Random(rank).randbytes(300))]), lives=1))
+        made.save({"a": Saving(mind=MindChanges(beliefs=[(rank, random.Random(rank).randbytes(300))]))})
     shutil.copytree(path.parent, tmp_path / "killed")  # as kill -9 leaves it
     made.close()
-    killed = tmp_path / "killed" / "mind.sqlite"
+    killed = tmp_path / "killed" / "a.minds"
     assert log_damage(killed) == ""
     assert PageChecksums(killed).damage() == ""
-    _hit(killed.with_name("mind.sqlite-wal"), random.Random(seed))
-    again = Checkpoint.open(killed, "a")
+    _hit(killed.with_name("a.minds-wal"), random.Random(seed))
+    again = Checkpoint.open(killed)
     assert again.notes
     again.close()
 

@@ -34,7 +34,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         database = connect(state / "fleet" / "mail.sqlite", "full")
         database.execute("CREATE TABLE t (a)")
         connect(old, "full").close()
-        checkpoint = Checkpoint.open(state / "fleet" / "bob" / "mind.sqlite", "bob")
+        checkpoint = Checkpoint.open(state / "fleet" / "bob.minds")
         AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
         action_log = ActionLog(state / "fleet" / "uav1.actions")
         note_start(state / "fleet", "agentd", "bob")
@@ -42,7 +42,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         modes = {path: stat.S_IMODE(path.stat().st_mode) for path in [state, *state.rglob("*")]}
         wrong = {str(path): oct(mode) for path, mode in modes.items() if mode != (0o700 if path.is_dir() else 0o600)}
         assert wrong == {}
-        assert {"mail.sqlite-wal", "mail.sqlite-shm", "mind.sqlite-wal"} <= {path.name for path in modes}
+        assert {"mail.sqlite-wal", "mail.sqlite-shm", "bob.minds-wal"} <= {path.name for path in modes}
         database.close()
         checkpoint.close()
         action_log.close()

@@ -1,0 +1,266 @@
+"""Write the changes of all agents of a daemon, one transaction after the other.
+
+A transaction holds the daemon at one moment: each agent as it is between two turns, and the mail between them that no
+mind has taken. So after a crash no agent remembers more of another than that one does itself. Whatever leaves the
+process waits for the transaction that holds it. A full disk delays mail, not the minds: the same transaction is
+repeated until it succeeds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final, Protocol
+
+from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
+
+log = logging.getLogger("keeping")
+
+SHARE: Final = 4.0
+"""Time from the beginning of a commit to that of the next, in multiples of the time in which the minds stood still."""
+BUSY_PATIENCE: Final = 0.5
+"""Wall seconds for which a commit waits for a busy mind whose messages others have taken."""
+ATOMIC_PATIENCE: Final = 10.0
+"""The same while an atomic plan runs: it should be saved whole or not at all."""
+RETRY_FIRST, RETRY_MOST = 0.2, 5.0
+"""Wall seconds between two attempts of a commit that failed, doubling."""
+SLOW = 10.0
+"""Wall seconds after which a commit under way is logged and counts as failed: actions do not wait for it."""
+CLOSE_PATIENCE = 10.0
+"""Wall seconds for closing the file."""
+
+
+@dataclass(slots=True)
+class Batch:
+    """What one transaction writes, and what waits for it."""
+
+    savings: dict[str, Saving] = field(default_factory=dict)
+    """By agent."""
+    members: list[Member] = field(default_factory=list)
+    """The agents that it holds."""
+    soft: bool = True
+    """Whether it must survive the end of the process only, not a power cut: nobody else has heard of what it keeps."""
+    done: list[Callable[[], None]] = field(default_factory=list)
+    """To be called when it is on disk."""
+
+
+class Member(Protocol):
+    """An agent of the daemon, as its commits see it."""
+
+    def capture(self, batch: Batch, now: float) -> bool:
+        """Add the changes since the last call, at a loop time. Return whether they may be written now."""
+
+    def add_mail(self, batch: Batch) -> None:
+        """Add the mail of other agents of the daemon that the mind, as captured last, has not taken."""
+
+    def committed(self, failed: bool) -> None:
+        """Count a transaction that had changes of the agent."""
+
+    @property
+    def atomic(self) -> bool:
+        """Whether an atomic plan runs."""
+
+
+class GroupCommit:
+    """The transactions of one daemon."""
+
+    def __init__(self, checkpoint: Checkpoint | None, writer: Executor) -> None:
+        """`checkpoint` is None if no agent of the daemon is kept; then nothing waits."""
+        self.problem = ""
+        """Why saving fails now; empty: it does not."""
+        self.busy: set[Member] = set()
+        """Agents amid their work of whose messages others know more than was captured."""
+        self._checkpoint, self._writer = checkpoint, writer
+        self._loop = asyncio.get_running_loop()
+        self._asked: dict[Member, None] = {}
+        """Agents with changes."""
+        self._mail: dict[Member, None] = {}
+        """Agents that others of the daemon have given mail since the last commit."""
+        self._flushes: list[tuple[Member, asyncio.Future[None]]] = []
+        self._due: float | None = None
+        """Loop time at which the next commit is due; None: nothing asks for it."""
+        self._hurry = False
+        """Whether it should not wait for busy minds."""
+        self._last = -1e9
+        self._pause = 0.0
+        """Wall seconds from `_last` to the next commit at least."""
+        self._timer: asyncio.TimerHandle | None = None
+        self._saving: asyncio.Future[None] | None = None
+        """The commit under way."""
+        self._slow: asyncio.TimerHandle | None = None
+        """Notes when that takes too long."""
+
+    # --- when ---
+
+    def ask(self, member: Member, within: float) -> None:
+        """Commit the changes of an agent, `within` wall seconds from the beginning of the last commit; 0: now."""
+        self._asked[member] = None
+        if within:
+            due = self._last + max(within, self._pause)
+        else:
+            due, self._hurry = self._loop.time(), True
+        if self._due is None or due < self._due:
+            self._due = due
+        self.look()
+
+    def give(self, member: Member) -> None:
+        """Note that an agent was given mail by another one of the daemon."""
+        self._mail[member] = None
+
+    def leave(self, member: Member) -> None:
+        """Forget an agent that has ended."""
+        self._asked.pop(member, None)
+        self._mail.pop(member, None)
+        self.busy.discard(member)
+
+    def look(self) -> None:
+        """Begin a commit if one is due. Call it between two turns of minds."""
+        if self._due is None or self._saving is not None:
+            return
+        now, due = self._loop.time(), self._due
+        if now >= due and self.busy:
+            if any(member.atomic for member in self.busy):
+                due += ATOMIC_PATIENCE
+            elif not self._hurry:
+                due += BUSY_PATIENCE
+        if now >= due:
+            self._begin(now)
+        elif self._timer is None or self._timer.when() > due:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = self._loop.call_at(due, self._ring)
+
+    def _ring(self) -> None:
+        self._timer = None
+        self.look()
+
+    async def flush(self, member: Member) -> None:
+        """Wait until the present changes of an agent are on disk. Its mind must be at rest or leave."""
+        done = self._loop.create_future()
+        self._flushes.append((member, done))
+        self._asked[member] = None
+        self._due = self._loop.time()
+        self._loop.call_soon(self.look)  # others may wait for the same
+        await done
+
+    # --- a commit ---
+
+    def _begin(self, now: float) -> None:
+        asked, self._asked, self._due, self._hurry, self._last = self._asked, {}, None, False, now
+        batch = Batch()
+        for member in asked:
+            if not member.capture(batch, now):
+                self._asked[member] = None
+        mail, self._mail = self._mail, {}
+        for member in mail:
+            member.add_mail(batch)
+        for flush in self._flushes.copy():
+            if flush[0] not in self._asked:
+                self._flushes.remove(flush)
+                batch.done.append(partial(_set, flush[1]))
+        self._pause = SHARE * (self._loop.time() - now)
+        if batch.savings and self._checkpoint is not None:
+            self._saving = self._loop.create_future()
+            self._slow = self._loop.call_later(SLOW, self._is_slow)
+            self._hand_in(self._checkpoint, batch, self._saving, RETRY_FIRST)
+        else:
+            _call(batch.done)
+
+    def _is_slow(self) -> None:
+        """Note that the commit under way has neither succeeded nor failed."""
+        if not self.problem:
+            self.problem = f"the disk has not answered for {SLOW:g} s"
+            log.error("nothing is kept, and mail waits: %s", self.problem)
+
+    def _hand_in(self, checkpoint: Checkpoint, batch: Batch, saved: asyncio.Future[None], pause: float) -> None:
+        ended = partial(self._written, checkpoint, batch, saved, pause)
+
+        def save() -> None:
+            """Save; called on the writer's thread."""
+            error: Exception | None = None
+            try:
+                checkpoint.save(batch.savings, batch.soft)
+            except Exception as raised:
+                error = raised
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(ended, error)
+            checkpoint.shorten_log()  # nothing waits for this
+
+        if saved.cancelled():
+            return
+        try:
+            self._writer.submit(save)
+        except RuntimeError as closed:
+            self._loop.call_soon(ended, closed)
+
+    def _written(
+        self,
+        checkpoint: Checkpoint,
+        batch: Batch,
+        saved: asyncio.Future[None],
+        pause: float,
+        error: Exception | None,
+    ) -> None:
+        """Continue what has waited for a commit, or repeat one that failed."""
+        if saved.cancelled():
+            return
+        for member in batch.members:
+            member.committed(error is not None)
+        if error is not None:  # defects included: mail must not wait silently
+            if not isinstance(error, CheckpointError):
+                log.error("defect in argosy: a save of %s", ", ".join(batch.savings), exc_info=error)
+            if not self.problem:
+                log.error("nothing is kept, and mail waits: %s", error)
+            self.problem = str(error)
+            again = min(pause * 2, RETRY_MOST)
+            self._loop.call_later(pause, self._hand_in, checkpoint, batch, saved, again)
+            return
+        if self.problem:
+            log.info("the agents are kept again")
+            self.problem = ""
+        self._saving = None
+        if self._slow is not None:
+            self._slow.cancel()
+        saved.set_result(None)
+        _call(batch.done)
+        self.look()
+
+    # --- the end ---
+
+    async def close(self, forget: Iterable[str] = ()) -> None:
+        """Close the file; remove the state of agents that `forget` names, so that they begin without a past."""
+        for timer in (self._slow, self._timer):
+            if timer is not None:
+                timer.cancel()
+        if self._saving is not None:
+            self._saving.cancel()
+        if self._checkpoint is None:
+            return
+        checkpoint, agents = self._checkpoint, tuple(forget)
+
+        def work() -> None:
+            if agents:
+                checkpoint.forget(agents)
+            checkpoint.close()
+
+        try:
+            await asyncio.wait_for(self._loop.run_in_executor(self._writer, work), CLOSE_PATIENCE)
+        except TimeoutError:
+            log.error("%s is left as it is: the disk does not answer", checkpoint.path)
+        except CheckpointError as error:
+            log.error("%s", error)
+
+
+def _set(done: asyncio.Future[None]) -> None:
+    if not done.done():
+        done.set_result(None)
+
+
+def _call(done: Iterable[Callable[[], None]]) -> None:
+    for callback in done:
+        callback()
