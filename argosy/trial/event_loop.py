@@ -214,7 +214,7 @@ class Datagrams(asyncio.DatagramTransport):
         return 0
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
-        return {"sockname": self._local, "peername": self._remote, "socket": _Options()}.get(name, default)
+        return {"sockname": self._local, "peername": self._remote, "socket": _Socket()}.get(name, default)
 
     def free(self) -> None:
         """Give its address free."""
@@ -230,6 +230,19 @@ class Datagrams(asyncio.DatagramTransport):
     abort = close
 
 
-class _Options:
+class _Socket:
+    """The socket below a transport: nothing waits in it, as each datagram is handed over when it arrives."""
+
     def setsockopt(self, *_: Any) -> None:
         """Ignore it."""
+
+    def dup(self) -> _Socket:
+        """Return the same socket."""
+        return self
+
+    def recvfrom(self, size: int) -> tuple[bytes, Any]:
+        """Raise BlockingIOError."""
+        raise BlockingIOError
+
+    def close(self) -> None:
+        """Do nothing."""
