@@ -106,11 +106,11 @@ class AgentDirectory:
                 self._forget_unreported(begun - (UNREPORTED if all(answered) else UNREPORTED_AWAY))
 
     def add(self, name: str, board: str) -> None:
-        """Add an agent of this daemon."""
+        """Add an agent of this daemon; those of the mission are always known."""
         self._ended.discard(name)
         if name not in self.mission:
             self._here[name] = board
-        self._settle()
+            self._settle()
 
     def remove(self, name: str) -> None:
         """Remove an agent of this daemon that has ended; those of the mission stay, for they may come back."""

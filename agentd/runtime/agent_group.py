@@ -33,6 +33,7 @@ from agentd.trace.input_records import Included
 from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
+from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.process.output import stdout
@@ -92,6 +93,7 @@ class AgentGroup:
         self._stop = asyncio.Event()
         self._services = Services(bus)
         self._subscribers = TraceSubscribers(bus)
+        self._by_hand = HandPerceptSubscription(bus)
         self._presence_beliefs = PresenceBeliefs(bus, self.directory, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
@@ -112,7 +114,7 @@ class AgentGroup:
 
     def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        daemon = self._subscribers, self._commits, self._neighbours
+        daemon = self._subscribers, self._by_hand, self._commits, self._neighbours
         host = AgentHost(self._bus, self._clock, part, self.directory, self, token, *daemon, memory, rights)
         self.hosts[part.name] = host
         self._homes[part.name] = board
@@ -243,6 +245,7 @@ class AgentGroup:
         except (NotDone, TimeoutError) as why:
             log.warning("agent=%s its board forgets it later: %s", name, why or "its commd does not answer")
         self._services.done_with(name)
+        self._by_hand.remove(name)
         del self._made[name], self.hosts[name], self._ends[name], self._homes[name]
 
     # --- requests ---

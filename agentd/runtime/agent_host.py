@@ -43,7 +43,7 @@ from agentd.trace.input_records import CameBack, Included, Interrupted
 from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus, Token, boot_id
 from commd.client.actions import ActionRequests
-from commd.client.manual_percepts import HandPercepts, hear_by_hand
+from commd.client.manual_percepts import HandPercepts, HandPerceptSubscription
 from commd.client.percept_sync import PerceptSync
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
@@ -83,6 +83,7 @@ class AgentHost:
         team: Team,
         token: Token,
         subscribers: TraceSubscribers,
+        by_hand: HandPerceptSubscription,
         commits: GroupCommit,
         neighbours: Neighbours,
         memory: RestoredState | None = None,
@@ -160,7 +161,7 @@ class AgentHost:
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
         else:
-            self._by_hand = hear_by_hand(bus, part.name, part.inject, self._perceive)
+            self._by_hand = by_hand.add(part.name, part.inject, self._perceive)
         self._action_client = ActionClient(
             part.name,
             bus.boot,

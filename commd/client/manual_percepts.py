@@ -98,16 +98,28 @@ class HandPercepts:
         return f"there are {MOST} already"
 
 
-def hear_by_hand(bus: Bus, agent: str, allowed: bool, on_change: Callable[[Perception], None]) -> HandPercepts:
-    """Subscribe an agent without a robot to percepts put by hand, if the mission allows them."""
-    by_hand = HandPercepts(agent, allowed, Counter())
+class HandPerceptSubscription:
+    """Percepts put by hand for the agents without a robot of one daemon: one subscription for all of them."""
 
-    def heard(key: str, perception: Perception) -> None:
-        for change in by_hand.take(key, perception):
-            on_change(change)
+    def __init__(self, bus: Bus) -> None:
+        self._agents: dict[str, tuple[HandPercepts, Callable[[Perception], None]]] = {}
+        bus.subscribe(keys.percept_by_hand(bus.fleet, "*", "*"), Perception, self._heard)
 
-    bus.subscribe(keys.percept_by_hand(bus.fleet, agent, "*"), Perception, heard)
-    return by_hand
+    def add(self, agent: str, allowed: bool, on_change: Callable[[Perception], None]) -> HandPercepts:
+        """Give an agent its percepts, if the mission allows them."""
+        by_hand = HandPercepts(agent, allowed, Counter())
+        self._agents[agent] = by_hand, on_change
+        return by_hand
+
+    def remove(self, agent: str) -> None:
+        """Forget an agent that has ended."""
+        self._agents.pop(agent, None)
+
+    def _heard(self, key: str, perception: Perception) -> None:
+        if (parsed := keys.parse(key)) is not None and (of_agent := self._agents.get(parsed[1])) is not None:
+            by_hand, on_change = of_agent
+            for change in by_hand.take(key, perception):
+                on_change(change)
 
 
 def _is_value(term: Term) -> bool:

@@ -25,6 +25,7 @@ from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
 from agentd.trace.subscribers import TraceSubscribers
 from commd.bus.bus import Bus
+from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
 
 
@@ -158,8 +159,8 @@ async def host_on(
     sources.keep(sources.main, source)
     made = Part(name=name, program=program, **{"sources": sources, **part})
     token = bus.token(f"test/{name}/{bus.boot}")
-    together = TraceSubscribers(bus), daemon.commits, daemon.neighbours, daemon.states.get(name)
-    host = AgentHost(bus, Clock(), made, directory, NoTeam(), token, *together)
+    shared = TraceSubscribers(bus), HandPerceptSubscription(bus), daemon.commits, daemon.neighbours
+    host = AgentHost(bus, Clock(), made, directory, NoTeam(), token, *shared, daemon.states.get(name))
     hosted = Hosted(host, daemon)
     if begins:
         hosted.begin()

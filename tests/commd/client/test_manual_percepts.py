@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from commd.bus.bus import Bus
-from commd.client.manual_percepts import LARGEST, MOST, HandPercepts, hear_by_hand
+from commd.client.manual_percepts import LARGEST, MOST, HandPercepts, HandPerceptSubscription
 from commd.client.percept_sync import PerceptSync
 from schemas.wire import keys, percept_set
 from schemas.wire.records import Perception
@@ -122,7 +122,9 @@ async def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once
 @bus_test
 async def test_an_agent_without_a_robot_perceives_by_hand_too(connect: Connect) -> None:
     heard: list[tuple[str, tuple[Any, ...]]] = []
-    by_hand = hear_by_hand(await connect("uav"), "uav", True, lambda one: heard.append((one.update, one.parameters)))
+    by_hand = HandPerceptSubscription(await connect("uav")).add(
+        "uav", True, lambda one: heard.append((one.update, one.parameters))
+    )
     person = await connect("operator")
     await put(person, "victim", parameters=[1])
     await put(person, "victim", parameters=[2], update="add")
