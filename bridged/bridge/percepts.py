@@ -44,6 +44,8 @@ Publish = Callable[[str, Sequence[Perception]], None]
 """Called with the agent and the changes of its percepts: all of one reading, one tick or one call together."""
 ToTerm = Callable[[object], Term]
 """Makes a term of a plain value, as the robot's `values` say."""
+Reader = Callable[[Mapping[str, object]], Term]
+"""Makes an argument of the fields of a reading."""
 Source = tuple[str, str]
 """A driver (empty: the robot's own) and its source."""
 
@@ -99,11 +101,12 @@ class PerceptPublisher:
     def _use(self, manifest: Manifest) -> None:
         self._percepts = manifest.percepts
         self._term: ToTerm = percept_value if manifest.robot.values == "text" else _term
-        self._by_source: dict[Source, list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
+        self._by_source: dict[Source, list[tuple[str, PerceptEntry, tuple[Reader, ...]]]] = {}
         own = manifest.robot.driver
         for name, entry in manifest.percepts.items():
             source = ("" if entry.driver == own else entry.driver, entry.source)
-            self._by_source.setdefault(source, []).append((name, entry, entry.fields()))
+            readers = tuple(_reader(field, self._term) for field in entry.fields())
+            self._by_source.setdefault(source, []).append((name, entry, readers))
 
     def adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest: unchanged percepts are untouched, those it does not declare are withdrawn.
@@ -189,14 +192,14 @@ class PerceptPublisher:
 
     def _read(self, reading: Reading, now: float, only: Collection[str] | None = None) -> None:
         """Make the percepts of a reading's source, or `only` those."""
-        for name, entry, fields in self._by_source.get((reading.driver, reading.source), ()):
+        for name, entry, readers in self._by_source.get((reading.driver, reading.source), ()):
             if only is not None and name not in only:
                 continue
             if reading.fields is None:
                 self._withdraw(name)
                 continue
             try:
-                parameters = tuple(_argument(field, reading.fields, self._term) for field in fields)
+                parameters = tuple([read(reading.fields) for read in readers])
                 if len(_ENCODE(parameters)) > LARGEST:
                     raise ValueError("too large to be published")
             except _Absent:
@@ -208,8 +211,10 @@ class PerceptPublisher:
                 self._believe(name, entry, parameters, now)
 
     def _believe(self, name: str, entry: PerceptEntry, parameters: Parameters, now: float) -> None:
-        identity = parameters if entry.buf == "add" else tuple(parameters[position] for position in entry.key)
-        key = (name, _ENCODE(identity))
+        if entry.buf == "add":
+            key = (name, _ENCODE(parameters))
+        else:
+            key = (name, _ENCODE([parameters[position] for position in entry.key]) if entry.key else b"")
         slot = self._slots.get(key)
         if slot is None:
             while len(self._slots) >= MAX_BELIEFS:
@@ -219,7 +224,7 @@ class PerceptPublisher:
             self._publish_slot(slot, parameters, now)
             return
         slot.heard_at = now
-        if entry.buf == "update" and not any(map(partial(_differs, entry.deadband), slot.published, parameters)):
+        if entry.buf == "update" and not _changed(entry.deadband, slot.published, parameters):
             slot.waiting = None
         elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
             self._publish_slot(slot, parameters, now)
@@ -279,6 +284,17 @@ def _period(entry: PerceptEntry) -> float:
     return 0.0 if entry.rate is None else 1.0 / entry.rate
 
 
+def _changed(deadband: float, old: Parameters, new: Parameters) -> bool:
+    """Whether one of the terms has become another one."""
+    for was, becomes in zip(old, new, strict=True):
+        if type(was) is float and type(becomes) is float:
+            if not abs(becomes - was) <= deadband:
+                return True
+        elif _differs(deadband, was, becomes):
+            return True
+    return False
+
+
 def _differs(deadband: float, old: Term, new: Term) -> bool:
     """Whether a term has become another one; a number within the deadband of the published one has not."""
     if type(old) is type(new) and old == new and not isinstance(old, list):
@@ -291,6 +307,28 @@ def _differs(deadband: float, old: Term, new: Term) -> bool:
 
 class _Absent(Exception):
     """The robot says that it does not know the value."""
+
+
+def _reader(field: Field, term: ToTerm) -> Reader:
+    """Return what reads a field: by its name alone where its value is a number, as most are."""
+    if "." in field.field or field.each or term is not _term:
+        return partial(_argument, field, term=term)
+    name, absent, scale, offset = field.field, field.absent, field.scale, field.offset
+    converts = (scale, offset) != (1.0, 0.0)
+
+    def read(message: Mapping[str, object]) -> Term:
+        value = message[name]
+        if type(value) is not int and type(value) is not float:
+            return _argument(field, message, term)
+        if value == absent:
+            raise _Absent
+        return number(_converted(value, scale, offset)) if converts else term(value)
+
+    return read
+
+
+def _converted(value: float, scale: float, offset: float) -> float:
+    return float(f"{value * scale + offset:.{DIGITS}g}")
 
 
 def _argument(field: Field, message: object, term: ToTerm) -> Term:
@@ -332,7 +370,7 @@ def _value(field: Field, value: object, term: ToTerm) -> Term:
     if isinstance(value, _LISTS):
         return [_value(field, item, term) for item in value]
     if isinstance(value, _NUMBERS) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
-        value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
+        value = _converted(value, field.scale, field.offset)
     return term(value)
 
 

@@ -58,7 +58,9 @@ class PerceptSet:
 
     def alter(self, perception: Perception) -> list[Perception]:
         """Apply a perception without a stream. Returns the changes, removals first."""
-        return self._alter(perception, _identity(perception))
+        gone, come = self._alter(perception, _identity(perception))
+        changes = [_removal(one) for one in gone]
+        return [*changes, replace(perception, update="add", key=())] if come else changes
 
     def concerned(self, perception: Perception) -> list[Perception]:
         """Return the beliefs that a `replace` or `remove` concerns."""
@@ -73,7 +75,8 @@ class PerceptSet:
         """Return the arities of the beliefs of a name."""
         return [arity for known, arity in self._families if known == name]
 
-    def _alter(self, perception: Perception, identity: bytes) -> list[Perception]:
+    def _alter(self, perception: Perception, identity: bytes) -> tuple[list[Perception], bool]:
+        """Apply a perception. Returns the beliefs that are gone, and whether its own was not there before."""
         family = (perception.name, len(perception.parameters))
         beliefs = self._families.setdefault(family, {})
         gone: dict[bytes, Perception] = {}
@@ -85,8 +88,7 @@ class PerceptSet:
         elif not beliefs:
             del self._families[family]
         self._digest = ""
-        changes = [_removal(one) for at, one in gone.items() if at not in beliefs]
-        return [*changes, replace(perception, update="add", key=())] if come else changes
+        return [one for at, one in gone.items() if at not in beliefs], come
 
     def _concerned(self, change: Perception, identity: bytes, beliefs: dict[bytes, Perception]) -> list[bytes]:
         if not change.key:

@@ -217,8 +217,8 @@ class MessageFields(Mapping[str, object]):
     def __getitem__(self, name: str) -> object:
         if name not in self._message.fieldnames:
             raise KeyError(name)
-        value: object = self._message.format_attr(name)
-        return value
+        value: object = getattr(self._message, name)
+        return self._message.format_attr(name) if type(value) is bytes else value
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._message.fieldnames)
