@@ -1,4 +1,4 @@
-"""What the agent thinks: the AgentSpeak language, the mind that runs it, and the agent daemon.
+"""Agents: the AgentSpeak language, the mind that runs it, and the agent daemon.
 
 The names below are for programs of your own in Python: minds to embed (docs/guides/extending.md), environments
 (docs/guides/extending.md), internal actions and functions (docs/guides/extending.md).

@@ -1,4 +1,4 @@
-"""What each command of `agentd` does as a process: recursion limit, signals, exit codes, a notice that it is slow."""
+"""Process setup of each command of `agentd`: recursion limit, signals, exit codes, a notice that it is slow."""
 
 from __future__ import annotations
 

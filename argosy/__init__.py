@@ -1,1 +1,1 @@
-"""What the operator uses: the `argosy` command."""
+"""The operator's command, `argosy`."""

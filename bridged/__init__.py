@@ -1,1 +1,1 @@
-"""What the robot does: translation by manifest, drivers, simulated vehicles, and the bridge daemon."""
+"""Robots: translation by manifest, drivers, simulated vehicles, and the bridge daemon."""

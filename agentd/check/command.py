@@ -134,7 +134,7 @@ _LOOKS = (
     unknown_performatives,
     formulas_as_actions,
 )
-"""What needs nothing but the program."""
+"""Checks that need only the program."""
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What a program may rely on beside itself: other agents and agentd, and the standard library with its arguments."""
+"""Symbols that a program gets from elsewhere: other agents, agentd, and the standard library with its arguments."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ was given up, a restart and the actions that it interrupted."""
 
 
 def from_team(surveys: Iterable[Survey]) -> Elsewhere:
-    """What agents with these programs, and nobody else, send to one another."""
+    """Return the messages that agents with these programs send to one another, without those of others."""
     surveys = list(surveys)
     sent = {mention.indicator for each in surveys for mention in each.sent}
     wanted = {mention.indicator for each in surveys for mention in (*each.wanted, *each.raised)}

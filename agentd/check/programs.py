@@ -152,7 +152,7 @@ def _add_assertions(found: Survey, file: Path) -> None:
 
 @dataclass(slots=True)
 class Subjects:
-    """What was read: programs, and what is wrong with those that cannot be, by file.
+    """Programs that were read, and the problems of those that were not, by file.
 
     ``order`` has the files in the order in which they were named; ``shown`` gives findings with the text that shows
     them.
@@ -169,7 +169,7 @@ class Subjects:
     """Whether programs were named without a project: their environment is not known."""
 
     def elsewhere(self) -> Elsewhere:
-        """What the programs send to one another."""
+        """Messages of the programs to one another."""
         if self.incomplete:
             return Elsewhere()
         found = from_team(surveyed.survey for surveyed in self.programs.values())

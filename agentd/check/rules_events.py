@@ -68,7 +68,7 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
 
 
 def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, int]]:
-    """What can be believed as far as the program shows; a plan +b means that b is expected from elsewhere."""
+    """Return the beliefs that are possible by the program; a plan +b means that b is expected from elsewhere."""
     held = {mention.indicator for mention in survey.added} | set(beliefs)
     for placed in survey.plans:
         if placed.event in ("+", "+?") and placed.name is not None:

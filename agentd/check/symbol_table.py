@@ -1,4 +1,4 @@
-"""What a program mentions, and as what: goals, beliefs, actions, internal actions, plans."""
+"""Symbols of a program by kind: goals, beliefs, actions, internal actions, plans."""
 
 from __future__ import annotations
 

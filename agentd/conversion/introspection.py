@@ -1,4 +1,4 @@
-"""What somebody wants to see of a mind: the parameters of `{agent}/mind?plans=true;last=200;about=go`."""
+"""Parameters of a query for a mind: `{agent}/mind?plans=true;last=200;about=go`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _NAME: Final = re.compile(r"~?[\w.:]+(/\d+)?")
 
 
 class BadParameter(ValueError):
-    """A parameter of a look that is none; says which and what was expected."""
+    """An invalid parameter of a query for a mind; the text has the parameter and what was expected."""
 
 
 class Look(Struct, frozen=True):
-    """What somebody wants to see of a mind: the parameters of the query."""
+    """Parameters of a query for a mind."""
 
     plans: bool = False
     last: int = LAST_DECISIONS

@@ -54,7 +54,7 @@ class MindViews:
         self._beliefs, self._plans = Beliefs(mind), Plans(mind)
 
     def view(self, look: Look, now: float) -> MindView:
-        """What the mind itself holds, at ``now`` in mission seconds; its host adds what it knows besides."""
+        """Return the state of the mind itself, at ``now`` in mission seconds; its host adds further fields."""
         mind = self._mind
         believed, beliefs_left_out = self._beliefs.shown(look, now)
         intentions, intentions_left_out = intentions_of(mind)
@@ -232,7 +232,7 @@ def _plan(plan: Plan) -> PlanView:
 
 
 def plan_uses(plan: nodes.Plan) -> dict[str, str]:
-    """What a plan's body does, each with the ``file:line`` of the first place.
+    """Return the formulas of a plan's body, each with the ``file:line`` of its first place.
 
     ``!go/1`` and ``!!serve/0`` are goals, ``?where/1`` tests, ``+found/3`` and ``-found/3`` changes of beliefs,
     ``takeoff/1`` actions, ``.send/4`` internal actions.

@@ -98,14 +98,14 @@ def _functor(trigger: str) -> str:
 
 def decision_lines(view: DecisionView) -> list[str]:
     """Return a decision as text, a line for the event and one for each plan."""
-    origin = f", from {cause_words(view.cause)}" if view.cause else ""
+    origin = f", from {cause_text(view.cause)}" if view.cause else ""
     if view.goal:
         origin = f", raised by the plan for {view.goal}"
     where = f" at {view.asked_at}" if view.asked_at else ""
     return [f"{view.event}{origin}{where}", *_plan_lines(view)]
 
 
-def cause_words(cause: CauseView) -> str:
+def cause_text(cause: CauseView) -> str:
     """Return where an event comes from, if no plan waits for it."""
     match cause.kind:
         case "message":

@@ -23,7 +23,7 @@ from agentd.mind.state import MindState
 from agentd.testing.results import Asserted, TestEnded
 
 FAILED = "assertion_failed"
-"""What ``error(E)`` shows of an assertion that does not hold."""
+"""Value of ``error(E)`` for an assertion that does not hold."""
 
 
 def _assert(mind: MindState, held: bool, message: str) -> bool:

@@ -148,7 +148,7 @@ def line_of(outcome: Outcome) -> str:
 
 
 def details_of(outcome: Outcome) -> Iterator[str]:
-    """What helps to find out why a test plan did not pass."""
+    """Return the details of a test plan that did not pass."""
     yield f"{outcome.verdict.value} {outcome.file}:{outcome.line}: {outcome.name}"
     yield f"    {outcome.message}"
     if outcome.place:

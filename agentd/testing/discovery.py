@@ -22,7 +22,7 @@ LIBRARY = Path(__file__).parent / "assertions.asl"
 """The plans that every test program gets."""
 _THE_GOAL = nodes.Structure("agentd_the_goal")
 OF_JASON = Path(__file__).parent / "of_jason.asl"
-"""What programs get that include Jason's own harness."""
+"""Replacement for Jason's own test harness, for programs that include it."""
 _HARNESS = frozenset({"tester_agent.asl", "test_assert.asl", "test_manager.asl"})
 """The files of Jason's own harness, which `agentd test` replaces; they are in one folder."""
 
@@ -154,7 +154,7 @@ def _aimed(plan: nodes.Plan, goal: nodes.Structure) -> nodes.Plan:
 
 
 def _key(plan: nodes.Plan) -> tuple[str, str, str, int]:
-    """What plans for the same goal have in common."""
+    """The common part of plans for the same goal."""
     literal = plan.trigger.literal
     if not isinstance(literal, nodes.Structure):
         return plan.trigger.operator, plan.trigger.goal, "", -1

@@ -66,7 +66,7 @@ class Outcome:
     unapplied: list[str] = field(default_factory=list)
     """The events for which no plan applied, and why each plan did not; of a test that did not pass."""
     output: list[str] = field(default_factory=list)
-    """What its agents printed and logged."""
+    """The prints and logs of its agents."""
 
     @property
     def passed(self) -> bool:

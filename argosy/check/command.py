@@ -261,14 +261,14 @@ class AgentOutline:
 
 @dataclass(frozen=True)
 class Outline:
-    """What a mission file names."""
+    """The programs and manifests that a mission file names."""
 
     agents: dict[str, AgentOutline]
     robots: dict[str, str | tuple[str, str]]
     """Each robot's manifest: a name, or the pair of INI files."""
     positions: Positions
     folder: Path
-    """What paths in the mission are relative to."""
+    """Base folder of the mission's relative paths."""
 
 
 def outline(path: Path) -> Outline | None:

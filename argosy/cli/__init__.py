@@ -1,1 +1,1 @@
-"""What all commands share: arguments, the bus as an operator, the journal, remedies for notes, optional packages."""
+"""Shared by all commands: arguments, the bus as an operator, the journal, remedies for notes, optional packages."""

@@ -1,4 +1,4 @@
-"""What users type: commands with commands of their own, names, counts and durations."""
+"""Command-line arguments: commands with subcommands, names, counts and durations."""
 
 from __future__ import annotations
 

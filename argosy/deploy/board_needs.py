@@ -1,4 +1,4 @@
-"""What the daemons of a board reach besides its socket: devices and addresses, as far as the mission declares them.
+"""Devices and addresses that the daemons of a board use besides its socket, as far as the mission declares them.
 
 Units allow what is needed and nothing else; the needs of a foreign driver are unknown, and reported as such.
 """

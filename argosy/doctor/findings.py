@@ -23,7 +23,7 @@ class Diagnosis:
     """Subject, such as `clocks`."""
     text: str
     do: str = ""
-    """What to do; empty for `ok`."""
+    """Advice; empty for `ok`."""
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class Scene:
     has_activity: bool = False
     """Whether agents published their activity, so that the messages are complete."""
     notes: list[str] = field(default_factory=list)
-    """What is missing, as text."""
+    """Missing data, as text."""
 
     @property
     def tracks(self) -> dict[str, Track]:

@@ -147,9 +147,9 @@ class Kind:
     board: Callable[[Setup, str], str] = lambda setup, subject: subject
     """The board that it belongs to."""
     label: Callable[[str, str], str] = lambda board, subject: board
-    """What it is called after in a fleet of several boards, by board and subject."""
+    """Suffix of its name in a fleet of several boards, by board and subject."""
     orphaned: Callable[[Setup, str], signal.Signals] = lambda setup, subject: signal.SIGKILL
-    """What the kernel sends it when `argosy run` itself is killed."""
+    """Signal that the kernel sends it when `argosy run` itself is killed."""
     measured: bool = True
     """Whether it counts as one of the daemons that a board runs in flight."""
     daemon: bool = True
@@ -257,12 +257,12 @@ class Process:
     argv: tuple[str, ...]
     orphaned: signal.Signals = signal.SIGKILL
     label: str = ""
-    """What it is called after: whom it serves, or its board."""
+    """Suffix of its name: the agents or robots that it serves, or its board."""
     board: str = ""
 
     @property
     def name(self) -> str:
-        """What people call it: `commd`, `bridged uav1`; with several boards `commd pi1`, `bridged pi1 uav1`."""
+        """Its name for people: `commd`, `bridged uav1`; with several boards `commd pi1`, `bridged pi1 uav1`."""
         return f"{self.kind.name} {self.label}".strip()
 
 

@@ -1,6 +1,6 @@
-"""What the processes of a run use: memory and processor time, measured from outside.
+"""Memory and processor time of the processes of a run, measured from outside.
 
-Memory is PSS (`/proc/PID/smaps_rollup`): what a process has for itself plus its share of what it shares, so that the
+Memory is PSS (`/proc/PID/smaps_rollup`): a process's own memory plus its share of shared memory, so that the
 figures of several processes may be added. Processor time is the kernel's own count in nanoseconds, of all threads.
 """
 
@@ -43,7 +43,7 @@ def cpu_seconds(pid: int) -> float | None:
 
 @dataclass
 class Usage:
-    """What one process uses now."""
+    """Present usage of one process."""
 
     memory: int = 0
     """Bytes of PSS."""

@@ -25,7 +25,7 @@ _SUM = "crc32"
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known when a recording begins."""
+    """Metadata of the beginning of a recording."""
 
     recording: str
     """Unique id; the parts of a split recording share it."""
@@ -100,7 +100,7 @@ def facts_of(metadata: Mapping[str, str]) -> Facts:
 
 @dataclass(frozen=True)
 class End:
-    """What is known when a recording ends."""
+    """Metadata of the end of a recording."""
 
     why: str
     """Text: `ctrl-C`, `1 h are over`, `the disk is full`."""

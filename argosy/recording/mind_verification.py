@@ -207,7 +207,7 @@ class ReplayCheck:
         last = result.difference.cycle if result.difference is not None else None
         for act in acts(batches, files=self.texts or None, until=last):
             if act.decision is not None and act.decision.name.partition("/")[0] == self.args.why:
-                for index, line in enumerate(decision_words(act.decision, self.other)):
+                for index, line in enumerate(decision_text(act.decision, self.other)):
                     print(f"{f'{act.time:.3f} s' if index == 0 else '':>11}  {line}")
 
 
@@ -291,7 +291,7 @@ def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) ->
         yield f"{who}: nothing, or it is not known"
     elif act.decision is not None:
         yield f"{who}:"
-        yield from (f"  {line}" for line in decision_words(act.decision, name))
+        yield from (f"  {line}" for line in decision_text(act.decision, name))
     else:
         yield f"{who}: {shortened(name(act.text), LONGEST)}"
     if following:
@@ -308,7 +308,7 @@ def _alike(one: Act | None, other: Act | None) -> bool:
     return len(heads) == 2 and heads[0] == heads[1]
 
 
-def decision_words(decision: DecisionView, name: Named) -> list[str]:
+def decision_text(decision: DecisionView, name: Named) -> list[str]:
     """Return a decision as `agentd run --why` prints it: the event, and each plan with why it was chosen or not."""
     lines = decision_lines(decision)
     return [shortened(name(line), LONGEST) for line in lines]

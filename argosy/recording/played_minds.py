@@ -27,7 +27,7 @@ MOST_ACTIONS: Final = 60
 
 
 class _Which(Record, frozen=True, kw_only=True):
-    """What is decoded of a record of a mind that nobody may ask for."""
+    """The header of a record of a mind, decoded without the rest, which may not be needed."""
 
     header: Header = Header()
     number: int = 0

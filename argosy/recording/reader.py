@@ -105,7 +105,7 @@ class Recording:
 
     @property
     def missing(self) -> str:
-        """What is missing in its files, as one line; empty = nothing."""
+        """The gaps of its files, as one line; empty = none."""
         return "; ".join(self._lacks)
 
     @property

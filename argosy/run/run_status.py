@@ -34,7 +34,7 @@ class Status:
     ended: float | None = None
     """Mission time at which the run was done or had failed."""
     waiting_for: str = ""
-    """What the run waits for now, as text."""
+    """The condition that the run waits for now, as text."""
     timeout_at: float | None = None
     """Mission time at which the run ends by its timeout; known once everything is up."""
     up: set[str] = field(default_factory=set)

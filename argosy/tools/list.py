@@ -45,7 +45,7 @@ NOUNS = {"agentd": "agent", "client": "client", "bridged": "robot", "commd": "bo
 
 @dataclass
 class Name:
-    """What is known of one name: an agent, robot, board or client."""
+    """Keys and records of one name: an agent, robot, board or client."""
 
     daemons: set[str] = field(default_factory=set)
     acts: set[str] = field(default_factory=set)

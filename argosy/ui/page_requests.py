@@ -1,4 +1,4 @@
-"""What the page's buttons do: orders to robots above every agent, and orders to minds; the outcome as reported.
+"""Requests of the page's buttons: orders to robots above every agent, and orders to minds; the outcome as reported.
 
 As in `argosy stop` every robot of the mission is ordered, seen or not, and whoever did not confirm is named.
 """

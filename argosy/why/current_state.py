@@ -13,10 +13,10 @@ from argosy.why.wording import (
     ANSWERING,
     ago,
     awaited,
-    failure_words,
+    failure_text,
     first_up,
-    plan_words,
-    raiser_words,
+    plan_text,
+    raiser_text,
     shown,
     sign_of,
     without_annotations,
@@ -49,7 +49,7 @@ def standing(memory: Memory) -> Paragraph:
         nothing = "It has no intentions."
         lines.append(Line("It had no intentions then." if view.state == "paused" else nothing))
     if view.events:
-        events = [raiser_words(event.text) for event in view.events[:4]]
+        events = [raiser_text(event.text) for event in view.events[:4]]
         left = len(view.events) + view.events_left_out - len(events)
         more = f" and {count(left, 'other event')}" if left else ""
         lines.append(Line(f"Events that wait for a plan: {', '.join(events)}{more}."))
@@ -105,7 +105,7 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
 
 def _goal(event: str) -> str:
     sign, rest = sign_of(without_annotations(event))
-    return f"the failure plan of {sign[1:]}{shown(rest)}" if sign in ("-!", "-?") else raiser_words(event)
+    return f"the failure plan of {sign[1:]}{shown(rest)}" if sign in ("-!", "-?") else raiser_text(event)
 
 
 def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
@@ -135,7 +135,7 @@ def sites(memory: Memory, event: str) -> Iterator[Line]:
     for plan in memory.view.plans:
         for use, place in plan.uses.items():
             if use in uses:
-                yield Line(f"{use} is at {place}, in the plan {plan_words(plan)}.", 1, place)
+                yield Line(f"{use} is at {place}, in the plan {plan_text(plan)}.", 1, place)
 
 
 def _was(count: int) -> str:
@@ -156,5 +156,5 @@ def only_counted(view: MindView) -> Iterator[Paragraph]:
 def failure_paragraph(memory: Memory, failure: FailureView) -> Paragraph:
     """Explain a failure whose decision is not remembered."""
     at = f" at {failure.position}" if failure.position else ""
-    head = Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position)
+    head = Line(f"{ago(memory.now, failure.time)}:{at} {failure_text(failure)}.", 0, failure.position)
     return Paragraph("failure", (head, *aftermath(memory, failure)), failure.time)

@@ -11,13 +11,13 @@ from argosy.why.wording import (
     ANSWERING,
     ago,
     awaited,
-    event_words,
-    failure_words,
+    event_text,
+    failure_text,
     first_up,
-    goals_words,
-    plan_words,
-    raiser_words,
-    rejected_words,
+    goals_text,
+    plan_text,
+    raiser_text,
+    rejected_text,
     shown,
     with_values,
     without_annotations,
@@ -58,13 +58,13 @@ def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
     made = group[-1]
     lines = [Line(f"{ago(memory.now, made.time)}: {_head(made)}", 0, made.chosen.position if made.chosen else "")]
     lines += [
-        Line(f"Not {plan_words(one.plan)}: {rejected_words(one)}.", 1, one.plan.position)
+        Line(f"Not {plan_text(one.plan)}: {rejected_text(one)}.", 1, one.plan.position)
         for one in made.rejected[:MOST_PLANS]
     ]
     if len(made.rejected) > MOST_PLANS:
         lines.append(Line(f"And {count(len(made.rejected) - MOST_PLANS, 'other plan')}.", 1))
     if made.untried:
-        names = [plan_words(plan) for plan in made.untried[:2]]
+        names = [plan_text(plan) for plan in made.untried[:2]]
         if len(made.untried) > 2:
             names.append(count(len(made.untried) - 2, "other plan"))
         lines.append(Line(f"Not tried: {', '.join(names)}.", 1, made.untried[0].position))
@@ -80,9 +80,9 @@ def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
 
 
 def _head(made: DecisionView) -> str:
-    event = event_words(made.event)
+    event = event_text(made.event)
     if made.chosen is not None:
-        return f"for {event} the plan {plan_words(made.chosen)} was chosen{with_values(made.chosen.bindings)}."
+        return f"for {event} the plan {plan_text(made.chosen)} was chosen{with_values(made.chosen.bindings)}."
     if made.rejected:
         return f"no plan was applicable for {event}."
     return f"there is no plan for {event}."
@@ -113,7 +113,7 @@ def _running(memory: Memory, made: DecisionView) -> Line:
         if intention.id == made.intention:
             where = f" at {intention.at}" if intention.at else ""
             if intention.stack and intention.stack[0] != without_annotations(made.event):
-                inner = raiser_words(intention.stack[0])
+                inner = raiser_text(intention.stack[0])
                 return Line(f"The plan still runs: it waits for {inner}, which is{where}.", 1, intention.at)
             waits = awaited(intention.waits_for, " and waits for ")
             if intention.state == "suspended":
@@ -125,7 +125,7 @@ def _running(memory: Memory, made: DecisionView) -> Line:
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
     """Explain what failed in a plan, and the consequences."""
     at = f" at {failure.position}" if failure.position else ""
-    yield Line(f"The plan failed{at}: {failure_words(failure)}.", 1, failure.position)
+    yield Line(f"The plan failed{at}: {failure_text(failure)}.", 1, failure.position)
     yield from aftermath(memory, failure)
 
 
@@ -135,7 +135,7 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     goals = tuple(dict.fromkeys((*map(without_annotations, own), *failure.given_up)))
     asked = ANSWERING in goals
     goals = tuple(goal for goal in goals if goal != ANSWERING)
-    given_up = f"{goals_words(goals)} failed" if goals else "the goal failed"
+    given_up = f"{goals_text(goals)} failed" if goals else "the goal failed"
     if asked and not failure.handled_by:
         answer = "the answer was `false`" if failure.error == "test_goal_failed" else "no answer was given"
         yield Line(f"So {given_up}, and {answer}.", 1)
@@ -147,7 +147,7 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     if handler is None or handler.chosen is None:
         yield Line(f"So {given_up}; the failure plan {failure.handled_by} was to handle it.", 1)
         return
-    plan = plan_words(handler.chosen)
+    plan = plan_text(handler.chosen)
     yield Line(f"So {given_up}, and the failure plan {plan} handled it.", 1, handler.chosen.position)
 
 
@@ -168,16 +168,16 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
         elif len(lines) >= MOST_LINKS:
             further += 1
         else:
-            lines += _link(made, cause, event_words(made.event) if lines else called, indent)
+            lines += _link(made, cause, event_text(made.event) if lines else called, indent)
     if further:
         lines.append(Line(f"... and {count(further, 'step')} more back.", indent))
     if rounds:
         lines.append(Line(f"This loop ran {count(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
         first = last[0]
-        subject = first_up(event_words(first.event) if lines else called)
+        subject = first_up(event_text(first.event) if lines else called)
         place = "" if first.goal == ANSWERING else first.asked_at
-        lines.append(Line(f"{subject} {origin_words(memory, first)}.", indent, place))
+        lines.append(Line(f"{subject} {origin_text(memory, first)}.", indent, place))
     return lines
 
 
@@ -185,11 +185,11 @@ def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterat
     if cause.failure is not None:
         failure, place = cause.failure, cause.failure.position
         at = f" at {place}" if place else ""
-        yield Line(f"{first_up(subject)} follows this failure{at}: {failure_words(failure)}.", indent, place)
+        yield Line(f"{first_up(subject)} follows this failure{at}: {failure_text(failure)}.", indent, place)
     elif cause.by is not None:
         at = f" at {made.asked_at}" if made.asked_at else ""
         focus = ", as an intention of its own" if cause.own_focus and made.kind == "+!" else ""
-        text = f"The plan for {raiser_words(cause.by.event)} {_verb(made)} {subject}{at}{focus}."
+        text = f"The plan for {raiser_text(cause.by.event)} {_verb(made)} {subject}{at}{focus}."
         yield Line(text, indent, made.asked_at)
 
 
@@ -206,7 +206,7 @@ def _verb(made: DecisionView) -> str:
     return "raised"
 
 
-def origin_words(memory: Memory, made: DecisionView) -> str:
+def origin_text(memory: Memory, made: DecisionView) -> str:
     """Return the origin of an event without a remembered cause, as a predicate: `comes from a percept`."""
     if made.goal == ANSWERING:
         return f"was asked by {made.source} in a message" if made.source else "was asked by another agent"
@@ -226,10 +226,10 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
     if cause is not None and cause.kind == "told":
         return f"was told by {cause.sender}"
     if made.goal:
-        raiser = raiser_words(made.goal)
+        raiser = raiser_text(made.goal)
         return f"comes from {raiser}, whose plan {_verb(made)} it{at}; earlier causes are not remembered"
     if cause is not None:
         plan = memory.plan_at(made.asked_at)
-        which = "a plan" if plan is None else f"the plan {plan_words(plan)}"
+        which = "a plan" if plan is None else f"the plan {plan_text(plan)}"
         return f"was raised{at} by {which}; why that plan ran is not remembered"
     return "comes from the agent itself"

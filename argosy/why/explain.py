@@ -80,7 +80,7 @@ def explain_view(view: MindView, about: str = "", *, last: int = LAST, facts: Ma
 
 
 def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
-    """What it is doing and what went wrong, oldest first; then what it is doing."""
+    """Return its failures, oldest first, and then its present activity."""
     view = memory.view
     wrong = [one for one in memory.decisions if _went_wrong(one)]
     explained = [one.failure for one in wrong if one.failure is not None]

@@ -10,7 +10,7 @@ from argosy.why.decision_history import Memory
 from argosy.why.decisions import WITHOUT_PLAN, aftermath, cause_lines, decision_paragraph, groups
 from argosy.why.question import Subject, parts_of
 from argosy.why.unanswered_questions import MailFacts, question_paragraph
-from argosy.why.wording import ago, event_words, failure_words, plan_words, shown, sign_of
+from argosy.why.wording import ago, event_text, failure_text, plan_text, shown, sign_of
 from schemas.files.findings import nearest
 from schemas.humanize import count, span
 from schemas.wire.mind_records import ActivityEvent, BeliefView, FailureView, IntentionView, MindView, PlanView
@@ -64,11 +64,9 @@ def _failed(memory: Memory, failure: FailureView) -> Paragraph:
         return failure_paragraph(memory, failure)
     same = sum(1 for one in memory.failures if _reason(one) == _reason(failure))
     lines = [
-        Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position),
-        Line(
-            f"It is part of the plan {plan_words(made.chosen)} for {event_words(made.event)}.", 1, made.chosen.position
-        ),
-        *cause_lines(memory, made, event_words(made.event)),
+        Line(f"{ago(memory.now, failure.time)}:{at} {failure_text(failure)}.", 0, failure.position),
+        Line(f"It is part of the plan {plan_text(made.chosen)} for {event_text(made.event)}.", 1, made.chosen.position),
+        *cause_lines(memory, made, event_text(made.event)),
         *aftermath(memory, failure),
     ]
     if same > 1:
@@ -92,7 +90,7 @@ def _performed(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[P
         places = [
             (place, plan) for plan in memory.view.plans for use, place in plan.uses.items() if _raises(subject, use)
         ]
-        sites = [Line(f"It is at {at}, in the plan {plan_words(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
+        sites = [Line(f"It is at {at}, in the plan {plan_text(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
         yield Paragraph("action", (Line(_action(memory, action, end)), *sites), action.time)
 
 
@@ -147,7 +145,7 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
         return
     lines: list[Line] = []
     if plans:
-        named = [plan_words(plan) for plan in plans[:MOST_PLANS]]
+        named = [plan_text(plan) for plan in plans[:MOST_PLANS]]
         lines.append(Line(f"{count(len(plans), 'plan')} for it: {', '.join(named)}.", 0, plans[0].position))
     sign = subject.goal or (sign_of(plans[0].trigger)[0].lstrip("+-^") if plans else "")
     name = f"{sign}{subject.name}"
@@ -159,7 +157,7 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
         for plan, use, place in sites[:MOST_SITES]:
             verb = "is" if sign_of(use)[0] else "is performed"
             lines.append(
-                Line(f"{use} {verb} at {place}, in the plan {plan_words(plan)}, {_chosen(memory, plan)}", 1, place)
+                Line(f"{use} {verb} at {place}, in the plan {plan_text(plan)}, {_chosen(memory, plan)}", 1, place)
             )
     elif plans and not all(plan.trigger.startswith(("+!", "-!", "+?")) for plan in plans):
         lines.append(Line("No plan of the agent raises it: it must come as a percept or in a message.", 1))

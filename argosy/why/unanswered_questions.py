@@ -9,7 +9,7 @@ import msgspec
 from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
 from argosy.why.question import parts_of
-from argosy.why.wording import ago, awaited, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
+from argosy.why.wording import ago, awaited, event_text, failure_text, plan_text, raiser_text, rejected_text, shown
 from schemas.files.findings import nearest
 from schemas.humanize import span
 from schemas.wire.mind_records import DecisionView, MindView, QuestionView
@@ -38,7 +38,7 @@ def question_paragraph(memory: Memory, question: QuestionView, facts: MailFacts)
     head = f"{ago(memory.now, question.asked)}: asked {question.receiver}{at}: {what}. No answer yet."
     lines = [Line(head, 0, question.position)]
     goal = next((i.stack[0] for i in memory.view.intentions if i.id == question.intention and i.stack), "")
-    who = raiser_words(goal) if goal else "The plan"
+    who = raiser_text(goal) if goal else "The plan"
     if question.until is None:
         lines.append(Line(f"{who} waits for the answer without a time limit.", 1))
     else:
@@ -125,11 +125,11 @@ def _decision(agent: str, name: str, arity: int, mind: MindView) -> DecisionView
 
 def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tuple[str, str]]:
     if made.chosen is None:
-        yield f"{receiver} received it, and none of its plans was applicable for {event_words(made.event)}:", ""
+        yield f"{receiver} received it, and none of its plans was applicable for {event_text(made.event)}:", ""
         for one in made.rejected[:4]:
-            yield f"  not {plan_words(one.plan)}: {rejected_words(one)}.", one.plan.position
+            yield f"  not {plan_text(one.plan)}: {rejected_text(one)}.", one.plan.position
         return
-    plan = plan_words(made.chosen)
+    plan = plan_text(made.chosen)
     place = made.chosen.position
     if made.outcome == "running":
         intention = next((one for one in mind.intentions if one.id == made.intention), None)
@@ -140,7 +140,7 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
     elif made.outcome == "failed" and made.failure is not None:
         at = made.failure.position
         yield (
-            f"{receiver} received it and chose the plan {plan}, which failed at {at}: {failure_words(made.failure)}.",
+            f"{receiver} received it and chose the plan {plan}, which failed at {at}: {failure_text(made.failure)}.",
             at,
         )
         yield "This failure sends no answer.", ""

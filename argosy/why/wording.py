@@ -66,7 +66,7 @@ def sign_of(event: str) -> tuple[str, str]:
     return event[: len(event) - len(rest)], rest
 
 
-def event_words(event: str) -> str:
+def event_text(event: str) -> str:
     """Return an event as text: `the goal !go(1)`, `the new belief victim(3)`."""
     sign, rest = sign_of(without_annotations(event))
     rest = shown(rest)
@@ -86,25 +86,25 @@ def event_words(event: str) -> str:
     return f"the event {sign}{rest}"
 
 
-def goal_words(event: str) -> str:
+def goal_text(event: str) -> str:
     """The event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
     sign, rest = sign_of(without_annotations(event))
     return f"{sign.removeprefix('+') if sign in ('+!', '+?') else sign}{shown(rest)}"
 
 
-def raiser_words(event: str) -> str:
+def raiser_text(event: str) -> str:
     """The event of a plan that raised another one: the goal it is for, or what happened."""
-    return goal_words(event) if sign_of(event)[0] in ("+!", "+?") else event_words(event)
+    return goal_text(event) if sign_of(event)[0] in ("+!", "+?") else event_text(event)
 
 
-def goals_words(events: Iterable[str], most: int = 4) -> str:
+def goals_text(events: Iterable[str], most: int = 4) -> str:
     """Several goals, the innermost first; of many the number."""
-    goals = [goal_words(event) for event in events]
+    goals = [goal_text(event) for event in events]
     rest = len(goals) - most
     return joined([*goals[:most], f"{rest} more"] if rest > 0 else goals)
 
 
-def plan_words(plan: PlanView) -> str:
+def plan_text(plan: PlanView) -> str:
     """A plan with its label and place: `@careful +!fly(H) (fly.asl:4)`."""
     label = f"@{plan.label} " if plan.label else ""
     return f"{shown(label + plan.trigger)} ({plan.position})" if plan.position else shown(label + plan.trigger)
@@ -134,7 +134,7 @@ def _awaited(wait: WaitView) -> str:
         case "event":
             return "an event to happen (.wait)"
         case "plan":
-            return f"a plan for {goal_words(wait.name)}"
+            return f"a plan for {goal_text(wait.name)}"
         case "goal_condition":
             return "the condition of its goal to hold"
         case "fork":
@@ -144,14 +144,14 @@ def _awaited(wait: WaitView) -> str:
     return shown(wait.name)
 
 
-def rejected_words(rejected: RejectedView) -> str:
+def rejected_text(rejected: RejectedView) -> str:
     """Return why a plan was not chosen."""
     if rejected.why != "context" or not rejected.literal:
         return rejected.message
     return f"{shown(rejected.literal)} does not hold{with_values(rejected.plan.bindings)}"
 
 
-def failure_words(failure: FailureView) -> str:
+def failure_text(failure: FailureView) -> str:
     """Return what failed, and why: `the action takeoff(5) failed: it is not armed`."""
     what = shown(failure.formula)
     why = f": {shown(failure.reason)}" if failure.reason else ""
@@ -161,9 +161,9 @@ def failure_words(failure: FailureView) -> str:
         case "test_goal_failed":
             return f"{what} matches no belief"
         case "no_relevant":
-            return f"there is no plan for {event_words(failure.formula)}"
+            return f"there is no plan for {event_text(failure.formula)}"
         case "no_applicable":
-            return f"no plan was applicable for {event_words(failure.formula)}"
+            return f"no plan was applicable for {event_text(failure.formula)}"
         case "wait_timeout":
             return f"{what} timed out"
         case "action_failed" if not what.startswith("."):

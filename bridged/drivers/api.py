@@ -77,7 +77,7 @@ class Execution:
     feedback: dict[str, float] = field(default_factory=dict)
     """Progress in numbers, such as the distance to go in metres."""
     waits_for: str = ""
-    """What it waits for now, for people: the reason if it runs out of time."""
+    """The condition that it waits for, for people: the reason of a timeout."""
     cause: str = ""
     """Why it cannot continue now, in the robot's own words (`Compass not calibrated`); empty = nothing hinders it."""
     ended: Callable[[], None] | None = None
@@ -114,7 +114,7 @@ class Setup:
     manifest: Manifest
     """Only the percepts and actions of this driver."""
     robot: Robot
-    """What the mission says of it."""
+    """Its entry in the mission."""
     folder: Path
     """Of the mission file: paths in `robot` are relative to it."""
     clock: Clock
@@ -133,7 +133,7 @@ class Setup:
 
 
 class DriverKind(Protocol):
-    """What a module offers that is a driver: one of ours, or one named by an entry point of `argosy.drivers`."""
+    """Interface of a driver module: one of ours, or one named by an entry point of `argosy.drivers`."""
 
     def check_manifest(self, manifest: Manifest) -> Iterable[Finding]:
         """Return what is wrong with this driver's percepts and actions, each at its line."""

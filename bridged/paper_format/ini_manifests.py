@@ -118,7 +118,7 @@ def _percept(percept: IniPercept, problem: Problem) -> PerceptEntry:
 
 
 def _heard(below: str, arg: str | Field, heard: Heard, inside: str, problem: Problem) -> str | Field:
-    """What a field of a mavros topic, or of the structures in one of its lists, is in MAVLink."""
+    """MAVLink equivalent of a field of a mavros topic, or of the structures in one of its lists."""
     named = arg if isinstance(arg, str) else arg.field
     found = heard.fields.get(f"{inside}{named}")
     if found is None:

@@ -1,4 +1,4 @@
-"""What mavros calls the topics and services of a vehicle, and what each is in MAVLink: for the paper's INI manifests.
+"""Topics and services of mavros, each with its equivalent in MAVLink: for the paper's INI manifests.
 
 Names, units and frames are those of mavros (its plugins sys_status, command, setpoint_position, setpoint_velocity,
 global_position, home_position, waypoint, param): degrees, metres, m/s, shares of 1, local coordinates east-north-up.
@@ -28,9 +28,9 @@ class Heard:
     entry: PerceptEntry
     """The MAVLink message, its rate at most, and when it is stale; the arguments come from the manifest."""
     fields: Mapping[str, Field]
-    """What each field of the topic is in that message; `list.field` is a field of the structures in a list."""
+    """The fields of the topic by those of that message; `list.field` is a field of the structures in a list."""
     note: str = ""
-    """What differs from mavros, for people."""
+    """Differences from mavros, for people."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Into:
     table: str = ""
 
     def value(self, parameter: str) -> str | FieldValue:
-        """What the manifest's `fields` says of it."""
+        """Its entry in the manifest's `fields`."""
         if self.table:
             return FieldValue(param=parameter, table=self.table)
         return parameter if self.scale == 1.0 else FieldValue(param=parameter, scale=self.scale)
@@ -64,7 +64,7 @@ class Taken:
     needed: tuple[str, ...] = ()
     """Fields that a manifest must name: zero, as ROS has it, would be a place or an order that nobody gave."""
     older: Mapping[str, str] = field(default_factory=dict)
-    """What earlier releases of mavros called a field."""
+    """Names of a field in earlier releases of mavros."""
     note: str = ""
 
 

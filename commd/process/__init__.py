@@ -1,1 +1,1 @@
-"""What each daemon is as a process: command line, logs, state directory, systemd, event loop lag, restarts."""
+"""Process setup of each daemon: command line, logs, state directory, systemd, event loop lag, restarts."""

@@ -59,7 +59,7 @@ __all__ = [
 
 S = TypeVar("S", bound=msgspec.Struct)
 Check = Callable[[Manifest], Iterable[Finding]]
-"""What the drivers say of a manifest: `bridged.drivers.check_manifest`."""
+"""Check of a manifest by its drivers: `bridged.drivers.check_manifest`."""
 TABLES = ("robot", "percepts", "actions", "orders")
 _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 

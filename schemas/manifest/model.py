@@ -196,7 +196,7 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
     retry: Retry = Retry()
     """How the command is repeated when nothing answers."""
     cancel: Literal["hold", "none"] = "none"
-    """What the robot does when the action is cancelled or times out; `none` = it continues."""
+    """Effect of a cancellation or timeout on the robot; `none` = it continues."""
     motion: bool = True
     """Whether it moves the robot: one such action runs at a time."""
     supersedes: bool = False
@@ -289,4 +289,4 @@ class ActionDescription(Record, frozen=True, kw_only=True):
     deadline: float = 0.0
     """Mission seconds."""
     problem: str = ""
-    """What is wrong with the payload of the query."""
+    """The defect of the query's payload."""

@@ -22,7 +22,7 @@ from schemas.wire.terms import Structure
 UNDELIVERED = "mail"
 """The sender of notices about undelivered mail, which go to senders on other boards too."""
 BOARD_SEES: Sight = "telemetry"
-"""What a board may see of the agents of other boards."""
+"""Rights of a board to records of the agents of other boards."""
 ZENOH = "zenoh"
 """The driver whose robots use keys of their own."""
 

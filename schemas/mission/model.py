@@ -253,7 +253,7 @@ class Security(FileModel, frozen=True, kw_only=True):
 
     @property
     def sights(self) -> dict[str, Sight]:
-        """What each observer sees."""
+        """The rights of each observer."""
         observers = self.observers
         return dict(observers) if isinstance(observers, dict) else dict.fromkeys(observers, "telemetry")
 

@@ -1,1 +1,1 @@
-"""What travels: records, terms, their encoding, and key expressions (`keys`)."""
+"""The wire format: records, terms, their encoding, and key expressions (`keys`)."""

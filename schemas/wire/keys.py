@@ -52,7 +52,7 @@ def check_name(name: str) -> str:
 
 ROOT = "argosy"
 Sight: TypeAlias = Literal["telemetry", "minds", "mail"]
-"""What an observer may see; each value includes those before it."""
+"""Access levels of observers; each value includes those before it."""
 SIGHTS: tuple[Sight, ...] = ("telemetry", "minds", "mail")
 
 
@@ -68,9 +68,9 @@ class Channel:
     answers: type[Record] | None
     """The record of replies."""
     source: str
-    """Who publishes or serves."""
+    """The publisher or server."""
     sink: str
-    """Who subscribes or queries."""
+    """The subscriber or querier."""
     rate: float | None
     """Hz at most in normal operation; none = by events."""
     sight: Sight | None

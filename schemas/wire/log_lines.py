@@ -14,7 +14,7 @@ import msgspec
 from schemas.wire.records import Order, Record
 
 AS_JSON: Mapping[str, str] = {"ARGOSY_LOG": "json"}
-"""What a supervisor adds to the environment of a process to get `LogLine`s."""
+"""Environment variable by which a supervisor requests `LogLine`s from a process."""
 LONGEST = 4_000
 """Characters of a text; the rest is counted."""
 

@@ -49,7 +49,7 @@ class QuestionView(Record, frozen=True, kw_only=True):
 
 
 class WaitView(Record, frozen=True, kw_only=True):
-    """What an intention waits for."""
+    """The condition that an intention waits for."""
 
     kind: Literal["action", "answer", "time", "formula", "event", "plan", "goal_condition", "fork", "team", "python"]
     """`time`, `formula`, `event`: in a `.wait`; `plan`: a plan for its event; `goal_condition`: the condition of its
@@ -179,7 +179,7 @@ class DecisionView(Record, frozen=True, kw_only=True):
     outcome: Literal["running", "ended", "failed", "dropped", "none"] = "none"
     """Present outcome of the chosen plan; `none`: no plan was applicable."""
     failure: FailureView | None = None
-    """What failed in it."""
+    """The failed part of it."""
     dropped_by: str = ""
     """The formula that dropped the chosen plan."""
     dropped_at: str = ""
@@ -202,7 +202,7 @@ class DropView(Record, frozen=True, kw_only=True):
 
 
 class MindView(Record, frozen=True, kw_only=True):
-    """What an agent believes and intends now."""
+    """An agent's present beliefs and intentions."""
 
     header: Header = Header()
     format: int = 1

@@ -58,7 +58,7 @@ class CallForm:
     procedure: Procedure
     needed: tuple[str, ...] = ()
     confirm: str = ""
-    """What its manifest entry must say as `confirm`; empty = it confirms itself."""
+    """The required `confirm` of its manifest entry; empty = it confirms itself."""
     frames: Mapping[str, int] = field(default_factory=dict)
 
 

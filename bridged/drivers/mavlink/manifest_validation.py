@@ -1,4 +1,4 @@
-"""What a manifest may say to the MAVLink driver: every word that it does not know is a finding at its line."""
+"""Validation of a manifest by the MAVLink driver: every unknown name is a finding at its line."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ TABLES = ("modes",)
 WAYS = ("command", "message", "call")
 
 Problem = tuple[str, str]
-"""What is wrong, and at which key."""
+"""A problem, and its key."""
 
 
 def check_manifest(manifest: Manifest) -> list[Finding]:
-    """Say what the driver does not know in a manifest: vehicle, sources, fields, commands, calls, confirmations."""
+    """Yield a finding for each unknown vehicle, source, field, command, call and confirmation of a manifest."""
     return list(_problems(manifest))
 
 

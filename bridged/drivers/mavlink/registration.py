@@ -16,14 +16,14 @@ ORDERS: frozenset[Order] = frozenset(SAFETY)
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:
-    """Say what the driver does not know: vehicle, sources, fields, commands, confirmations."""
+    """Yield a finding for each unknown vehicle, source, field, command and confirmation."""
     from bridged.drivers.mavlink.manifest_validation import check_manifest as check
 
     return check(manifest)
 
 
 def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
-    """Say what is wrong with the link to a vehicle, our ids on it, its passphrase and the links to ground stations."""
+    """Yield problems of the link to a vehicle, our ids on it, its passphrase and the links to ground stations."""
     from bridged.drivers.mavlink.vehicle.gcs_failsafe import id_problem
 
     link = None

@@ -35,7 +35,7 @@ class Plugin:
 
     name: str
     functions: Mapping[str, Function]
-    """What it offers."""
+    """Its functions."""
 
 
 class Plugins:
@@ -128,7 +128,7 @@ Find = Callable[[str], Function]
 
 
 def check_manifest(manifest: Manifest) -> Iterator[Finding]:
-    """Say what is wrong with the driver's percepts and actions, each at its line."""
+    """Yield the problems of the driver's percepts and actions, each at its line."""
     real, twins = Plugins(simulated=False), Plugins(simulated=True)
 
     def function(name: str) -> Function:

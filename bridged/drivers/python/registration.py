@@ -14,7 +14,7 @@ ORDERS: frozenset[Order] = frozenset()
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:
-    """Say which functions there are not, and what the driver does not know.
+    """Yield a finding for each missing function and unknown field.
 
     A plug-in that has a twin is judged by it, so that no hardware is needed; the bridge of the real robot looks again
     when it starts.

@@ -33,7 +33,7 @@ class Raised:
 
     kind: str
     text: str
-    """What it says; its kind if it says nothing."""
+    """Its text, or its kind if it has none."""
 
 
 Result = Returned | Raised

@@ -37,7 +37,7 @@ _BARE = ActionEntry()
 
 
 def check_manifest(manifest: Manifest) -> Iterator[Finding]:
-    """Say what is wrong with the driver's percepts and actions, each at its line."""
+    """Yield the problems of the driver's percepts and actions, each at its line."""
     if manifest.robot.driver == "zenoh" and manifest.robot.vehicle:
         yield manifest.finding("robot.vehicle: the driver `zenoh` has no vehicles", "robot", "vehicle")
     if manifest.robot.payload not in ("", *CODECS):

@@ -1,4 +1,4 @@
-"""What a robot publishes: one subscription for each key that a percept names, and its warnings."""
+"""Subscriptions to a robot: one for each key that a percept names, and its warnings."""
 
 from __future__ import annotations
 

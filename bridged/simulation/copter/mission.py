@@ -155,7 +155,7 @@ class Mission:
 
 
 def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
-    """What the copter does for an item."""
+    """Effect of an item on the copter."""
     here = flight.motion.position
     if item.command == dialect.MAV_CMD_NAV_TAKEOFF:
         return TakeOff(_height(item, chart, home))

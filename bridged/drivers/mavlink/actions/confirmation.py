@@ -102,7 +102,7 @@ LASTING = (
 EKF, gyros that settle) are assumed to pass: they are waited for and reported."""
 FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
 """Parts of texts that may appear briefly after a start: faults if two checks in a row report them."""
-FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
+FALLS, STATIONARY_FOR = 2.0, (2.0, 1.0)
 """m/s that no vehicle at rest has; mission and wall seconds around the stop of the motors in which it is judged."""
 HOME_REPORTED = (5.0, 3.0)
 """Mission and wall seconds for a vehicle that has just been heard to report its home and its position."""
@@ -161,7 +161,7 @@ def acknowledged(
             raise Ended("refused", flight.with_texts(reason, asked))
         if command.silent:
             reason = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-            raise Ended("failed", f"{reason}; {flight.state_in_words()}")
+            raise Ended("failed", f"{reason}; {flight.state_text()}")
         run.waits_for = f"the acknowledgement of {command.name}"
         yield
     command.may_repeat = lambda: False
@@ -215,10 +215,10 @@ def check_guided_aloft(flight: ProcedureContext, what: str) -> None:
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
         wanted = vehicle.modes.name(vehicle.modes.guided)
-        raise Ended("refused", f"{what} are taken in {wanted} only; {flight.state_in_words()}")
+        raise Ended("refused", f"{what} are taken in {wanted} only; {flight.state_text()}")
     if not vehicle.aloft:
         when = "armed" if vehicle.modes.ground else "in flight"
-        raise Ended("refused", f"{what} are taken {when} only; {flight.state_in_words()}")
+        raise Ended("refused", f"{what} are taken {when} only; {flight.state_text()}")
 
 
 def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Part:
@@ -317,7 +317,7 @@ def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: 
             }
             run.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
             level = vehicle.modes.ground or abs(height) <= near
-            if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.stands):
+            if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.can_stop):
                 return SUCCEEDED
         yield
 
@@ -342,10 +342,10 @@ def down(flight: ProcedureContext, run: ProcedureRun) -> Part:
                 run.feedback["distance"] = round(away, 2)
             run.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
         yield
-    yield from stands(flight, run, fast_at)
+    yield from stationary(flight, run, fast_at)
 
 
-def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Part:
+def stationary(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Part:
     """Judge whether motors that have just stopped did so on the ground; else the procedure has failed.
 
     A vehicle that does not move before and after has landed, on a hill too; one that falls is fast. A disarmed
@@ -353,17 +353,17 @@ def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: s
     seconds; `where` is for people.
     """
     vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
-    until = asked + flight.wait(*STANDS_FOR)
+    until = asked + flight.wait(*STATIONARY_FOR)
     while flight.now <= until:
         run.waits_for = "the vehicle to stand on the ground"
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
         yield
     if vehicle.armed:
-        raise Ended("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
+        raise Ended("failed", f"the vehicle was armed again{where}; {flight.state_text()}")
     if vehicle.positions == seen:
         reason = f"the motors have stopped{where}, and the vehicle does not report where it is"
         raise Ended("failed", flight.with_texts(reason, asked))
-    if asked - fast_at <= flight.wait(*STANDS_FOR):
+    if asked - fast_at <= flight.wait(*STATIONARY_FOR):
         raise Ended("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
 
 

@@ -1,4 +1,4 @@
-"""What a procedure works with: the vehicle's state, the means to act on it, and the patience to wait for it."""
+"""Context of a procedure: the vehicle's state, the means to act on it, and the limits of its waits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from schemas.mission.model import Failsafe, Limits
 from schemas.wire.records import Cause
 
 Steps = Generator[None, None, Outcome]
-"""What a procedure does: it looks at the flight, yields until something changes, and returns how it ended."""
+"""Steps of a procedure: it reads the flight's state, yields until a change, and returns its outcome."""
 Part = Generator[None, None, None]
 """A part of a procedure: raises `Ended` where the procedure ends without success by it."""
 
@@ -86,7 +86,7 @@ class BoundAction:
     limited: bool = True
     """The mission's limits hold; not for what brings a vehicle to a stop where it is."""
     arguments: Mapping[str, Value] = field(default_factory=dict)
-    """What a `call` of the driver is given."""
+    """Arguments of a `call` of the driver."""
 
 
 @dataclass(frozen=True)
@@ -118,21 +118,21 @@ class ProcedureRun(Execution):
     by_agent: bool = False
     """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
     trouble: str = ""
-    """What keeps it from its end, for people: a warning of health."""
+    """The obstacle to its end, for people: a warning of health."""
     leaves: str = ""
-    """What would be left half done if it ended now, for people."""
+    """Unfinished effects if it ended now, for people."""
     commands: list[MavlinkCommand] = field(default_factory=list)
-    """What it has sent: taken back when it ends early."""
+    """Its commands so far: withdrawn when it ends early."""
 
 
 @dataclass
 class Plan:
-    """What is known of the mission that the vehicle stores."""
+    """Known facts of the mission that the vehicle stores."""
 
     items: tuple[Item, ...] | None = None
     """As it was sent or read last; none = not known. The first is home."""
     broken: str = ""
-    """What an interrupted upload has left, for people."""
+    """Remains of an interrupted upload, for people."""
     busy: str = ""
     """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
     flown_by: str = ""
@@ -318,9 +318,9 @@ class ProcedureContext:
     def with_texts(self, reason: str, since: float) -> str:
         """Return a reason with the vehicle's texts since then, or with its state if there were none."""
         texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
-        return f"{reason}: {texts}" if texts else f"{reason}; {self.state_in_words()}"
+        return f"{reason}: {texts}" if texts else f"{reason}; {self.state_text()}"
 
-    def state_in_words(self) -> str:
+    def state_text(self) -> str:
         """Return mode, arming and whether it flies, for people."""
         vehicle = self.vehicle
         if not vehicle.connected:

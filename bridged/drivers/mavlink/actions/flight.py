@@ -108,7 +108,7 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
     if broken := flight.too_high(float(wanted)):
         return Outcome("refused", broken, "limits")
     if not vehicle.armed or (vehicle.aloft and not flight.goes_on(action)):
-        return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_in_words()}")
+        return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_text()}")
     yield from write_parameter(flight, run, "TKOFF_ALT", float(wanted))
     asked = flight.now
     yield from enter(flight, run, mode_action(mode), mode)
@@ -230,7 +230,7 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         away = from_home(flight)
         if away is not None:
             run.feedback = {"distance": round(away, 2), "speed": round(vehicle.speed, 2)}
-            if away <= near and (vehicle.speed <= SLOW or not vehicle.modes.stands):
+            if away <= near and (vehicle.speed <= SLOW or not vehicle.modes.can_stop):
                 return SUCCEEDED
         run.waits_for = f"home; it is {metres(away)} away"
         if not vehicle.armed:

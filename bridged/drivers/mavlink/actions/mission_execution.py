@@ -18,7 +18,7 @@ from bridged.drivers.mavlink.actions.confirmation import (
     enter,
     from_home,
     metres,
-    stands,
+    stationary,
 )
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
@@ -81,7 +81,7 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     if flight.plan.broken:
         return Outcome("refused", flight.plan.broken)
     if not vehicle.armed:
-        return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
+        return Outcome("refused", f"a mission is started armed; {flight.state_text()}")
     yield from _read_within_limits(flight, run)
     items = flight.plan.items or ()
     last = max((seq for seq, item in enumerate(items) if seq and item.flown), default=0)
@@ -169,7 +169,7 @@ def _fly(
 
 def _landed(flight: ProcedureContext, run: ProcedureRun, item: Item, fast_at: float) -> Steps:
     """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
-    yield from stands(flight, run, fast_at, " at the last item of the mission")
+    yield from stationary(flight, run, fast_at, " at the last item of the mission")
     away = from_home(flight)
     if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
         return Outcome("failed", f"the vehicle landed {metres(away)} from home")

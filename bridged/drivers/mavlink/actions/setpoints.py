@@ -93,7 +93,7 @@ def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     if (yield from _sent_until_shown(flight, run, target, fits)):
         return SUCCEEDED
     reason = f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries"
-    return Outcome("refused", f"{reason}; {flight.state_in_words()}")
+    return Outcome("refused", f"{reason}; {flight.state_text()}")
 
 
 def override_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -143,7 +143,7 @@ def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
     if not (yield from _sent_until_shown(flight, run, absolute, fits)):
         reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-        raise Ended("refused", f"{reason}; {flight.state_in_words()}")
+        raise Ended("refused", f"{reason}; {flight.state_text()}")
 
 
 def _sent_until_shown(

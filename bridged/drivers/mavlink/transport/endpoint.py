@@ -34,7 +34,7 @@ class Ids(NamedTuple):
 
 @dataclass(slots=True)
 class LinkCounters(WireCounters):
-    """What passed over one link since it was opened."""
+    """Traffic of one link since it was opened."""
 
     sent: int = 0
     dropped: int = 0  # packets of ours that a full buffer or a link that was down swallowed
@@ -90,7 +90,7 @@ class Connection(NamedTuple):
     close: Callable[[], None]
 
 
-def in_words(error: OSError) -> str:
+def error_text(error: OSError) -> str:
     """Return the reason of an error for people, without its number."""
     if isinstance(error, socket.gaierror):
         return "the host name is not known"
@@ -124,7 +124,7 @@ class Supervised(Endpoint):
             except TimeoutError:
                 self._link.set_state(False, "no answer")
             except OSError as error:
-                self._link.set_state(False, in_words(error) if error.errno else str(error))
+                self._link.set_state(False, error_text(error) if error.errno else str(error))
             else:
                 opened_at = loop.time()
                 self._link.set_state(True, "open")
@@ -237,7 +237,7 @@ class UdpSocket(asyncio.DatagramProtocol):
     def _lose(self, exc: Exception | None) -> None:
         self.close()
         if not self.lost.done():
-            self.lost.set_result(in_words(exc) if isinstance(exc, OSError) else "closed")
+            self.lost.set_result(error_text(exc) if isinstance(exc, OSError) else "closed")
 
     def _add_peer(self, key: object, label: str, addr: tuple[str, int] | None) -> Peer:
         if len(self._peers) > MAX_REMEMBERED:
@@ -260,7 +260,7 @@ class UdpSocket(asyncio.DatagramProtocol):
 
 
 @contextmanager
-def _in_words(link: Link) -> Iterator[None]:
+def _link_errors(link: Link) -> Iterator[None]:
     """Raise LinkError for what keeps a socket of a link from being opened."""
     try:
         yield
@@ -269,7 +269,7 @@ def _in_words(link: Link) -> Iterator[None]:
         timed_out.__cause__ = error
         raise LinkError(f"link {link.address} cannot be opened: the name service does not answer") from timed_out
     except OSError as error:
-        raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+        raise LinkError(f"link {link.address} cannot be opened: {error_text(error)}") from error
 
 
 async def open_udp(link: Link) -> Connection:
@@ -277,7 +277,7 @@ async def open_udp(link: Link) -> Connection:
     where = (link.address.host, link.address.port)
     ends = {"local_addr": where} if link.address.kind == "udpin" else {"remote_addr": where}
     loop = asyncio.get_running_loop()
-    with _in_words(link):
+    with _link_errors(link):
         async with asyncio.timeout(LOOKUP_TIMEOUT_S):
             _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(link), **ends)  # type: ignore[arg-type]
     link.set_state(True, "open")
@@ -313,7 +313,7 @@ class _TcpConnection(asyncio.Protocol):
         if self._peer is not None:
             self._peer.closed = True
         if not self.lost.done():
-            why = in_words(exc) if isinstance(exc, OSError) else "the other end closed the connection"
+            why = error_text(exc) if isinstance(exc, OSError) else "the other end closed the connection"
             self.lost.set_result(why)
 
     def abort(self) -> None:
@@ -344,7 +344,7 @@ class TcpListener(Endpoint):
             return connection
 
         loop = asyncio.get_running_loop()
-        with _in_words(link):
+        with _link_errors(link):
             async with asyncio.timeout(LOOKUP_TIMEOUT_S):
                 server = await loop.create_server(accept, link.address.host, link.address.port, reuse_address=True)
         link.set_state(True, "open")
@@ -381,7 +381,7 @@ class SerialLine:
         try:
             self._device = os.open(link.address.host, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
-            raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+            raise LinkError(f"link {link.address} cannot be opened: {error_text(error)}") from error
         try:
             _make_raw(self._device, link.address.port)
         except (OSError, termios.error) as error:
@@ -411,7 +411,7 @@ class SerialLine:
         except BlockingIOError:
             return
         except OSError as error:
-            self.close(in_words(error))
+            self.close(error_text(error))
             return
         if data:
             self._link.received(self._peer, data, datagram=False)
@@ -432,7 +432,7 @@ class SerialLine:
             written = os.write(self._device, self._waiting)
         except OSError as error:
             if error.errno not in (errno.EAGAIN, errno.EWOULDBLOCK):
-                self.close(in_words(error))
+                self.close(error_text(error))
                 return
             written = 0
         del self._waiting[:written]

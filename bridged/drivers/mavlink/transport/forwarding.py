@@ -38,7 +38,7 @@ PassOn = Callable[[bytes], bool]
 
 @dataclass(slots=True)
 class ForwardCounters:
-    """What passed between vehicles and one ground station."""
+    """Traffic between vehicles and one ground station."""
 
     to_station: int = 0
     to_vehicle: int = 0

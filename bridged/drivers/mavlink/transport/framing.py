@@ -26,7 +26,7 @@ _CHECKSUM, _SIGNATURE = 2, SIGNATURE_BYTES
 
 @dataclass(slots=True)
 class WireCounters:
-    """What came in: whole packets, and bytes that were none."""
+    """Received whole packets, and bytes outside of packets."""
 
     packets: int = 0
     skipped_bytes: int = 0  # bytes that belong to no packet (console text, noise)

@@ -183,7 +183,7 @@ class Timestamps:
 
     @property
     def last_credible(self) -> int:
-        """What is later than this is not taken over from anybody."""
+        """Later timestamps of others are not adopted."""
         return self._clock() + FAR_AHEAD
 
     @property
@@ -240,7 +240,7 @@ class Timestamps:
 
 
 class Signing:
-    """What one holder of a key signs and checks on one link."""
+    """Signing and checking by one holder of a key on one link."""
 
     def __init__(
         self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None

@@ -42,7 +42,7 @@ class ModeTable:
     """A mode that takes off by itself, for vehicles that take no command for it."""
     lands: bool = True
     """Whether the mode of the order `land` ends on the ground, disarmed."""
-    stands: bool = True
+    can_stop: bool = True
     """Whether it can stay at a point; a plane cannot."""
     ground: bool = False
     """It never leaves the ground."""
@@ -122,7 +122,7 @@ ARDUPLANE = ModeTable(
     landing=frozenset({20, 26}),
     takeoff=13,
     lands=False,
-    stands=False,
+    can_stop=False,
     stay_guided=False,
 )
 """ArduPilot ArduPlane/mode.h of 2025-10. A fixed wing has no mode that lands wherever it is, so the order `land` takes

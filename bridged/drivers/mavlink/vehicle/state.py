@@ -206,7 +206,7 @@ class Vehicle:
         return f"the autopilot of the vehicle is {name}, and only ArduPilot is commanded: it is listened to only"
 
     def state(self) -> dict[str, object]:
-        """What its last HEARTBEAT says; nothing of it while it is not heard."""
+        """The content of its last HEARTBEAT; empty while it is not heard."""
         heard = self.connected
         return {
             "mode": self.mode_name if heard else "",
