@@ -10,7 +10,7 @@ from __future__ import annotations
 HEALTH_EVERY = 1.0
 """The health record of each daemon."""
 STATUS_EVERY = 1.0
-"""The `running` status of an action, by which its bridge says that it still carries it out."""
+"""The `running` status of an action, by which its bridge reports that it is still carried out."""
 MIND_EVERY = 2.0
 """The request for each mind's summary by an observer."""
 

@@ -22,7 +22,7 @@ class Look(NamedTuple):
 
 
 class Class(Enum):
-    """Kinds of tokens as readers tell them apart."""
+    """Kinds of tokens that readers distinguish."""
 
     COMMENT = Look("Comment", "comment")
     STRING = Look("String.Double", "string.quoted.double")

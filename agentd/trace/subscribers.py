@@ -24,7 +24,7 @@ AT_ONCE: Final = 20
 
 
 class TraceSubscribers:
-    """Tells the agents of one daemon which of their channels have subscribers."""
+    """Notifies the agents of one daemon which of their channels have subscribers."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus

@@ -1,6 +1,6 @@
 """Markers of the map besides vehicles: victims, waypoints, targets and areas, from percepts, actions and beliefs.
 
-A victim is a percept or belief `victim(Id,Lat,Lon)` or `found(Id,Lat,Lon)`; `held(Id,Agent)` says to whom it is
+A victim is a percept or belief `victim(Id,Lat,Lon)` or `found(Id,Lat,Lon)`; `held(Id,Agent)` shows that it is
 promised and `rescued(Id)` that it is rescued, as in the search and rescue mission. An area is
 `area(South,West,North,East)`. Everything else with a latitude beside a longitude is a place.
 """

@@ -80,7 +80,7 @@ _ACTION_KEYS = dict.fromkeys(("command", "message", "topic", "service", "call"),
     "fields": "params_name",
     "latch": "latch",
 }
-"""Which option of the INI file says what a key of the model says."""
+"""Option of the INI file for each key of the model."""
 
 
 def _lines(

@@ -45,7 +45,7 @@ DISK_RETRY = 1.0
 """Seconds between two attempts while the disk fails."""
 SEEK_EVERY = 10.0
 """Seconds between two lookups of a node whose host has no address yet."""
-TOLD_SOURCES = 1000
+MAX_SOURCES = 1000
 LONGEST_LOGGED = 200
 """Characters of a logged reason."""
 RATE, BURST = 200.0, 400.0
@@ -293,7 +293,7 @@ class Gateway(asyncio.DatagramProtocol):
     def _refuse(self, source: str, why: str) -> None:
         """Count a datagram that is not from a node of the mission, and log each source once."""
         self.counters["gateway_strangers"] += 1
-        if source not in self._strangers and len(self._strangers) < TOLD_SOURCES:
+        if source not in self._strangers and len(self._strangers) < MAX_SOURCES:
             self._strangers.add(source)
             log.warning("refused %s", why[:LONGEST_LOGGED])
 

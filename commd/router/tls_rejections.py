@@ -1,5 +1,5 @@
 """Report machines that this board's router refuses. Zenoh only logs failed handshakes, on standard output; these lines
-are read, logged and counted for health. They do not say who it was.
+are read, logged and counted for health. They do not identify the peer.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _unlogged: Counter[tuple[str, str]] = Counter()
 
 
 def count_rejection(why: str, address: str = "") -> None:
-    """Count a refusal, and log it unless the same reason was logged within `TELL`."""
+    """Count a refusal, and log it unless the same reason was logged within `LOG_EVERY`."""
     counters[COUNTED] += 1
     reason = why, address
     if len(_logged) >= REASONS and reason not in _logged and why not in dict(MEANINGS).values():

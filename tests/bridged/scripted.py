@@ -101,7 +101,7 @@ class Scripted:
     def _telemetry(self) -> list[Message]:
         ms, lat, lon = round(self.now * 1000), round(self.at.latitude * 1e7), round(self.at.longitude * 1e7)
         above, mode_bits = round(self.at.altitude * 1e3), 1 | (128 if self.armed else 0)
-        speed = round(self.speed * 100) if self._moving or (self.at.altitude > 1 and not self.modes.stands) else 0
+        speed = round(self.speed * 100) if self._moving or (self.at.altitude > 1 and not self.modes.can_stop) else 0
         landed = 0 if self.grounded else 2 if self.at.altitude > 1 else 1
         health = dialect.MAV_SYS_STATUS_PREARM_CHECK
         sent = [

@@ -39,7 +39,7 @@ from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.registry import check_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
-from commd.gateway.gateway import TOLD_SOURCES, Allowance, BadDatagram, Gateway, read_message
+from commd.gateway.gateway import MAX_SOURCES, Allowance, BadDatagram, Gateway, read_message
 from commd.mail.inspection import mailboxes_of_file
 from commd.mail.schema import migrate
 from schemas.files.findings import Findings
@@ -262,7 +262,7 @@ class _Gateway:
         gateway.datagram_received(data, (rng.choice(("127.0.0.1", "127.0.0.1", "10.0.0.9")), 40_000))
         waiting = gateway._waiting.qsize()
         assert gateway.counters.total() - before + waiting == 2, "each datagram is counted once, or waits to be taken"
-        assert len(gateway._strangers) <= TOLD_SOURCES
+        assert len(gateway._strangers) <= MAX_SOURCES
         if waiting:
             from_wire(gateway._waiting.get_nowait().content)
 

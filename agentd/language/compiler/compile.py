@@ -89,7 +89,7 @@ _BLOCKS = frozenset(("namespace", *PATTERNS))
 
 
 def mistake_in(directive: nodes.Directive) -> str:
-    """Say why a directive cannot be carried out: it does not exist, or its arguments are wrong; empty if it can."""
+    """Return why a directive cannot be carried out: it does not exist, or its arguments are wrong; empty if it can."""
     name, block = directive.name.functor, directive.items is not None
     if name not in (_BLOCKS if block else USAGE):
         from agentd.language.errors.suggestions import near  # a program without errors starts without these two

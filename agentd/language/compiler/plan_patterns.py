@@ -81,7 +81,7 @@ def _achieves(item: nodes.Item, goal: nodes.Structure) -> bool:
 
 
 def may_unify(left: nodes.Term, right: nodes.Term) -> bool:
-    """Whether two terms as written can be made equal, as far as their constants tell."""
+    """Whether two terms as written can be made equal, as far as their constants show."""
     if isinstance(left, nodes.Variable) or isinstance(right, nodes.Variable):
         return True
     if isinstance(left, nodes.Structure) and isinstance(right, nodes.Structure):

@@ -135,7 +135,7 @@ class Builder(TermBuilder):
         return _Context(self.condition_of(at, term, "the goal condition of a plan"), "<:")
 
     def only(self, at: int, part: _Part) -> _Part:
-        """A rule that stands for its only part."""
+        """Replace a rule by its only part."""
         return part
 
     arrow = any_label = lone_expression = lone_literal = lone_plan = lone_trigger = only

@@ -47,7 +47,7 @@ class MessageForm:
     frames: Mapping[str, int]
     confirm: Mapping[str, Procedure]
     needed: Mapping[str, tuple[str, ...]]
-    """By confirmation: fields without which it says nothing."""
+    """By confirmation: fields without which it proves nothing."""
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
 STALE = (5.0, 2.0)
 """Mission and wall seconds after which the vehicle's report of its position is stale."""
-REBOOT_TOLD = (60.0, 30.0)
+REBOOT_REPORTED_FOR = (60.0, 30.0)
 """Mission and wall seconds for which health reports a restart of the vehicle."""
 TEXT = "VEHICLE_TEXT"
 """The source of the vehicle's own warnings."""
@@ -398,7 +398,7 @@ class VehicleSession:
 
     def _rebooted(self) -> None:
         log.warning("system %d: the vehicle rebooted", self.identity.vehicle)
-        self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_TOLD)
+        self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_REPORTED_FOR)
         self.control.rebooted()
         self._report_state()
         for run in [run for run in self._runs if run.moves]:

@@ -259,7 +259,7 @@ _WORDS = 200
 def read_reply(key: str, reply: Sample, payload: str) -> tuple[Outcome, Mapping[str, object]]:
     """Return the outcome by one reply of a service, and the reply's fields.
 
-    `payload` is what it speaks if its Encoding does not say it.
+    `payload` is the format if its Encoding does not name one.
     """
     if reply.error:
         error = reply.payload.decode(errors="replace").strip()[:_WORDS]

@@ -76,7 +76,7 @@ BY_ENCODING = {
 
 
 def codec_for(encoding: str, default: str) -> Codec:
-    """Return the codec of a sample: by its Encoding, or the `default` if that says nothing. Raises BadPayload."""
+    """Return the codec of a sample: by its Encoding, or the `default` if that names none. Raises BadPayload."""
     kind, _, _ = encoding.partition(";")
     name = default if kind in _SILENT else BY_ENCODING.get(kind)
     if name is None:

@@ -91,7 +91,7 @@ class StationWatch:
 
 
 _LAND_ON_FAILSAFE = (1, 4)
-PREARM_SAID_EVERY = 30.0
+PREARM_REPORTED_EVERY = 30.0
 """Vehicle seconds (ArduPilot: PREARM_DISPLAY_PERIOD)."""
 _ALT_HOLD, _EVEN_MANUAL = 2, 3
 """Values of FS_EKF_ACTION; others but 0 land a copter whose mode needs a position."""
@@ -106,7 +106,7 @@ def watch_over(copter: "Copter", dt: float) -> None:
     _position(copter)
     _fence(copter)
     _battery(copter, dt)
-    if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
+    if copter.hindrance and not copter.armed and copter.now % PREARM_REPORTED_EVERY < dt:
         copter.send_text(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
     text = copter.outputs.step(copter.now)
     if text is not None:

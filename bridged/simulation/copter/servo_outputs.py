@@ -30,7 +30,7 @@ class Grip(IntEnum):
     GRAB = 1
 
 
-_SAID = {
+_TEXTS = {
     Grip.RELEASE: ("Gripper load releasing", "Gripper load released"),
     Grip.GRAB: ("Gripper load grabbing", "Gripper load grabbed"),
 }
@@ -100,7 +100,7 @@ class Outputs:
         for channel in range(1, SERVOS + 1):
             if self.function(channel) == GRIPPER:
                 self._move(channel, pulse)
-        return _SAID[action][0]
+        return _TEXTS[action][0]
 
     def step(self, now: float) -> str | None:
         """Advance repeated moves and the gripper; returns a status text, if any."""
@@ -113,7 +113,7 @@ class Outputs:
                 self._repeat = None
         if self._gripping is not None and now >= self._gripping[1]:
             (action, _), self._gripping = self._gripping, None
-            return _SAID[action][1]
+            return _TEXTS[action][1]
         return None
 
     def _move(self, channel: int, pulse: int) -> None:

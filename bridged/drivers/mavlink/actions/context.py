@@ -271,7 +271,7 @@ class ProcedureContext:
         return self.limits.altitude is not None or self.limits.radius is not None
 
     def altitude_of_home(self) -> float | None:
-        """Metres AMSL of home, None if nothing tells it."""
+        """Metres AMSL of home, None if not known."""
         vehicle = self.vehicle
         if vehicle.position is not None:
             return vehicle.amsl - vehicle.position.altitude

@@ -289,7 +289,7 @@ def stay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     """After a cancelled motion: the vehicle stays where it is, on the ground its motors stop.
 
     It is tried until the vehicle does it: nobody else waits for it. In flight GUIDED with the present place as the
-    target comes first, the mode of the order `hold` after that, or immediately if nothing tells where the vehicle is.
+    target comes first, the mode of the order `hold` after that, or immediately if the vehicle's position is not known.
     """
     vehicle, tries = flight.vehicle, 0
     lift_off = flight.now + flight.wait(*LIFT_OFF_WITHIN)

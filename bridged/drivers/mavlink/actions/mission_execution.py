@@ -114,12 +114,12 @@ def _fly(
     *,
     grounded: bool,
 ) -> Steps:
-    """Watch the mission until it is over; the vehicle's own messages tell how far it is.
+    """Watch the mission until it is over; its progress comes from the vehicle's own messages.
 
     A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
     HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
     of a mission does so immediately: two HEARTBEATs later a change is somebody else's. Of a mission that jumps,
-    reaching an item proves nothing: it is over when the vehicle says so. `stored` is the number of items in the
+    reaching an item proves nothing: it is over when the vehicle reports it. `stored` is the number of items in the
     last MISSION_CURRENT before.
     """
     vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
@@ -168,7 +168,7 @@ def _fly(
 
 
 def _landed(flight: ProcedureContext, run: ProcedureRun, item: Item, fast_at: float) -> Steps:
-    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
+    """Whether the motors stopped on the ground at the last item, and at home if the item requires it."""
     yield from stationary(flight, run, fast_at, " at the last item of the mission")
     away = from_home(flight)
     if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):

@@ -115,7 +115,7 @@ def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, wha
 
 
 class _Seen:
-    """Requests a message repeatedly, and tells whether one that fits has arrived."""
+    """Requests a message repeatedly, and knows whether a matching one has arrived."""
 
     def __init__(self, flight: ProcedureContext, run: ProcedureRun, name: str, fits: Fits) -> None:
         self._flight, self._name, self._fits = flight, name, fits

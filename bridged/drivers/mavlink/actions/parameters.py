@@ -1,7 +1,7 @@
 """Parameters by name: read, set, and confirmed by the value that the vehicle took (facts/arducopter.md, Params).
 
 An unknown name is answered by silence, so it is asked for again and again for three seconds. Names differ between
-versions of ArduPilot: both spellings are asked for, and the vehicle's answer tells which it has.
+versions of ArduPilot: both spellings are requested, and the vehicle's answer shows which it has.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def guard(flight: ProcedureContext, name: str, value: float) -> str:
 def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Part:
     """Set a parameter to a value that fits into 32 bits, until the vehicle reports it."""
     try:
-        wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
+        wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will report it
     except OverflowError:
         wanted = math.inf
     if not math.isfinite(wanted):

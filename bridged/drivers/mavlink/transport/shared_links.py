@@ -296,7 +296,7 @@ class SharedLink:
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
         if link_client := self.link_clients.get(system):
-            # Cameras and companions may speak from anywhere: what they say is not the vehicle's state.
+            # Cameras and companions may send from anywhere: their messages are not the vehicle's state.
             if message.get_srcComponent() == AUTOPILOT and self.address.kind.endswith("in"):
                 heartbeat, now = message.get_type() == "HEARTBEAT", asyncio.get_running_loop().time()
                 if not link_client.address.counts(peer, now, heartbeat=heartbeat):

@@ -188,7 +188,7 @@ class Timestamps:
 
     @property
     def present(self) -> int:
-        """The last one, or what the clock says if it is later."""
+        """The last one, or the time of the clock if it is later."""
         return max(self._last, self._clock())
 
     def next(self) -> int:
@@ -245,13 +245,13 @@ class Signing:
     def __init__(
         self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None
     ) -> None:
-        """`link_id` (0..255) tells apart links of one sender to one vehicle; `streams` are those of all keys."""
+        """`link_id` (0..255) distinguishes links of one sender to one vehicle; `streams` are those of all keys."""
         self._key = key
         self._link_id = link_id
         self.timestamps = timestamps or Timestamps()
         self._streams = streams or SignedStreams()
         self._key_name = hashlib.sha256(b"argosy: name of a key" + key).digest()[:8]
-        """Tells keys apart in a file, and nothing of them."""
+        """Identifies a key in a file without revealing it."""
         if 0 < self._streams.latest <= self.timestamps.last_credible:
             self.timestamps.heard(self._streams.latest)
 

@@ -129,7 +129,7 @@ ARDUPLANE = ModeTable(
 it home (RTL), where it circles or does what RTL_AUTOLAND says; the order `hold` circles (LOITER)."""
 
 ARDUPLANE_VTOL = replace(ARDUPLANE, types=frozenset(range(19, 26)), land=20, lands=True)
-"""A plane that says that it takes off vertically: the order `land` is QLAND."""
+"""A plane that reports vertical takeoff: the order `land` is QLAND."""
 
 ARDUROVER = ModeTable(
     vehicle="ardurover",

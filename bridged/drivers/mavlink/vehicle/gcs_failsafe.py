@@ -51,7 +51,7 @@ def id_problem(failsafe: Failsafe, vehicle: int, ids: Ids) -> str:
 
 
 class FailsafeCheck:
-    """Reads the failsafe parameter back at each connect, and says what is wrong.
+    """Reads the failsafe parameter back at each connect, and reports what is wrong.
 
     `speed` is mission seconds per wall second; `now` is in mission seconds.
     """
@@ -86,7 +86,7 @@ class FailsafeCheck:
         self._send(dialect.MAVLink_param_request_read_message(*self._identity.addressee, PARAMETER.encode(), -1))
 
     def receive(self, message: dialect.MAVLink_message) -> None:
-        """Take in a PARAM_VALUE; its name tells whether it is ours."""
+        """Take in a PARAM_VALUE; its name shows whether it is ours."""
         if message.param_id == PARAMETER:
             self.value = message.param_value
 

@@ -26,7 +26,7 @@ REBOOT_MS = 3000
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A point over the earth: degrees, and metres in the frame that its owner says."""
+    """A point over the earth: degrees, and metres in the frame that its owner defines."""
 
     latitude: float
     longitude: float

@@ -20,7 +20,7 @@ NOTABLE = dialect.MAV_SEVERITY_WARNING
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 """MAV_SEVERITY by its number."""
 REPEATS_WITHIN = (60.0, 60.0)
-"""Mission and wall seconds within which a text is a repetition: ArduPilot says what hinders arming every 30 s."""
+"""Mission and wall seconds within which a text is a repetition: ArduPilot reports obstacles to arming every 30 s."""
 MAX_DISTINCT = 20
 """Different warnings in that time that are passed on; a vehicle that floods its link has the others counted."""
 

@@ -1,7 +1,7 @@
 """The messages that a vehicle is asked to send, and their fields (facts/arducopter.md, Streams).
 
 An autopilot sends little unasked, forgets what it was asked when it reboots, and other ground stations on the link
-change its rates. Pure: it counts messages and says what to ask for.
+change its rates. Pure: it counts messages and returns the next requests.
 """
 
 from __future__ import annotations

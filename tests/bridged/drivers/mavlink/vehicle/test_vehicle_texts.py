@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.vehicle.status_texts import MAX_DISTINCT, Said, Texts, Warnings
+from bridged.drivers.mavlink.vehicle.status_texts import MAX_DISTINCT, StatusText, Texts, Warnings
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
@@ -74,7 +74,7 @@ def test_information_is_neither_logged_nor_believed(tmp_path: Path, caplog: pyte
     assert warnings(caplog) == []
 
 
-def chunks(parts: Iterable[tuple[int, str]], number: int = 7) -> list[Said]:
+def chunks(parts: Iterable[tuple[int, str]], number: int = 7) -> list[StatusText]:
     texts = Texts()
     return [said for seq, part in parts for said in texts.receive(text(part, number=number, seq=seq), 1.0)]
 
@@ -83,7 +83,7 @@ def chunks(parts: Iterable[tuple[int, str]], number: int = 7) -> list[Said]:
     "order", [[(0, "a" * 50), (1, "end\t")], [(1, "end\t"), (0, "a" * 50)], [(0, "a" * 50), (0, "a" * 50), (1, "end")]]
 )
 def test_the_chunks_of_a_long_text_are_put_together_in_their_order(order: list[tuple[int, str]]) -> None:
-    assert chunks(order) == [Said(1.0, WARNING, "a" * 50 + "end")]
+    assert chunks(order) == [StatusText(1.0, WARNING, "a" * 50 + "end")]
 
 
 def test_a_long_text_of_which_a_chunk_is_lost_is_told_when_the_next_one_begins() -> None:
@@ -96,10 +96,10 @@ def test_a_long_text_of_which_a_chunk_is_lost_is_told_when_the_next_one_begins()
 
 def test_a_vehicle_that_floods_its_link_with_warnings_is_told_of_so_many_and_the_rest_is_counted() -> None:
     told = Warnings()
-    taken = [told.take(Said(1.0, WARNING, f"warning {at}"), 60.0) for at in range(3 * MAX_DISTINCT)]
+    taken = [told.take(StatusText(1.0, WARNING, f"warning {at}"), 60.0) for at in range(3 * MAX_DISTINCT)]
     assert taken.count(True) == MAX_DISTINCT
     assert told.dropped == 2 * MAX_DISTINCT
-    assert told.take(Said(70.0, WARNING, "later"), 60.0) is True
+    assert told.take(StatusText(70.0, WARNING, "later"), 60.0) is True
 
 
 def rebooted(sky: Sky) -> list[tuple[str, ...]]:
