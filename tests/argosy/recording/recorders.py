@@ -1,4 +1,4 @@
-"""Recorders and replays as processes, as users start them."""
+"""Recorders and replays as processes, as users start them; trials that are recorded."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.recording.reader import open_recording
+from argosy.trial.faults import Fault
+from argosy.trial.single_run import Outcome, Request
+from argosy.trial.workers import workers
 from tests.support.buses import until
 
 STARTED = "recording "
@@ -86,3 +89,9 @@ async def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) ->
     """Ask for a recording that is refused; return what is said of it."""
     assert await asyncio.to_thread(main, ["record", *map(str, arguments)]) == 2
     return capsys.readouterr().err
+
+
+def tried(mission: Path, path: Path, *faults: Fault) -> Outcome:
+    """Fly a mission in virtual time and record it."""
+    with workers(1) as run_all:
+        return next(iter(run_all([Request(str(mission), 1, faults, record=str(path))])))

@@ -1,13 +1,8 @@
-"""`argosy replay --mind`: minds of a real run, with a real recorder, live again; and what damaged recordings prove."""
+"""`argosy replay --mind`: minds of a recorded trial live again; and what damaged recordings prove."""
 
 from __future__ import annotations
 
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,8 +18,10 @@ from argosy.recording.reader import BadRecording, open_recording
 from argosy.recording.records import TokenSeen
 from argosy.recording.write_queue import Heard
 from argosy.recording.writer import RecordingWriter
+from argosy.trial.faults import Kill
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
+from tests.argosy.recording.recorders import tried
 
 MISSION = """\
 mission: lamp
@@ -96,22 +93,18 @@ class Recorded:
             for key in {message.key, message.key.replace("/lamp/", f"/{twice}/") if twice else message.key}:
                 if data is not None:
                     writer.add(Heard(message.at, key, data, message.track.encoding, "put"))
+            writer.flush()
         writer.close(End("done", recording.last))
         return path
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    """Run the sale with a recorder beside it."""
-    from tests.support.ports import free_port
-
+    """Record the sale in virtual time."""
     folder = tmp_path_factory.mktemp("sale")
     for name, text in (("lamp.yaml", MISSION), ("seller.asl", SELLER), ("buyer.asl", BUYER)):
         (folder / name).write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "argosy", "run", "lamp.yaml", "--plain", "--record", "lamp.mcap"]
-    command += ["--router", f"tcp/127.0.0.1:{free_port()}"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=100, env=dict(os.environ))
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert tried(folder / "lamp.yaml", folder / "lamp.mcap").success
     return Recorded(folder / "lamp.mcap")
 
 
@@ -304,8 +297,9 @@ def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed
 
 
 def cut_off(recorded: Recorded, good: Callable[[RecordedMind], bool]) -> Path:
-    """Return the longest beginning of the file, the file itself aside, of which the buyer's life is as is wanted."""
-    whole, cut = recorded.path.read_bytes(), recorded.path.with_name("cut.mcap")
+    """Return the longest beginning of the file, itself aside, that has such a mind of the buyer; written as it came."""
+    chunks = recorded.changed("chunks.mcap", lambda batch: batch)
+    whole, cut = chunks.read_bytes(), recorded.path.with_name("cut.mcap")
     for size in range(len(whole) - 1000, 1000, -500):
         cut.write_bytes(whole[:size])
         with suppress(BadRecording):
@@ -447,29 +441,11 @@ count(0).
 
 
 def test_a_mind_that_was_killed_and_came_back_is_proved_but_for_the_end_of_its_first_life(
-    tmp_path: Path, free_port: Callable[[], int], capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "count.yaml").write_text(COUNT, encoding="utf-8")
     (tmp_path / "counter.asl").write_text(COUNTER, encoding="utf-8")
-    command = [sys.executable, "-m", "argosy", "run", "count.yaml", "--plain", "--record", "count.mcap"]
-    command += ["--router", f"tcp/127.0.0.1:{free_port()}"]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as running:
-        assert running.stdout is not None
-        pid, end = 0, time.monotonic() + 60
-        try:
-            for line in running.stdout:
-                if started := re.search(r"agentd counter: started, pid (\d+)", line):
-                    pid = pid or int(started[1])
-                if "counter: at 3," in line and pid > 0:
-                    os.kill(pid, signal.SIGKILL)
-                    pid = -1
-                assert time.monotonic() < end, "the mission has not ended within 60 s"
-            assert running.wait(30) == 0
-        finally:
-            if running.poll() is None:
-                running.terminate()
-                running.wait(30)
-    capfd.readouterr()
+    assert tried(tmp_path / "count.yaml", tmp_path / "count.mcap", Kill(at=2.5, daemon="agentd")).success
     assert main(["replay", str(tmp_path / "count.mcap"), "--mind", "counter"]) == 1
     lines = capfd.readouterr().out.splitlines(keepends=True)
     assert lines[0].startswith("counter: the same for ")

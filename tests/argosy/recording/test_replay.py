@@ -21,8 +21,6 @@ from argosy.recording.played_minds import PlayedMind
 from argosy.recording.reader import open_recording
 from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
 from argosy.recording.write_queue import Heard
-from argosy.trial.single_run import Request
-from argosy.trial.workers import workers
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryFailed
 from schemas.wire import keys
@@ -30,7 +28,7 @@ from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
-from tests.argosy.recording.recorders import argosy
+from tests.argosy.recording.recorders import argosy, tried
 from tests.support.buses import FLEET, PATIENCE, Connect, async_test, bus_test, session, until
 from tests.support.forked import ROOT
 
@@ -158,9 +156,7 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(
     connect: Connect, endpoint: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "trial.mcap"
-    with workers(1) as run_all:
-        (outcome,) = run_all([Request(str(ROOT / "missions/single_uav.yaml"), 1, record=str(path))])
-    assert outcome.success
+    assert tried(ROOT / "missions/single_uav.yaml", path).success
     bus, views = await connect("eye", "argosy"), list[MindView]()
 
     async def seen() -> bool:
