@@ -35,8 +35,9 @@ KEPT: Final = {"sqlite3"}
 """Mail and minds on disk."""
 LINK: Final = {"fastcrc", "gc", "hmac", "pymavlink", "termios", "tty"}
 """MAVLink, signed or not, over UDP or a serial line; `gc` puts away what the start has made."""
-REASONING: Final = {"bisect", "encodings", "random", "zlib"}
-"""`zlib` packs the grammar's tables and what is told of a mind; a program may begin with a byte order mark."""
+REASONING: Final = {"bisect", "encodings", "gc", "random", "zlib"}
+"""`zlib` packs the grammar's tables and what is told of a mind; a program may begin with a byte order mark; `gc` puts
+away what the start has made."""
 
 DAEMON: Final = COMMAND_LINE | MISSION | THREADS
 ALLOWED: Final[dict[str, set[str]]] = {

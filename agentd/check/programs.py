@@ -8,6 +8,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from msgspec import structs
+
 from agentd.check.external_knowledge import Elsewhere, from_team
 from agentd.check.finding_kinds import Kind, finding
 from agentd.check.survey import survey
@@ -202,7 +204,7 @@ def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subject
         unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
         _cannot_be_read(file, {unread: str(unread)}, subjects)
     else:
-        program = replace(program, items=(*program.items, *more))
+        program = structs.replace(program, items=(*program.items, *more))
         subjects.programs[file] = read_survey(program, paths)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from agentd.jason_project.project_parser import AgentEntry, ClassSpec, Option, Project, parse_project
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError

@@ -7,10 +7,11 @@ on with the next plan.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from agentd.language.parser.ast_builder import Builder
 from agentd.language.parser.build_terms import is_formula

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from datetime import UTC, tzinfo
 from random import Random
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.compiler.units import compile_formula
@@ -24,11 +24,13 @@ from agentd.mind.execution.program_loading import copy_mind, load_program
 from agentd.mind.introspection.decision_log import Decisions
 from agentd.mind.introspection.decision_views import view_of, views_of
 from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
-from agentd.mind.persistence.change_tracking import Keeper
 from agentd.mind.plans.nested_plans import select
 from agentd.mind.plans.plan_library import PlanLibrary
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import BeliefView, DecisionView, FailureView, IntentionView
+
+if TYPE_CHECKING:
+    from agentd.mind.persistence.change_tracking import Keeper
 
 MOST_FRAMES: Final = 300_000
 """Plans that an intention may be in the middle of; a goal that calls itself without end fails beyond."""

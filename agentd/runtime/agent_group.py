@@ -256,10 +256,10 @@ class AgentGroup:
             handler = getattr(self, f"_do_{request.what}", None)
             if handler is None:
                 raise TeamRequestRefused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
-            reply = TeamReply(request.id, await handler(host, *request.arguments))
-            if isinstance(reply.value, Included):
-                reply.value = host.included(request.id, reply.value)
-            return reply
+            value = await handler(host, *request.arguments)
+            if isinstance(value, Included):
+                value = host.included(request.id, value)
+            return TeamReply(request.id, value)
         except TeamRequestRefused as refused:
             return TeamReply(request.id, None, refused.error, str(refused))
         except (NotAllowed, SyntaxErrors, DirectiveError, AlreadyRunning, BusClosed) as error:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 from zlib import crc32
+
+from msgspec.structs import replace
 
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_file, parse_formula, parse_program

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text

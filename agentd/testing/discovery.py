@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_file

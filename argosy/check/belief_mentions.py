@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
 from agentd.check.programs import Includes
-from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure
+from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure, fields_of
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.runtime.program_paths import SourcePaths
 
@@ -33,9 +32,9 @@ def nodes_of(tree: Any) -> Iterator[Any]:
         node = waiting.pop()
         if isinstance(node, tuple | list):
             waiting += node
-        elif dataclasses.is_dataclass(node):
+        elif names := fields_of(type(node)):
             yield node
-            waiting += (getattr(node, field.name) for field in dataclasses.fields(node))
+            waiting += (getattr(node, name) for name in names)
 
 
 def beliefs_of(formula: Formula) -> set[tuple[str, int]]:

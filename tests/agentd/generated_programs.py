@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from agentd.language.parser.build_terms import NOT_IN_CONDITIONS
 from agentd.language.syntax_tree.nodes import (

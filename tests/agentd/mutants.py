@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
+
+from msgspec.structs import replace
 
 from agentd.language.errors.lexical import broken
 from agentd.language.parse import parse_program
 from agentd.language.parser.lexer import lexicon, tokenize
 from agentd.language.parser.parse_tables import load
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Body, Plan, Position, Program, Trigger
+from agentd.language.syntax_tree.nodes import Belief, Body, Plan, Program, Trigger, fields_of
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.source import Source
 from tests.agentd.generated_programs import FRAGMENTS, corpus
@@ -175,12 +177,12 @@ class _Way:
 def _ways(tree: Any, steps: tuple[str | int, ...] = ()) -> list[_Way]:
     """The ways to all nodes that others may take the place of."""
     found = []
-    if is_dataclass(tree) and not isinstance(tree, (type, Position)):
+    if names := fields_of(type(tree)):
         if steps and (kind := _kind(tree)):
             found.append(_Way(steps, kind))
-        for field in fields(tree):
-            if field.name not in ("position", "file", "warnings"):
-                found += _ways(getattr(tree, field.name), (*steps, field.name))
+        for name in names:
+            if name not in ("position", "file", "warnings"):
+                found += _ways(getattr(tree, name), (*steps, name))
     elif isinstance(tree, tuple):
         for index, part in enumerate(tree):
             found += _ways(part, (*steps, index))
@@ -216,5 +218,6 @@ def _grafted(tree: Any, steps: tuple[str | int, ...], part: Any) -> Any:
         return part
     step, rest = steps[0], steps[1:]
     if isinstance(step, str):
-        return replace(tree, **{step: _grafted(getattr(tree, step), rest, part)})
+        grafted = _grafted(getattr(tree, step), rest, part)
+        return Belief(grafted, tree.position) if isinstance(tree, Belief) else replace(tree, **{step: grafted})
     return (*tree[:step], _grafted(tree[step], rest, part), *tree[step + 1 :])

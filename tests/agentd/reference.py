@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import count
 from typing import Any, TypeAlias
+
+from msgspec.structs import replace
 
 from agentd.language.syntax_tree.nodes import (
     And,

@@ -6,7 +6,6 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
 from agentd.check.command import Robot, check_program, findings_of
@@ -15,7 +14,7 @@ from agentd.check.programs import read_survey
 from agentd.language.compiler.compile import DirectiveError, compile_program
 from agentd.language.parse import parse_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Program
+from agentd.language.syntax_tree.nodes import Program, fields_of
 from agentd.language.syntax_tree.printer import source_text
 from agentd.mind import Mind
 from agentd.mind.data.effects import PerformAction, TeamRequest
@@ -71,7 +70,7 @@ def try_to_read(text: str) -> Program | None:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two trees are equal, of any depth: the comparison of dataclasses goes only as deep as Python's stack."""
+    """Whether two trees are equal, of any depth: the comparison of nodes goes only as deep as Python's stack."""
     pending = [(one, other)]
     while pending:
         left, right = pending.pop()
@@ -81,9 +80,9 @@ def same(one: Any, other: Any) -> bool:
             if len(left) != len(right):
                 return False
             pending += zip(left, right, strict=True)
-        elif is_dataclass(left):
-            names = (field.name for field in fields(left) if field.compare and field.name != "warnings")
-            pending += ((getattr(left, name), getattr(right, name)) for name in names)
+        elif names := fields_of(type(left)):
+            compared = (name for name in names if name not in ("position", "warnings", "scoped", "this_ns"))
+            pending += ((getattr(left, name), getattr(right, name)) for name in compared)
         elif left != right:
             return False
     return True

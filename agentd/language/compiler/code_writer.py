@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from types import CodeType
 from typing import Any, NamedTuple
 
+from msgspec import Struct, field
 
-@dataclass(frozen=True, slots=True)
-class Ref:
+
+class Ref(Struct, frozen=True):
     """A constant that only a mind can provide: a predicate, the plans of a trigger, a step."""
 
     kind: str
@@ -146,8 +146,7 @@ FRAME_HEADER = 6
 """The places of a frame before its variables; see `agentd.mind.data.intention`."""
 
 
-@dataclass
-class StepCode:
+class StepCode(Struct):
     """A formula of a body: the function that runs it and the step that follows (by number; None ends the body)."""
 
     function: str
@@ -155,8 +154,7 @@ class StepCode:
     next: int | None = None
 
 
-@dataclass
-class PlanCode:
+class PlanCode(Struct):
     """The generated code of a plan, or of a body that runs inside a plan's frame."""
 
     unit: Unit

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import count
 from pathlib import PurePosixPath
 from types import MappingProxyType
 from typing import Any, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.syntax_tree import nodes
@@ -21,8 +23,7 @@ Find = Callable[[str, str], str]
 """The path of an included file, given the path in the directive and the directive's file. Raises OSError."""
 
 
-@dataclass(frozen=True, slots=True)
-class CompiledProgram:
+class CompiledProgram(Struct, frozen=True):
     """What a mind starts from: plain lists in file order. Python is generated from it when a plan is first used."""
 
     file: str
@@ -228,8 +229,9 @@ class Qualifier:
 
     def _qualified(self, item: _Item) -> _Item:
         match item:
-            case nodes.Belief(literal=literal):
-                return replace(item, literal=self.literal(literal))
+            case nodes.Belief(literal=literal, position=position):
+                qualified: Any = nodes.Belief(self.literal(literal), position)
+                return qualified  # type: ignore[no-any-return]
             case nodes.Rule(head=head, body=body):
                 return replace(item, head=self.literal(head), body=self.formula(body))
             case nodes.Goal(literal=literal):
@@ -339,17 +341,19 @@ def _renamed(node: Any, prefixes: Mapping[str, str | None], atoms: Mapping[str, 
     """A node with other names for some namespaces before ``::``, and other atoms for some."""
     if isinstance(node, tuple):
         return tuple(_renamed(part, prefixes, atoms) for part in node)
-    if not is_dataclass(node) or isinstance(node, nodes.Position | type):
+    if isinstance(node, nodes.Belief):
+        return nodes.Belief(_renamed(node.literal, prefixes, atoms), node.position)
+    if not isinstance(node, nodes.Node):
         return node
     changes: dict[str, Any] = {}
     if isinstance(node, nodes.Structure) and node.functor in atoms and not node.args:
         changes["functor"] = atoms[node.functor]
-    for field in fields(node):
-        part = getattr(node, field.name)
-        if field.name == "namespace" and isinstance(part, str):
+    for name in node.__struct_fields__:
+        part = getattr(node, name)
+        if name == "namespace" and isinstance(part, str):
             changed: Any = prefixes.get(part, part)
         else:
             changed = _renamed(part, prefixes, atoms)
         if changed is not part:
-            changes[field.name] = changed
+            changes[name] = changed
     return replace(node, **changes) if changes else node

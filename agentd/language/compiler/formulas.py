@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import replace
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from agentd.language.compiler.code_writer import Function, Ref, targets_of, tuple_of
 from agentd.language.compiler.compile_terms import Scope

@@ -21,8 +21,9 @@ They are the goal patterns of Hübner, Bordini and Wooldridge, "Programming decl
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from agentd.language.parse import parse_formula, parse_literal, parse_trigger
 from agentd.language.syntax_tree import nodes

@@ -5,8 +5,9 @@ The function of a formula has the variables of its plan in the frame, and as loc
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from agentd.language.compiler.code_writer import Function, Line, PlanCode, Ref, tuple_of
 from agentd.language.compiler.compile_terms import Library, Scope

@@ -6,8 +6,10 @@ The methods are named as the rules and aliases of `grammar.lark`; ``at`` is the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Final, TypeAlias, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from agentd.language.parser.build_terms import FORMULAS, KINDS, TermBuilder
 from agentd.language.parser.fact_runs import FactRun
@@ -19,26 +21,22 @@ MOST_BLOCKS: Final = 100
 """The most blocks in { } or ( ) that are nested in one another."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Context:
+class _Context(Struct, frozen=True):
     formula: nodes.Formula
     operator: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Subplans:
+class _Subplans(Struct, frozen=True):
     plans: tuple[nodes.Plan, ...]
     at: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Begin:
+class _Begin(Struct, frozen=True):
     directive: nodes.Structure
     at: int
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
+class _End(Struct, frozen=True):
     at: int
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias, TypeGuard
+
+from msgspec import Struct
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, problem_on, shown
@@ -36,8 +37,7 @@ KINDS: dict[type, str] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Signed:
+class Signed(Struct, frozen=True):
     """An expression with a sign, as written: ``--b`` is a belief change as a formula, else minus minus b."""
 
     expression: nodes.Arithmetic

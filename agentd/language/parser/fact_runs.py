@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from typing import Any, Final
+
+from msgspec import Struct
 
 from agentd.language.parser.build_terms import string_value
 from agentd.language.parser.parse_tables import Tables, load
@@ -39,25 +40,14 @@ class GroundFact(Belief):
 
     __slots__ = ("_end", "_run", "_start")
 
-    _run: FactRun
-    _start: int
-    _end: int
-
-    def __new__(cls, literal: Any, position: Any) -> Any:
-        """A changed copy (`dataclasses.replace`) is a belief as any other."""
-        return Belief(literal, position)
+    def __init__(self, run: FactRun, start: int, end: int) -> None:
+        self._run, self._start, self._end = run, start, end
 
     def __getattr__(self, name: str) -> Any:
         if name not in ("literal", "position"):
             raise AttributeError(name)
         self._run.parse()
         return getattr(self, name)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Belief) and self.literal == other.literal
-
-    def __hash__(self) -> int:
-        return hash((self.literal,))
 
     def __repr__(self) -> str:
         """The tokens of the fact: the same for the same fact, and found without parsing it."""
@@ -94,10 +84,6 @@ class GroundFact(Belief):
         fact.ground = True
         return fact
 
-
-# The slots' own setters: a frozen class is filled by them three times as fast as by `object.__setattr__`.
-_put_run, _put_start, _put_end = (vars(GroundFact)[name].__set__ for name in ("_run", "_start", "_end"))
-_put_literal, _put_position = (vars(Belief)[name].__set__ for name in ("literal", "position"))
 
 _NUMERIC: Final = frozenset("-.0123456789")
 
@@ -147,11 +133,7 @@ class FactRun:
         self.facts: list[GroundFact] = []
         match, text, at = _recogniser().fact.match, source.text, start
         while len(self.facts) < LONGEST_RUN and (found := match(text, at)) is not None:
-            fact = object.__new__(GroundFact)
-            _put_run(fact, self)
-            _put_start(fact, found.start(1))
-            _put_end(fact, found.end(1))
-            self.facts.append(fact)
+            self.facts.append(GroundFact(self, found.start(1), found.end(1)))
             at = found.end()
         self.end = at
 
@@ -159,12 +141,10 @@ class FactRun:
         """Give all facts their syntax."""
         for fact, parsed in zip(self.facts, self._parse(self.source, self.start, self.end), strict=True):
             assert isinstance(parsed, Belief)
-            _put_literal(fact, parsed.literal)
-            _put_position(fact, parsed.position)
+            fact.literal, fact.position = parsed.literal, parsed.position
 
 
-@dataclass(frozen=True, slots=True)
-class _Recogniser:
+class _Recogniser(Struct, frozen=True):
     """``fact`` matches a fact with the blanks and comments before it, the fact itself in group 1.
 
     ``token`` finds what its term is made of: numbers, strings, atoms, ``name(``, ``[``, ``]`` and ``)``.

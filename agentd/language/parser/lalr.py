@@ -7,10 +7,11 @@ comes into being. A builder's method gets the offset where its rule begins and t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from operator import itemgetter
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 from agentd.language.parser.build_terms import TermBuilder
 from agentd.language.parser.lexer import END_OF_TEXT, Tokens
@@ -19,8 +20,7 @@ from agentd.language.parser.parse_tables import RuleTable, Tables, load
 _BUILD, _UNIT, _SELECT, _LIST, _EXTEND = range(5)
 
 
-@dataclass(frozen=True, slots=True)
-class Reduction:
+class Reduction(Struct, frozen=True):
     """A rule as the machine uses it; ``pick`` makes the builder's arguments of the symbols, None: as they are."""
 
     kind: int

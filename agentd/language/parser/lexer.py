@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
+
+from msgspec import Struct, field
 
 from agentd.language.parser.fact_runs import FactRun
 from agentd.language.parser.parse_tables import Tables
@@ -31,8 +32,7 @@ class Broken(NamedTuple):
     kind: str = BROKEN
 
 
-@dataclass(slots=True)
-class Tokens:
+class Tokens(Struct):
     """Parallel lists, the last token is ``$END`` at the end of the last real one.
 
     ``runs`` holds the runs of facts that were recognised, by their offsets; each is represented by the two tokens of
@@ -48,8 +48,7 @@ class Tokens:
     runs: dict[int, FactRun] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Lexicon:
+class Lexicon(Struct, frozen=True):
     """The terminals of a grammar, ready to match; ``master`` has one group per type, operators in the group OP."""
 
     master: re.Pattern[str]

@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import re
 import zlib
-from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, to_builtins
 
 STARTS = ("program", "lone_expression", "lone_literal", "lone_plan", "lone_trigger")
 """The symbols that a text can be asked to be."""
@@ -22,8 +23,7 @@ GRAMMAR = "grammar.lark"
 TABLES = "grammar.json"
 
 
-@dataclass(frozen=True, slots=True)
-class RuleTable:
+class RuleTable(Struct, frozen=True):
     """One alternative of a rule: how many symbols it takes off the stack, and which of them the builder gets.
 
     ``children`` holds an index into these symbols, or -1 for an optional part that is absent here. ``name`` is the
@@ -40,8 +40,7 @@ class RuleTable:
     listing: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Tables:
+class Tables(Struct, frozen=True):
     """An LALR(1) automaton with its tokens.
 
     ``states[s]`` maps a terminal to its action (``n >= 0``: shift and go to n; ``n < 0``: reduce by rule ``~n``) and a
@@ -80,7 +79,7 @@ def load() -> Tables:
 
 def dump(tables: Tables) -> str:
     """The text of ``grammar.json``."""
-    data = asdict(tables)
+    data = to_builtins(tables)
     data["rules"] = [list(rule.values()) for rule in data["rules"]]
     lines = [f"{json.dumps(key)}: {_rows(value)}" for key, value in data.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"

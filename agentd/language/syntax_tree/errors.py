@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from agentd.language.syntax_tree.source import Source
 from schemas.files.findings import Finding
@@ -26,8 +27,7 @@ def shown(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Problem:
+class Problem(Struct, frozen=True, order=True):
     """A finding with the source line that it is about; ``caret`` is the column under which the mark goes (0: none)."""
 
     finding: Finding

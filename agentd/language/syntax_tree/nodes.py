@@ -28,15 +28,15 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from msgspec import Struct, field
 
 if TYPE_CHECKING:
     from schemas.files.findings import Finding
 
 
-@dataclass(frozen=True, slots=True)
-class Position:
+class Position(Struct, frozen=True):
     """Where something begins in its source: ``file`` as the user named it, ``line``, ``column`` from 1 (0: unknown)."""
 
     file: str
@@ -49,41 +49,51 @@ class Position:
 
 NOWHERE = Position("", 0, 0)
 """The position of nodes that are made without source text."""
+_NOT_COMPARED: Final = frozenset(("position", "scoped", "this_ns"))
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+class Node(Struct, frozen=True, eq=False, repr_omit_defaults=True):
+    """A part of the tree. All classes but `Belief` derive from it."""
+
+    def _compared(self) -> tuple[Any, ...]:
+        return tuple([getattr(self, name) for name in self.__struct_fields__ if name not in _NOT_COMPARED])
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._compared() == other._compared()
+
+    def __hash__(self) -> int:
+        return hash(self._compared())
+
+
+class Number(Node, frozen=True, eq=False):
     """A numeral; every number of the dialect is a double. A minus before it is an `Arithmetic` of one operand."""
 
     value: float
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class String:
+class String(Node, frozen=True, eq=False):
     """A string with its escapes already translated and without its quotes."""
 
     value: str
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Node, frozen=True, eq=False):
     """A variable; names that begin with ``_`` are anonymous: each occurrence is another variable."""
 
     name: str
     annotations: ListTerm | None = None
     negated: bool = False
     namespace: str | Variable | None = None
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
     @property
     def anonymous(self) -> bool:
         return self.name.startswith("_")
 
 
-@dataclass(frozen=True, slots=True)
-class Structure:
+class Structure(Node, frozen=True, eq=False):
     """An atom, structure or literal. ``annotations`` is None when none are written, else a list (maybe ``[]``)."""
 
     functor: str
@@ -91,96 +101,85 @@ class Structure:
     annotations: ListTerm | None = None
     negated: bool = False
     namespace: str | Variable | None = None
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class InternalAction:
+class InternalAction(Node, frozen=True, eq=False):
     """``.print("x")``, ``math.max(1,2)``, ``my.action``: a functor with a dot. ``name`` is as written (``.print``)."""
 
     name: str
     args: tuple[Term, ...] = ()
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class ListTerm:
+class ListTerm(Node, frozen=True, eq=False):
     """``[a,b|T]``; ``tail`` is None for a closed list. A list tail written out (``[a|[b]]``) stays as written."""
 
     items: tuple[Term, ...] = ()
     tail: Variable | ListTerm | None = None
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Arithmetic:
+class Arithmetic(Node, frozen=True, eq=False):
     """``operator`` is one of ``+ - * / ** div mod``; one operand for unary minus and plus."""
 
     operator: str
     operands: tuple[Term, ...]
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Relation:
+class Relation(Node, frozen=True, eq=False):
     """``operator`` is one of ``< <= > >= == \\== = =..``."""
 
     operator: str
     left: Term
     right: Term
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Not:
+class Not(Node, frozen=True, eq=False):
     operand: Term
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class And:
+class And(Node, frozen=True, eq=False):
     left: Term
     right: Term
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Or:
+class Or(Node, frozen=True, eq=False):
     left: Term
     right: Term
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class PlanTerm:
+class PlanTerm(Node, frozen=True, eq=False):
     """A plan in braces as a term."""
 
     plan: Plan
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class TriggerTerm:
+class TriggerTerm(Node, frozen=True, eq=False):
     """A trigger in braces as a term."""
 
     trigger: Trigger
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class BodyTerm:
+class BodyTerm(Node, frozen=True, eq=False):
     """A plan body in braces as a term. ``{ H; T }`` is a body whose steps are two variables."""
 
     body: Body
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class RuleTerm:
+class RuleTerm(Node, frozen=True, eq=False):
     """A rule in braces as a term."""
 
     rule: Rule
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
 Term: TypeAlias = (
@@ -223,70 +222,62 @@ class Operator(enum.Enum):
     UPDATE = "-+"
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Node, frozen=True, eq=False):
     """A formula of a body: an operator and its term (of ``+{ plan }`` a `PlanTerm`, of ``+{ rule }`` a `RuleTerm`)."""
 
     operator: Operator
     term: Term
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class If:
+class If(Node, frozen=True, eq=False):
     """``if (c) {..} elif (d) {..} else {..}``; ``otherwise`` is None without an else."""
 
     branches: tuple[tuple[Formula, Body], ...]
     otherwise: Body | None = None
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class While:
+class While(Node, frozen=True, eq=False):
     condition: Formula
     body: Body
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class For:
+class For(Node, frozen=True, eq=False):
     condition: Formula
     body: Body
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Fork:
+class Fork(Node, frozen=True, eq=False):
     """``a |&| b |&| c`` (``operator="|&|"``) or ``a ||| b``; a branch in brackets is a body of several steps."""
 
     operator: str
     branches: tuple[Body, ...]
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
 BodyFormula: TypeAlias = Step | If | While | For | Fork
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
+class Body(Node, frozen=True, eq=False):
     """The formulas of a plan, block or bracketed sequence, in order; may be empty."""
 
     formulas: tuple[BodyFormula, ...] = ()
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Trigger:
+class Trigger(Node, frozen=True, eq=False):
     """``+!g(X)[source(S)]``: ``operator`` is ``+ - ^``, ``goal`` is ``""`` (belief), ``"!"`` or ``"?"``."""
 
     operator: str
     goal: str
     literal: Structure | Variable
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Node, frozen=True, eq=False):
     """``@label[annots] trigger : context <: goal_condition <- body. { subplans }``
 
     ``label`` is None when there is none, a variable only in a `PlanTerm` (``{ @L +!g } = P``);
@@ -300,37 +291,51 @@ class Plan:
     label: Structure | Variable | None = None
     goal_condition: Formula | None = None
     subplans: tuple[Plan, ...] = ()
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
 class Belief:
-    """An initial belief, ``p(1)[a].``; its arguments may be arithmetic."""
+    """An initial belief, ``p(1)[a].``; its arguments may be arithmetic. Never changed.
+
+    No `Node`, as that of a large program has its syntax only on demand (`agentd.language.parser.fact_runs`).
+    """
+
+    __slots__ = ("literal", "position")
+    __match_args__ = ("literal", "position")
 
     literal: Structure
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position
+
+    def __init__(self, literal: Structure, position: Position = NOWHERE) -> None:
+        self.literal, self.position = literal, position
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Belief) and self.literal == other.literal
+
+    def __hash__(self) -> int:
+        return hash(self.literal)
+
+    def __repr__(self) -> str:
+        return f"Belief(literal={self.literal!r})"
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Node, frozen=True, eq=False):
     """``head :- body.``"""
 
     head: Structure
     body: Formula
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(Node, frozen=True, eq=False):
     """An initial goal, ``!g.`` (or ``?g.`` with ``operator="?"``)."""
 
     literal: Structure
     operator: str = "!"
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
-@dataclass(frozen=True, slots=True)
-class Directive:
+class Directive(Node, frozen=True, eq=False):
     """``{ include("f.asl", n) }``, or with ``items`` (not None) a block ``{ begin namespace(n) } ... { end }``.
 
     ``name`` is the directive with its arguments: ``Structure("include", (String("f.asl"), Structure("n")))``.
@@ -338,14 +343,13 @@ class Directive:
 
     name: Structure
     items: tuple[Item, ...] | None = None
-    position: Position = field(default=NOWHERE, compare=False, repr=False)
+    position: Position = NOWHERE
 
 
 Item: TypeAlias = Belief | Rule | Goal | Plan | Directive
 
 
-@dataclass(frozen=True, slots=True)
-class Program:
+class Program(Node, frozen=True, eq=False):
     """A source file: its items in file order, and the warnings of the parser (deviation D1 and the like).
 
     ``scoped``: it may name a namespace; ``this_ns``: it may contain the atom of that name.
@@ -354,8 +358,8 @@ class Program:
     file: str
     items: tuple[Item, ...] = ()
     warnings: tuple[Finding, ...] = ()
-    scoped: bool = field(default=False, compare=False)
-    this_ns: bool = field(default=False, compare=False)
+    scoped: bool = False
+    this_ns: bool = False
 
     def plans(self) -> Iterator[Plan]:
         """All plans, also those in blocks, in file order; sub-plans stay inside their plan."""
@@ -367,3 +371,10 @@ def _flat(items: tuple[Item, ...]) -> Iterator[Item]:
         yield item
         if isinstance(item, Directive) and item.items:
             yield from _flat(item.items)
+
+
+def fields_of(kind: type) -> tuple[str, ...]:
+    """The names of the fields of a class of nodes, in order; none for any other class."""
+    if issubclass(kind, Node):
+        return kind.__struct_fields__
+    return Belief.__match_args__ if issubclass(kind, Belief) else ()

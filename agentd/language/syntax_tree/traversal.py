@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeGuard
+
+from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
 
@@ -43,12 +44,12 @@ def children(node: Any) -> list[Any]:
         part = pending.pop()
         if type(part) is tuple:
             pending.extend(reversed(part))
-        elif is_dataclass(part):
+        elif isinstance(part, nodes.Node):
             found.append(part)
     return found
 
 
-_PARTS: dict[type, tuple[str, ...]] = {nodes.Position: ()}
+_PARTS: dict[type, tuple[str, ...]] = {}
 _NO_PARTS = frozenset(("position", "operator", "functor", "negated"))
 
 
@@ -56,8 +57,7 @@ def _part_names(kind: type) -> tuple[str, ...]:
     """The fields of a class that may hold variables, the last first."""
     names = _PARTS.get(kind)
     if names is None:
-        of_class = fields(kind) if is_dataclass(kind) else ()
-        names = _PARTS[kind] = tuple(f.name for f in reversed(of_class) if f.name not in _NO_PARTS)
+        names = _PARTS[kind] = tuple(name for name in reversed(nodes.fields_of(kind)) if name not in _NO_PARTS)
     return names
 
 

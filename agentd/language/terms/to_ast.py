@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Iterable
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT
@@ -72,8 +73,13 @@ class ToSyntax:
                 return _operation(operator, self._several(term.operands, depth))
             case Code():
                 node = self.code(term.syntax, term.values)
-                kind = {nodes.Plan: nodes.PlanTerm, nodes.Trigger: nodes.TriggerTerm, nodes.Rule: nodes.RuleTerm}
-                return kind.get(type(node), nodes.BodyTerm)(node)
+                kinds: dict[type, Callable[[Any], nodes.Term]] = {
+                    nodes.Plan: nodes.PlanTerm,
+                    nodes.Trigger: nodes.TriggerTerm,
+                    nodes.Rule: nodes.RuleTerm,
+                    nodes.Body: nodes.BodyTerm,
+                }
+                return kinds[type(node)](node)
         raise NoSyntax(f"a {type(term).__name__.lower()} cannot be written as text")
 
     def code(self, node: Any, values: dict[str, Any]) -> Any:
@@ -86,8 +92,8 @@ class ToSyntax:
             return self.term(values[node.name])
         if isinstance(node, tuple):
             return tuple(self.code(item, values) for item in node)
-        if is_dataclass(node) and not isinstance(node, type) and not isinstance(node, nodes.Position):
-            changed = {field.name: self.code(getattr(node, field.name), values) for field in fields(node)}
+        if isinstance(node, nodes.Node):
+            changed = {name: self.code(getattr(node, name), values) for name in node.__struct_fields__}
             return replace(node, **changed)
         return node
 

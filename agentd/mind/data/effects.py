@@ -1,19 +1,15 @@
-"""Effects: the outputs of a mind.
-
-Effects are immutable by convention. The classes are not frozen because making a frozen one takes seven times as long,
-and one is made for each message and action.
-"""
+"""Effects: the outputs of a mind."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 from agentd.language.syntax_tree.nodes import Position
 
 
-@dataclass(slots=True)
-class PerformAction:
+class PerformAction(Struct, frozen=True):
     """An external action to start. ``parameters`` are resolved terms; the answer is an `ActionDone` with this id."""
 
     id: int
@@ -21,15 +17,13 @@ class PerformAction:
     parameters: tuple[Any, ...]
 
 
-@dataclass(slots=True)
-class CancelAction:
+class CancelAction(Struct, frozen=True):
     """The intention that waited for this action has ended."""
 
     id: int
 
 
-@dataclass(slots=True)
-class SendMail:
+class SendMail(Struct, frozen=True):
     """A message to send. ``receiver`` is a name, or None for all others; ``msg_id`` is new for each message."""
 
     receiver: str | None
@@ -39,16 +33,14 @@ class SendMail:
     in_reply_to: str = ""
 
 
-@dataclass(slots=True)
-class Print:
+class Print(Struct, frozen=True):
     """A line of output of the program; ``plain``: without the agent's name before it (``.verbose(0)``)."""
 
     text: str
     plain: bool = False
 
 
-@dataclass(slots=True)
-class Log:
+class Log(Struct, frozen=True):
     """A note for people: ``level`` is ``error``, ``warning``, ``info`` or ``debug``."""
 
     level: str
@@ -61,16 +53,14 @@ class Log:
     """Whether it reports that an unhandled failure has ended an intention."""
 
 
-@dataclass(slots=True)
-class StopTeam:
+class StopTeam(Struct, frozen=True):
     """``.stopMAS``: the whole team ends after ``delay`` seconds with this exit code."""
 
     exit_code: int = 0
     delay: float = 0.0
 
 
-@dataclass(slots=True)
-class TeamRequest:
+class TeamRequest(Struct, frozen=True):
     """A request to the runtime of the team; the answer is a `TeamReply` with this id.
 
     ``what`` is ``create``, ``kill``, ``clone``, ``df_register``, ``df_deregister``, ``df_search``, ``df_subscribe``,
@@ -90,8 +80,7 @@ class TeamRequestRefused(Exception):
         self.error = error
 
 
-@dataclass(slots=True)
-class AskPercepts:
+class AskPercepts(Struct, frozen=True):
     """``.perceive``: bring the percepts up to date before the program continues."""
 
 

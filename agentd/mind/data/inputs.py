@@ -1,20 +1,16 @@
-"""Inputs of a mind, taken at the beginning of a cycle; a recording of them replays to the same decisions.
-
-Inputs are immutable by convention. The classes are not frozen because making a frozen one takes seven times as long,
-and one is made for each message and percept.
-"""
+"""Inputs of a mind, taken at the beginning of a cycle; a recording of them replays to the same decisions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.terms import Literal, Term
 
 
-@dataclass(slots=True)
-class PerceptReplaced:
+class PerceptReplaced(Struct, frozen=True):
     """A percept now has these values.
 
     It replaces the percepts of the same functor and arity whose arguments at the positions ``key`` agree (``()``: all
@@ -25,15 +21,13 @@ class PerceptReplaced:
     key: tuple[int, ...] = ()
 
 
-@dataclass(slots=True)
-class PerceptAdded:
+class PerceptAdded(Struct, frozen=True):
     """A percept holds besides those there."""
 
     literal: Literal
 
 
-@dataclass(slots=True)
-class PerceptRemoved:
+class PerceptRemoved(Struct, frozen=True):
     """The percepts with the functor and arity of ``literal`` whose arguments at ``key`` agree hold no longer."""
 
     literal: Literal
@@ -44,8 +38,7 @@ PerceptKey: TypeAlias = tuple[Signature, tuple[Any, ...]]
 """The identity of a percept, without its annotations."""
 
 
-@dataclass(slots=True)
-class PerceptsChanged:
+class PerceptsChanged(Struct, frozen=True):
     """Changes of percepts: the literal for one that holds now, None for one that holds no longer.
 
     Entries that change nothing are skipped. All terms are ground, without bound variables inside. The dict must not be
@@ -55,8 +48,7 @@ class PerceptsChanged:
     percepts: dict[PerceptKey, Literal | None]
 
 
-@dataclass(slots=True)
-class Mail:
+class Mail(Struct, frozen=True):
     """A message from another agent. ``in_reply_to`` is the id of the question that it answers, or ``""``."""
 
     sender: str
@@ -66,8 +58,7 @@ class Mail:
     in_reply_to: str = ""
 
 
-@dataclass(slots=True)
-class ActionDone:
+class ActionDone(Struct, frozen=True):
     """An external action has ended; ``state`` is its final status, ``cause`` why it failed, ``reason`` that as text."""
 
     id: int
@@ -77,8 +68,7 @@ class ActionDone:
     cause: str = ""
 
 
-@dataclass(slots=True)
-class TeamReply:
+class TeamReply(Struct, frozen=True):
     """The answer to a `TeamRequest`: a term or another result, or the error that its intention gets."""
 
     id: int
@@ -87,22 +77,19 @@ class TeamReply:
     message: str = ""
 
 
-@dataclass(slots=True)
-class GoalAdded:
+class GoalAdded(Struct, frozen=True):
     """A goal to achieve, as ``!g`` in the program would have it; source(self) if it names none."""
 
     literal: Literal
 
 
-@dataclass(slots=True)
-class BeliefAdded:
+class BeliefAdded(Struct, frozen=True):
     """A belief to add, with its event; source(self) if it names none."""
 
     literal: Literal
 
 
-@dataclass(slots=True)
-class SignalRaised:
+class SignalRaised(Struct, frozen=True):
     """An event without a belief, with source(self) if it names none."""
 
     literal: Literal
@@ -112,15 +99,13 @@ class SignalRaised:
         return SignalRaised(Literal(signature(functor, len(args)), args))
 
 
-@dataclass(slots=True)
-class TimeRead:
+class TimeRead(Struct, frozen=True):
     """The clock showed ``seconds`` when the program asked for the time within a cycle (see `Mind` about clocks)."""
 
     seconds: float
 
 
-@dataclass(slots=True)
-class TooDeep:
+class TooDeep(Struct, frozen=True):
     """An intention had grown too deep when that was looked at, after some cycle, and failed."""
 
 

@@ -7,9 +7,10 @@ the plan follow from `VARIABLES` on. The first place is the *step to come*; None
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from msgspec import Struct, field
 
 from agentd.language.syntax_tree.traversal import HIDDEN
 from agentd.language.terms.terms import Literal, Var, deref
@@ -172,8 +173,7 @@ def values_of(frame: Frame) -> dict[str, Any]:
     }
 
 
-@dataclass(slots=True, eq=False)
-class Wait:
+class Wait(Struct, eq=False):
     """An intention that waits for a formula or an event (`agentd.mind.execution.waiting`), maybe only for some time."""
 
     intention: Intention
@@ -186,8 +186,7 @@ class Wait:
     elapsed: Any = None
 
 
-@dataclass(slots=True, eq=False)
-class Question:
+class Question(Struct, eq=False):
     """A synchronous ask (`agentd.mind.execution.waiting`): the intention that waits, and whose answers for."""
 
     intention: Intention
@@ -206,8 +205,7 @@ class Question:
     timer: Timer | None = None
 
 
-@dataclass(slots=True, eq=False)
-class Request:
+class Request(Struct, eq=False):
     """A request to the team (`agentd.mind.execution.waiting`) and the use of its answer."""
 
     intention: Intention

@@ -5,7 +5,8 @@ Percepts are beliefs with source(percept), which change only where something has
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Final
 
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.order import sorted_annots
@@ -43,26 +44,14 @@ def take_inputs(mind: MindState) -> bool:
     for item in batch:
         if mind.on_input is not None:
             mind.on_input(mind.cycle, item)
-        if type(item) is PerceptsChanged:
-            _change(mind, item, added)
-            continue
-        if isinstance(item, (PerceptReplaced, PerceptAdded, PerceptRemoved)):
-            _update(mind, item, added)
+        perceive = _PERCEPTS.get(type(item))
+        if perceive is not None:
+            perceive(mind, item, added)
             continue
         percepts_only = False
         if mind.recorder is not None:
             mind.recorder.given(mind.cycle, item)
-        match item:
-            case ActionDone():
-                _end_action(mind, item)
-            case TeamReply():
-                take_reply(mind, item)
-            case GoalAdded(literal=literal):
-                add_goal(mind, literal)
-            case BeliefAdded(literal=literal):
-                add_belief(mind, literal)
-            case SignalRaised(literal=literal):
-                mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
+        _OTHERS[type(item)](mind, item)
     if added:
         listening = mind.listeners or mind.plans.has_nested
         for place, args, annots in added:
@@ -187,3 +176,23 @@ def _remove(mind: MindState, place: Perceived, args: tuple[Term, ...], annots: t
     mind.changes += 1
     if place.lost.plans or mind.listeners or mind.plans.has_nested:
         raise_event(mind, None, place.lost, args, annots)
+
+
+def _raise_signal(mind: MindState, signal: SignalRaised) -> None:
+    literal = signal.literal
+    mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
+
+
+_PERCEPTS: Final[dict[type, Callable[[MindState, Any, list[Addition]], None]]] = {
+    PerceptsChanged: _change,
+    PerceptReplaced: _update,
+    PerceptAdded: _update,
+    PerceptRemoved: _update,
+}
+_OTHERS: Final[dict[type, Callable[[MindState, Any], None]]] = {
+    ActionDone: _end_action,
+    TeamReply: take_reply,
+    GoalAdded: lambda mind, item: add_goal(mind, item.literal),
+    BeliefAdded: lambda mind, item: add_belief(mind, item.literal),
+    SignalRaised: _raise_signal,
+}

@@ -16,9 +16,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
+
+from msgspec import Struct
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
@@ -46,8 +47,7 @@ PATIENCE: Final = 1000
 """Consecutive cycles in which a selection function may choose nothing before a warning."""
 
 
-@dataclass(frozen=True, slots=True)
-class WaitingEvent:
+class WaitingEvent(Struct, frozen=True):
     """An event that waits.
 
     ``kind`` is ``+``, ``-``, ``+!``, ``-!``, ``+?`` or ``-?``, ``literal`` what it is about with its annotations,
@@ -172,8 +172,7 @@ _MAP, _INTENTION = signature("map", 2), signature("intention", 2)
 _ALL: Final = signature("all_unifs")
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(Struct, frozen=True):
     """A way in which a plan is applicable to an event.
 
     ``plan`` has its ``label`` (a literal with annotations) and its ``syntax``; ``bindings`` are the variables that have

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.parser.fact_runs import GroundFact

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 Row = tuple[int, bytes]
 """The place of a row and its content."""
@@ -13,8 +14,7 @@ PendingRow = tuple[PendingKey, int, bytes]
 """The place of an event, its `Origin`, and the event."""
 
 
-@dataclass(slots=True)
-class MindChanges:
+class MindChanges(Struct):
     """The changes of a mind since the last call; false if there are none."""
 
     beliefs: list[Row] = field(default_factory=list)
@@ -35,11 +35,10 @@ class MindChanges:
     """Descriptions of items that cannot be kept, each once. They have no rows; older rows of them are removed."""
 
     def __bool__(self) -> bool:
-        return any(getattr(self, name) for name in self.__slots__)
+        return any(getattr(self, name) for name in self.__struct_fields__)
 
 
-@dataclass(slots=True)
-class StoredMind:
+class StoredMind(Struct):
     """A mind as it was: the sum of all its changes, each part in rising order."""
 
     beliefs: list[Row] = field(default_factory=list)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from agentd.language.parse import parse_plan, parse_trigger
 from agentd.language.syntax_tree import nodes

@@ -83,10 +83,10 @@ def test_each_victim_gets_one_buoy_although_daemons_are_killed_at_a_drop_and_lin
 
 
 def decided_the_same_again(recording: Path) -> None:
-    """Each life that was recorded from its birth decides and does the same when it is replayed."""
-    lives = [life for life in open_recording(recording).lives() if life.whole]
-    assert {life.agent for life in lives} == {"scout", "rescuer1", "rescuer2"}
-    for life in lives:
-        result = replay(life.batches)
+    """Each mind that was recorded from its start decides and does the same when it is replayed."""
+    minds = [mind for mind in open_recording(recording).minds() if mind.whole]
+    assert {mind.agent for mind in minds} == {"scout", "rescuer1", "rescuer2"}
+    for mind in minds:
+        result = replay(mind.batches)
         assert result.agrees, result
         assert result.proven, result
