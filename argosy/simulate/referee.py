@@ -203,6 +203,11 @@ class Verdict:
             by = ", ".join(f"{one.robot} {one.metres_from(victim):.1f} m off at {one.at:.0f} s" for one in drops)
             lines.append(f"{victim.number:6}  {len(drops):5}  {by or '-'}")
         lines += [f"astray: {one.robot} at {one.lat:.7f}, {one.lon:.7f} after {one.at:.0f} s" for one in self.astray]
+        return "\n".join([*lines, f"{'PASSED' if self.good else 'FAILED'}: {self.summary}"])
+
+    @property
+    def summary(self) -> str:
+        """The numbers of victims with one buoy, with none and with more, and of buoys astray, as text."""
         once = sum(len(drops) == 1 for drops in self.rescues.values())
         twice = sum(len(drops) > 1 for drops in self.rescues.values())
         never = sum(not drops for drops in self.rescues.values())
@@ -210,7 +215,7 @@ class Verdict:
         verdict += f", {never} none" if never else ""
         verdict += f", {twice} more than one" if twice else ""
         verdict += f", {len(self.astray)} buoys fell astray" if self.astray else ""
-        return "\n".join([*lines, f"{'PASSED' if self.good else 'FAILED'}: {verdict}"])
+        return verdict
 
 
 def drops_of(robot: str, moves: Iterable[ServoMove], *, loaded: bool = True) -> list[Drop]:

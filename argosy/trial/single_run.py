@@ -24,6 +24,7 @@ from argosy.processes.simulators import vehicle_of
 from argosy.run.command import reporting
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
+from argosy.simulate.referee import judge_run
 from argosy.trial.checkers import Checkers, Violation
 from argosy.trial.edges import swap_bus
 from argosy.trial.event_loop import Deadlock, VirtualLoop
@@ -167,6 +168,8 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
         recording.close(outcome.why or "the mission is over")
     outcome.violations = checkers.found if outcome.stopped else checkers.finish()
     outcome.success = outcome.success and not outcome.violations
+    if outcome.success and mission.world is not None and not (verdict := judge_run(mission, state)).good:
+        outcome.success, outcome.why = False, f"the mission is done, but {verdict.summary}"
     outcome.seconds = round(flight.finished or loop.time(), 2)
     if world.vehicles:
         outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)

@@ -6,6 +6,7 @@ With boards of their own, real kills and real cuts: tests/boards/test_rescue.py.
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,23 @@ def test_each_victim_gets_one_buoy_although_daemons_are_killed_at_a_drop_and_lin
     killed = [line for line in outcome.journal if "killed by SIGKILL" in line]
     assert len(killed) == len(daemons), killed
     decided_the_same_again(search.recording)
+
+
+def test_a_mission_that_is_done_with_buoys_astray_is_no_success(tmp_path: Path) -> None:
+    programs = tmp_path / "search_and_rescue"
+    shutil.copytree(FOLDER, programs)
+    rescuer = programs / "rescuer.asl"
+    text = rescuer.read_text()
+    beside = text.replace("!at(Lat, Lon, H)", "!at(Lat + 0.0001, Lon, H)").replace("& Off < 3.", "& Off < 30.")
+    assert beside.count("0.0001") == beside.count("Off < 30.") == 1
+    rescuer.write_text(beside)
+    mission = tmp_path / "search_and_rescue.yaml"
+    text = (MISSIONS / "search_and_rescue.yaml").read_text().replace(NORTH, HALF_WAY)
+    mission.write_text(re.sub(r"victims: \d+", "victims: 2", text))
+    with workers(1) as run_all:
+        outcome = next(iter(run_all([Request(str(mission), 1)])))
+    assert not outcome.success
+    assert outcome.why == "the mission is done, but 0 of 2 victims got exactly one buoy, 2 none, 2 buoys fell astray"
 
 
 def decided_the_same_again(recording: Path) -> None:
