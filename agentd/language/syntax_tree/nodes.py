@@ -61,6 +61,9 @@ class Node(Struct, frozen=True, eq=False, repr_omit_defaults=True):
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self) and self._compared() == other._compared()
 
+    def __ne__(self, other: object) -> bool:  # that of `Struct` compares all fields
+        return not self == other
+
     def __hash__(self) -> int:
         return hash(self._compared())
 

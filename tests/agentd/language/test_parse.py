@@ -567,3 +567,11 @@ def test_agents_that_run_one_file_share_its_syntax_tree_and_an_edited_file_is_re
     assert parse_file(file) is program
     file.write_text("!go. +!go <- .print(2).")
     assert parse_file(file).items[1] != program.items[1]
+
+
+def test_nodes_that_say_the_same_are_equal_wherever_they_are() -> None:
+    one, other = (parse_program(f"{before}+!g(X) : p(X) <- .print(X).", "a.asl").items[0] for before in ("", "\n  "))
+    assert one.position != other.position
+    assert one == other
+    assert (one != other) is False
+    assert hash(one) == hash(other)
