@@ -53,7 +53,7 @@ class Sonar(SimpleDriver):
 
     async def run(self):
         runs.append(1)
-        self.tell("range", {"metres": 2.5})
+        self.report("range", {"metres": 2.5})
         await echo.wait()
         echo.clear()
         if trouble:
