@@ -147,9 +147,10 @@ def acknowledged(
 ) -> Part:
     """Wait until a command is accepted, or its effect shows anyway; a refusal and silence end the procedure.
 
-    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
+    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then. That an
+    unacknowledged command had no effect is known only from a HEARTBEAT after it; the loss of the link ends the procedure.
     """
-    asked = flight.now
+    vehicle, asked, silent_at = flight.vehicle, flight.now, math.inf
     while not effect() and not command.accepted:
         if command.refused:
             patience = flight.now + flight.wait(*(TEXT_WINDOW if command.sent == 1 else SETTLE))
@@ -159,10 +160,13 @@ def acknowledged(
                 return
             reason = f"the vehicle refused {command.name} ({command.result_name})"
             raise Ended("refused", flight.with_texts(reason, asked))
-        if command.silent:
-            reason = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-            raise Ended("failed", f"{reason}; {flight.state_text()}")
         run.waits_for = f"the acknowledgement of {command.name}"
+        if command.silent:
+            silent_at = min(silent_at, flight.now)
+            if vehicle.heard_at > silent_at:
+                reason = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
+                raise Ended("failed", f"{reason}; {flight.state_text()}")
+            run.waits_for = f"a HEARTBEAT that shows whether {command.name} had an effect"
         yield
     command.may_repeat = lambda: False
 
