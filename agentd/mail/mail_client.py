@@ -224,7 +224,8 @@ class MailClient:
     @property
     def counters(self) -> Counter[str]:
         """What became of messages so far."""
-        return self.outbox.counters + self.inbox.counters + self._bad + self._near
+        waiting = Counter(near_waiting=self.inbox.near)
+        return self.outbox.counters + self.inbox.counters + self._bad + self._near + waiting
 
     def send(self, mail: SendMail) -> None:
         """Send a message or broadcast when it is on disk, or the mind rests. Raises Failed for its plan."""
