@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from types import CodeType
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from msgspec import Struct, field
+
+MOST_UNITS: Final = 1_000
+"""Units whose code is kept for further ones with the same source."""
 
 
 class Ref(Struct, frozen=True):
@@ -57,13 +61,19 @@ class Unit:
     def load(self, runtime: dict[str, Any], provide: Callable[[Ref], Any]) -> dict[str, Any]:
         """Execute the unit: a namespace with its functions. ``provide`` gives the object that a `Ref` means."""
         if self._code is None:
-            self._code = compile(self.source(), f"<generated for {self.title}>", "exec")
+            self._code = _compiled(self.source(), self.title)
         namespace = dict(runtime)
         for name, value in self.constants.items():
             namespace[name] = provide(value) if isinstance(value, Ref) else value
         # Only source that this package wrote from a parsed tree; see the module's docstring.
         exec(self._code, namespace)  # noqa: S102
         return namespace
+
+
+@lru_cache(MOST_UNITS)
+def _compiled(source: str, title: str) -> CodeType:
+    """Return the code of a unit: agents of one program have units alike."""
+    return compile(source, f"<generated for {title}>", "exec")
 
 
 class Line(NamedTuple):
