@@ -44,6 +44,7 @@ from schemas.wire.records import (
     Mailboxes,
     Order,
     Perception,
+    Perceptions,
     Record,
     RunningMission,
     RunPhase,
@@ -263,6 +264,11 @@ class FleetModel:
             )
             if health.ordered != (None if before is None else before.ordered):  # changes only: an order may be known
                 seen.operator = health.ordered or ""  # before the first health record that has it
+
+    def percepts(self, key: str, perceptions: Perceptions) -> None:
+        """Take changes of the percepts of an agent."""
+        for percept in perceptions.changes:
+            self.percept(key, percept)
 
     def percept(self, key: str, percept: Perception) -> None:
         """Take a percept of an agent; each robot is known by the percepts of one of its agents."""

@@ -15,7 +15,16 @@ from commd.bus.errors import BusClosed, BusError, QueryTimeout
 from schemas.liveness import MIND_EVERY
 from schemas.wire import keys
 from schemas.wire.mind_records import MindActivity, MindView
-from schemas.wire.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
+from schemas.wire.records import (
+    ActionStatus,
+    BoardServices,
+    Health,
+    Mailboxes,
+    Perception,
+    Perceptions,
+    RunningMission,
+    RunState,
+)
 
 TICK = 0.25
 """Wall seconds between two updates of the model and of who is to be asked."""
@@ -105,7 +114,7 @@ class FleetObserver:
     def _listen(self) -> None:
         fleet, model, subscribe = self.model.fleet, self.model, self.bus.subscribe
         subscribe(keys.health(fleet, "*", "*"), Health, self._health)
-        subscribe(keys.percept(fleet, "*", "*"), Perception, model.percept)
+        subscribe(keys.percepts(fleet, "*"), Perceptions, model.percepts)
         subscribe(keys.percept_by_hand(fleet, "*", "*"), Perception, model.percept)
         subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
         if self.wanted.whole_fleet:

@@ -35,7 +35,7 @@ from schemas.mission.model import NO_STEPS, Mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.health import each_health
-from schemas.wire.records import ActionStatus, Health, Mail, Message, Perception, Receipt
+from schemas.wire.records import ActionStatus, Health, Mail, Message, Perception, Perceptions, Receipt
 from schemas.wire.term_text import write
 
 SLACK: Final = 2.0
@@ -293,13 +293,17 @@ class Checkers:
                     self.mail.healthy(one, daemon)
                     if daemon == "agentd":
                         self._idle[one] = its.idle is True
-            case ("percept", "holder"):
-                self._holder(name, codec(Perception).decode(sample.payload.to_bytes(), sample.encoding))
-            case ("percept", _) if name not in self._aware and (mode := self._pilots_mode(name)):
-                if mode in codec(Perception).decode(sample.payload.to_bytes(), sample.encoding).parameters:
-                    self._aware[name] = self._world.network.loop.time()
+            case ("percepts",):
+                for percept in codec(Perceptions).decode(sample.payload.to_bytes(), sample.encoding).changes:
+                    self._percept(name, percept)
             case _:
                 pass
+
+    def _percept(self, agent: str, percept: Perception) -> None:
+        if percept.name == "holder":
+            self._holder(agent, percept)
+        elif agent not in self._aware and (mode := self._pilots_mode(agent)) and mode in percept.parameters:
+            self._aware[agent] = self._world.network.loop.time()
 
     def _pilots_mode(self, agent: str) -> str:
         """Return the mode of the pilot who has an agent's robot; empty: none has it."""

@@ -1,7 +1,8 @@
 """The recording of a run in virtual time: the file that `argosy record` would write, made from the network itself.
 
-All that is published is recorded where it is sent: no link and no queue loses anything of it. Agents publish their
-traces only while somebody subscribes to them, so a subscriber without a callback is declared at each board's router.
+All that is published is recorded where it is sent: no link and no queue loses anything of it. Traces of
+agents and percepts by their names are published only while there are subscribers, so subscribers without a callback
+are declared at each board's router.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ class TrialRecording:
         for number, router in enumerate(routers):
             session = Session(network, 0, router, "recorder", None)
             network.sessions.append(session)
-            session.declare_subscriber(keys.trace(mission.fleet, "*", "*"), SimpleNamespace(callback=None))
+            for wanted in (keys.trace(mission.fleet, "*", "*"), keys.percept(mission.fleet, "*", "*")):
+                session.declare_subscriber(wanted, SimpleNamespace(callback=None))
             if number == 0:
                 watched = keys.alive(mission.fleet, "*", "*", "*")
                 session.liveliness().declare_subscriber(watched, SimpleNamespace(callback=self._token), history=True)

@@ -7,8 +7,6 @@ an agent reasons about all of it together, in the same pass of the loop.
 from __future__ import annotations
 
 import asyncio
-import ctypes
-import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
@@ -26,20 +24,6 @@ TURN: Final = 0.02
 """Wall seconds of one pass: other work may take long, and the backlog must not grow meanwhile."""
 LAST_WORD: Final = 1.0
 """Wall seconds after the timeout of a query that Zenoh has to report its end."""
-
-
-def hold_thread_state() -> None:
-    """Keep the interpreter's state of this thread of Zenoh's for as long as the process runs.
-
-    Python makes such a state when a foreign thread calls it, with a stack of its own from the system, and frees both
-    when the call returns: for each sample. Zenoh's receiving threads are few and live as long as their session.
-    """
-    if not hasattr(_THREAD, "held"):
-        _THREAD.held = True
-        ctypes.pythonapi.PyGILState_Ensure()
-
-
-_THREAD = threading.local()
 
 
 class LoopDispatch:
@@ -84,7 +68,6 @@ class LoopDispatch:
                 if refuse is not None:
                     refuse(item)
                 return
-            hold_thread_state()
             waiting.append(item)
             self.put(deliver_next, None)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import zenoh
 
-from commd.bus.loop_dispatch import LoopDispatch, hold_thread_state
+from commd.bus.loop_dispatch import LoopDispatch
 from commd.bus.session import Declaration
 
 BACKLOG = 1024
@@ -250,7 +250,6 @@ class _Queue:
             self.too_large += 1
             self._counters["bad_input"] += 1
             return
-        hold_thread_state()
         read = _read_sample(sample)
         with self._lock:
             self._bytes += len(read.payload)

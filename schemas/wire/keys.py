@@ -78,7 +78,7 @@ class Channel:
 
 
 CHANNELS = (
-    Channel("{agent}/percepts", "put", Perceptions, None, "bridged", "agentd", 50, None),
+    Channel("{agent}/percepts", "put", Perceptions, None, "bridged", "agentd, observers", 50, "telemetry"),
     Channel("{agent}/percept/{name}", "put", Perception, None, "bridged", "observers", 50, "telemetry"),
     Channel("{agent}/percept_by_hand/{name}", "put", Perception, None, "operator", "agentd", None, "telemetry"),
     Channel("{agent}/percept/**", "query", None, Perception, "bridged", "agentd", None, "telemetry"),
@@ -112,7 +112,7 @@ CHANNELS = (
 
 
 def percepts(fleet: str, agent: str) -> str:
-    """Return the key of the changes of an agent's percepts."""
+    """Return the key of the changes of an agent's percepts; `*` for all agents."""
     return f"{ROOT}/{fleet}/{agent}/percepts"
 
 

@@ -23,7 +23,7 @@ from schemas.mission.model import THIS_MACHINE, load_mission
 from schemas.wire import keys, log_lines
 from schemas.wire.log_lines import LogLine, RobotLeft
 from schemas.wire.mind_records import IntentionView, MindView
-from schemas.wire.records import ActionStatus, AgentHealth, Outcome, Perception, StopOrder
+from schemas.wire.records import ActionStatus, AgentHealth, Outcome, Perception, Perceptions, StopOrder
 from schemas.wire.terms import Term
 
 HERE = str(Path(__file__).resolve())
@@ -34,10 +34,8 @@ HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)
 
 def percept(bus: Bus, name: str, *parameters: Term) -> None:
     """Tell one percept of the agent `uav`."""
-    bus.put(
-        keys.percept(bus.fleet, "uav", name),
-        Perception(header=bus.header("percepts"), name=name, parameters=parameters),
-    )
+    change = Perception(header=bus.header("percepts"), name=name, parameters=parameters)
+    bus.put(keys.percepts(bus.fleet, "uav"), Perceptions(changes=(change,)))
 
 
 def say(line: LogLine) -> None:
@@ -104,8 +102,8 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     """Show a mind that is done when the flight is and everything is said."""
     landed, said = asyncio.Event(), asyncio.Event()
 
-    def heard(_key: str, one: Perception) -> None:
-        if one.parameters == LANDED:
+    def heard(_key: str, perceptions: Perceptions) -> None:
+        if any(change.parameters == LANDED for change in perceptions.changes):
             landed.set()
 
     async def mind(query: Query[MindView]) -> None:
@@ -123,7 +121,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
         query.reply(view)
 
     bus.serve(keys.mind(bus.fleet, "uav"), MindView, mind)
-    bus.subscribe(keys.percept(bus.fleet, "uav", "state"), Perception, heard)
+    bus.subscribe(keys.percepts(bus.fleet, "uav"), Perceptions, heard)
     if FAULT != "agent-mute":
         await bus.claim("uav")
     for text in ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done"):

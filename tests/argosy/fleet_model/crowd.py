@@ -22,7 +22,7 @@ from schemas.wire.mind_records import (
     PlanView,
     WaitView,
 )
-from schemas.wire.records import ActionStatus, Health, Mailboxes, Perception, Queue
+from schemas.wire.records import ActionStatus, Health, Mailboxes, Perception, Perceptions, Queue
 
 FLEET = "crowd"
 HOME = (-27.604033, -48.518363)
@@ -95,7 +95,7 @@ class Agent:
 
     def _percept(self, name: str, *parameters: float | str | bool) -> None:
         told = Perception(header=self.bus.header("percepts", self.name), name=name, parameters=parameters)
-        self.bus.put(keys.percept(FLEET, self.name, name), told)
+        self.bus.put(keys.percepts(FLEET, self.name), Perceptions(changes=(told,)))
 
 
 async def crowd(router: str, agents: int) -> None:

@@ -27,6 +27,7 @@ from schemas.wire.records import (
     Mail,
     Message,
     Perception,
+    Perceptions,
     Receipt,
     Record,
     Refusal,
@@ -111,7 +112,7 @@ class Run:
     def holder(self, agent: str, *who: str) -> None:
         told = tuple(Atom(one) for one in who)
         record = Perception(name="holder", parameters=told, update="replace" if who else "remove")
-        self.put(keys.percept("fleet", agent, "holder"), record)
+        self.put(keys.percepts("fleet", agent), Perceptions(changes=(record,)))
 
     def mail(self, key: str, *ids: str, receipt: Receipt | None = None, owner: object = None) -> None:
         """Exchange a batch from alice to bob, or from the office to alice."""
@@ -608,7 +609,8 @@ def perceived(run: Run) -> Copter:
     """A vehicle that a pilot has in LOITER, as its agent perceives."""
     in_air(run, "LOITER")
     run.pilot.switch = Mode.LOITER
-    run.put(keys.percept("fleet", "uav", "state"), Perception(name="state", parameters=("LOITER", True, True)))
+    state = Perception(name="state", parameters=("LOITER", True, True))
+    run.put(keys.percepts("fleet", "uav"), Perceptions(changes=(state,)))
     run.after(AWARE + 1)
     return run.copters["uav1"]
 

@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
 from schemas.wire.mind_records import ActivityEvent, BeliefView, IntentionView, MindActivity, MindOrder, MindView
-from schemas.wire.records import ActionStatus, Health, Note, Outcome, Perception, StopOrder
+from schemas.wire.records import ActionStatus, Health, Note, Outcome, Perception, Perceptions, StopOrder
 from schemas.wire.terms import Term
 from tests.support.buses import until
 
@@ -47,7 +47,7 @@ class Robot:
     def percept(self, name: str, *parameters: Term) -> None:
         """Tell one percept."""
         told = Perception(header=self.bus.header("percepts"), name=name, parameters=parameters)
-        self.bus.put(keys.percept(FLEET, self.agent, name), told)
+        self.bus.put(keys.percepts(FLEET, self.agent), Perceptions(changes=(told,)))
 
     def healthy(self) -> None:
         """Tell that it is well, and whom it serves."""
@@ -57,7 +57,7 @@ class Robot:
     def gone(self, name: str) -> None:
         """Take a percept away."""
         told = Perception(header=self.bus.header("percepts"), name=name, update="remove")
-        self.bus.put(keys.percept(FLEET, self.agent, name), told)
+        self.bus.put(keys.percepts(FLEET, self.agent), Perceptions(changes=(told,)))
 
     def action(self, number: int, name: str, state: str, *parameters: Term, reason: str = "") -> None:
         """Tell how an action stands."""

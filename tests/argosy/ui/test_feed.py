@@ -30,7 +30,7 @@ async def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -
     ):
         await feed.until("head", router="up", fleet="sar")
         await feed.until("agent/scout", standing="up")
-        await subscribed(uav1.bus, f"argosy/sar/{uav1.agent}/percept/altitude")
+        await subscribed(uav1.bus, f"argosy/sar/{uav1.agent}/percepts")
         uav1.tell()
         await feed.until("robot/uav1", standing="up", agents=["scout"])
         uav1.tell(-27.6035, -48.5182)

@@ -33,6 +33,7 @@ from schemas.wire.records import (
     Message,
     Note,
     Perception,
+    Perceptions,
     Queue,
     Refusal,
     RunningMission,
@@ -145,7 +146,7 @@ def _say(bus: Bus) -> None:
 
 def _percept(bus: Bus, name: str, *parameters: Term) -> None:
     told = Perception(header=bus.header("percepts", AGENT), name=name, parameters=parameters)
-    bus.put(keys.percept(FLEET, AGENT, name), told)
+    bus.put(keys.percepts(FLEET, AGENT), Perceptions(changes=(told,)))
 
 
 if __name__ == "__main__":

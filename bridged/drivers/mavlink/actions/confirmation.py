@@ -147,8 +147,8 @@ def acknowledged(
 ) -> Part:
     """Wait until a command is accepted, or its effect shows anyway; a refusal and silence end the procedure.
 
-    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then. That an
-    unacknowledged command had no effect is known only from a HEARTBEAT after it; the loss of the link ends the procedure.
+    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then. Only a
+    HEARTBEAT after it shows that an unacknowledged command had no effect; the loss of the link ends the procedure.
     """
     vehicle, asked, silent_at = flight.vehicle, flight.now, math.inf
     while not effect() and not command.accepted:
