@@ -36,6 +36,7 @@ def percept(bus: Bus, name: str, *parameters: Term) -> None:
     """Tell one percept of the agent `uav`."""
     change = Perception(header=bus.header("percepts"), name=name, parameters=parameters)
     bus.put(keys.percepts(bus.fleet, "uav"), Perceptions(changes=(change,)))
+    bus.put(keys.percept(bus.fleet, "uav", name), change)
 
 
 def say(line: LogLine) -> None:

@@ -120,7 +120,7 @@ def test_the_browser_gets_an_address_that_opens_once_and_not_the_token(
     opened_: list[str] = []
     monkeypatch.setattr(command.webbrowser, "open", opened_.append)
     auth = AuthGuard("127.0.0.1", 8080)
-    command._tell(Namespace(listen="127.0.0.1", browser=True), auth)
+    command._print_address(Namespace(listen="127.0.0.1", browser=True), auth)
     assert auth.token in capsys.readouterr().out
     assert [one.startswith("http://127.0.0.1:8080/?token=") for one in opened_] == [True]
     assert auth.token not in opened_[0]
