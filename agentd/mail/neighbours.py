@@ -7,6 +7,7 @@ all that its sender did before (`agentd.persistence.group_commit`): as what the 
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
 
 from agentd.conversion.term_conversion import to_wire
@@ -15,7 +16,7 @@ from agentd.mind.data.inputs import Mail
 from commd.client.receive_once import Numbered
 from commd.client.send_mail import encoded
 from schemas.wire.codec import Wire
-from schemas.wire.records import Header, Message
+from schemas.wire.records import Header, Message, Queue
 
 if TYPE_CHECKING:
     from agentd.mail.mail_client import MailClient
@@ -79,6 +80,18 @@ class Neighbours:
     def leave(self, name: str) -> None:
         """Let it receive none."""
         self._clients.pop(name, None)
+
+    def queues(self) -> list[Queue]:
+        """Return the messages that no mind has taken, by sender and receiver, the most first."""
+        counts: Counter[tuple[str, str]] = Counter()
+        for client in self._clients.values():
+            client.absorbed()
+            waiting = [*client.inbox.left(), *(message for _, message in client.held)]
+            counts.update((message.mail.sender, message.receiver) for message in waiting)
+        return [
+            Queue(box="mind", sender=sender, receiver=receiver, messages=number)
+            for (sender, receiver), number in counts.most_common()
+        ]
 
 
 def is_small(content: Any) -> bool:

@@ -31,7 +31,7 @@ from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
 from agentd.trace.input_records import Included
 from agentd.trace.subscribers import TraceSubscribers
-from commd.bus.bus import Bus, Token
+from commd.bus.bus import Bus, Query, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
@@ -43,7 +43,7 @@ from schemas.mission.access_rules import MailRights
 from schemas.mission.model import RESERVED, Mission
 from schemas.wire import keys
 from schemas.wire.keys import check_name
-from schemas.wire.records import BoardServices, Health
+from schemas.wire.records import BoardServices, Health, Mailboxes
 
 MOST_MADE = 50
 """Agents created at run time that one daemon runs at a time."""
@@ -53,6 +53,8 @@ LEAVING = 1.0
 """Wall seconds for the directory to remove an agent when the daemon ends; later it does so by itself."""
 ENDING = 5.0
 """Wall seconds for a killed agent to leave before its killer continues."""
+QUEUES = 1_000
+"""Queues of mail between the agents that are listed."""
 MOST_TRIES = 100
 """Names that are tried for an agent if the wanted one is taken."""
 log = logging.getLogger("agent_group")
@@ -151,6 +153,7 @@ class AgentGroup:
             beginners = [name for name, host in self.hosts.items() if host.begins and self._homes[name] == board]
             if beginners:
                 self._beginning[board] = self._work.spawn(self._forget_services(board, beginners))
+        self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list_mail)
         for host in list(self.hosts.values()):
             self._begin(host)
         for board in boards:
@@ -178,6 +181,13 @@ class AgentGroup:
             for name in forgotten:
                 forget_name(self._state, name)
             self._writer.shutdown(wait=False)
+
+    async def _list_mail(self, query: Query[Mailboxes]) -> None:
+        """Reply with the mail between the agents that no mind has taken: its longest queues."""
+        name = self._bus.name
+        queues = tuple(self._neighbours.queues()[:QUEUES])
+        record = Mailboxes(header=self._bus.header("mailboxes"), board=self._homes.get(name, ""), queues=queues)
+        query.reply(record, keys.mailboxes(self._bus.fleet, name))
 
     def _agents_of(self, board: str) -> Agents:
         """Return what returns the health of each agent of a board that reasons."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -42,28 +43,33 @@ def run(args: Namespace) -> int:
     if args.file is not None:
         from commd.mail.inspection import mailboxes_of_file  # a query needs no SQLite
 
-        return _show([mailboxes_of_file(args.file)], [], args)
+        return _show([mailboxes_of_file(args.file)], [], args, {})
     if args.mission is None:
         raise BadInput("argosy mail: expected a MISSION, or a board's database by --file")
-    wanted = _wanted(load_mission(args.mission), args.board)
+    mission = load_mission(args.mission)
+    wanted = _wanted(mission, args.board)
 
     async def ask(bus: Bus, where: Where) -> int:
-        key = keys.mailboxes(where.fleet, args.board or "*")
+        key = keys.mailboxes(where.fleet, "*")
         found: dict[str, Mailboxes] = {}
+        within: dict[str, Mailboxes] = {}
 
         def board_of(key: str) -> str:
             parsed = keys.parse(key)
             return parsed[1] if parsed is not None else ""
 
         def take(key: str, mailboxes: Mailboxes) -> None:
-            if (board := board_of(key)) in wanted:
-                found[board] = mailboxes
+            if (name := board_of(key)) in wanted:
+                found[name] = mailboxes
+            elif mailboxes.board in wanted:
+                within[name] = mailboxes
 
         errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, take)
         why = {board_of(key): error for key, error in errors.items()}
         silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
-        silent += [f"somebody answers: {error}" for board, error in why.items() if board not in wanted]
-        return _show([found[board] for board in wanted if board in found], silent, args)
+        known = {*mission.board_names, *mission.agents}
+        silent += [f"somebody answers: {error}" for name, error in why.items() if name not in known]
+        return _show([found[board] for board in wanted if board in found], silent, args, within)
 
     return on_the_bus(args, ask)
 
@@ -76,13 +82,17 @@ def _wanted(mission: Mission, board: str | None) -> list[str]:
     return [board] if board is not None else boards
 
 
-def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
+def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace, within: Mapping[str, Mailboxes]) -> int:
+    """Print what waits at boards, and `within` daemons of agents, by their names."""
     if args.json:
-        report = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
-        print(json_lines(report))
+        agents = {name: msgspec.to_builtins(one) for name, one in within.items()}
+        print(json_lines({"boards": [msgspec.to_builtins(one) for one in boxes], "agents": agents, "silent": silent}))
     else:
         for one in boxes:
             print("\n".join(board_lines(one, args.dead)))
+            for name, its in within.items():
+                if its.board == one.board and its.queues:
+                    print("\n".join(agentd_lines(name, its)))
     for text in silent:
         print(printable(f"error: {text}"), file=sys.stderr)
     return EXIT_FAILED if silent else EXIT_DONE
@@ -100,6 +110,16 @@ def board_lines(boxes: Mailboxes, dead: bool) -> list[str]:
         if missing := boxes.dead_count - len(boxes.dead):
             lines.insert(len(lines) - len(boxes.dead), f"  {count(missing, 'older dead letter')} not shown")
     return [printable(line) for line in lines]
+
+
+def agentd_lines(name: str, boxes: Mailboxes) -> list[str]:
+    """Return the lines about mail within the agentd whose first agent is `name`."""
+    waiting = sum(queue.messages for queue in boxes.queues)
+    rows = [
+        (queue.box, f"{queue.sender} > {queue.receiver}", count(queue.messages, "message")) for queue in boxes.queues
+    ]
+    lines = [f"{boxes.board}: {count(waiting, 'message')} waiting within the agentd of {name}"]
+    return [printable(line) for line in (*lines, *(f"  {line}" for line in columns(rows, right=(2,))))]
 
 
 def _row(queue: Queue) -> tuple[str, str, str, str, str]:

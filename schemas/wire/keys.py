@@ -92,6 +92,7 @@ CHANNELS = (
     Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None, None),
     Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10, "telemetry"),
     Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None, None),
+    Channel("{agent}/mailboxes", "query", None, Mailboxes, "agentd", "operator", None, None),
     Channel("{board}/mission", "query", None, RunningMission, "commd", "observers", None, "telemetry"),
     Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None, None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4, "minds"),
@@ -167,7 +168,7 @@ def service_requests(fleet: str, board: str, agent: str) -> str:
 
 
 def mailboxes(fleet: str, board: str) -> str:
-    """Return the key of a board's list of mail; `*` for all boards."""
+    """Return the key of the list of mail of a board, or of an agentd by its first agent; `*` for all."""
     return f"{ROOT}/{fleet}/{board}/mailboxes"
 
 

@@ -242,10 +242,11 @@ class BoardServices(Record, frozen=True, kw_only=True):
 
 
 class Queue(Record, frozen=True, kw_only=True):
-    """Messages of one sender to one receiver that wait at a `commd`."""
+    """Messages of one sender to one receiver that wait."""
 
-    box: Literal["outbox", "inbox"]
-    """`outbox`: for the receiver's board; `inbox`: for the receiver itself."""
+    box: Literal["outbox", "inbox", "mind"]
+    """`outbox`: at a `commd`, for the receiver's board; `inbox`: there, for the receiver itself; `mind`: within an
+    `agentd`, for the receiver's mind."""
     sender: str
     receiver: str
     messages: int
@@ -266,7 +267,7 @@ class DeadLetter(Record, frozen=True, kw_only=True):
 
 
 class Mailboxes(Record, frozen=True, kw_only=True):
-    """The waiting and the given up mail of a board's `commd`."""
+    """The waiting and the given up mail of a board's `commd`, or what waits within an `agentd`."""
 
     header: Header = Header()
     board: str = ""

@@ -12,7 +12,7 @@ from commd.bus.bus import Bus
 from schemas.mission.access_rules import MailRights
 from schemas.mission.model import load_mission
 from schemas.wire import keys
-from schemas.wire.records import Mail, Receipt
+from schemas.wire.records import Mail, Queue, Receipt
 from tests.agentd.hosts import Hosted, Hosts, host_on
 from tests.agentd.mail.test_mail_client import Desk, a_desk
 from tests.agentd.minds import term
@@ -94,6 +94,7 @@ async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_an
     await pair.begin(b_begins=False)
     go(pair.a, 3)
     await until(lambda: any(saving.incoming for saving in pair.daemon.disk.savings), "they are written")
+    assert pair.daemon.neighbours.queues() == [Queue(box="mind", sender="a", receiver="b", messages=3)]
     go(pair.a, 2)
     await until(lambda: sum(len(saving.incoming) for saving in pair.daemon.disk.savings) == 5, "all are written")
     await pair.die()
@@ -103,6 +104,7 @@ async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_an
         go(pair.a, 1)
         await until(lambda seen=expected: pair.b.prints == [*seen, "1"], "and what is sent later comes behind them")
         await until(lambda: "got(1)[source(self)]" in pair.b.beliefs, "it is believed")
+        assert pair.daemon.neighbours.queues() == []
         await pair.end()
     assert pair.desk.taken == []
 

@@ -12,6 +12,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.mail.command import board_lines
+from commd.bus.bus import Query
 from commd.mail.inspection import mailboxes_of_file
 from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
@@ -67,6 +68,26 @@ async def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
     assert two == f"pi2: 3 messages waiting, 0 dead letters  ({tmp_path / 'pi2.mail'}, synchronous full)"
     assert queue.startswith("  inbox  a > b  3 messages, ")
     assert " oldest " in queue
+
+
+@bus_test
+async def test_what_waits_within_an_agentd_is_shown_after_its_board(
+    connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path):
+        bus = await connect("a")
+
+        async def listed(query: Query[Mailboxes]) -> None:
+            queues = (Queue(box="mind", sender="a", receiver="c", messages=3),)
+            query.reply(Mailboxes(board="pi1", queues=queues), keys.mailboxes(FLEET, "a"))
+
+        bus.serve(keys.mailboxes(FLEET, "a"), Mailboxes, listed)
+        await known(connect, "pi1", "pi2", "a")
+        assert await argosy("mail", mission, "--router", endpoint) == 0
+        assert await argosy("mail", mission, "--router", endpoint, "--board", "pi2", "--json") == 0
+    first, _, rest = capsys.readouterr().out.partition("{\n")
+    assert first.splitlines()[1:3] == ["pi1: 3 messages waiting within the agentd of a", "  mind  a > c  3 messages"]
+    assert json.loads("{\n" + rest)["agents"] == {}
 
 
 @bus_test
