@@ -14,7 +14,7 @@ from commd.common.tasks import wait_at_most
 from commd.liveness.presence import Presence, Silence
 from schemas.mission.model import Mission
 from schemas.wire import keys
-from schemas.wire.health import each_health
+from schemas.wire.health import agents_of
 from schemas.wire.records import Health
 
 LEAST = 3.0
@@ -86,12 +86,11 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
 
     def word(key: str, health: Health) -> None:
         if parsed := keys.parse(key):
-            for name, its in each_health(parsed[1], health, boards.get):
-                if name in agents:
-                    silence.word(name, its.header.boot, clock.wall())
-                    idleness.told(name, its.idle)
-                    if name in lost:
-                        changed.set()
+            for name, its in agents_of(parsed[1], health, agents, boards.get):
+                silence.word(name, health.header.boot, clock.wall())
+                idleness.told(name, its.idle)
+                if name in lost:
+                    changed.set()
 
     def board(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):

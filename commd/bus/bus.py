@@ -12,7 +12,7 @@ import os
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
-from typing import Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import zenoh
 
@@ -73,6 +73,8 @@ class Bus(QuerySession):
         """How the process before this one ended, if it failed."""
         self._seq: Counter[tuple[str, str]] = Counter()
         self._held: dict[Token, str] = {}
+        self._handlers: dict[tuple[str, type[Record]], list[Callable[[str, Any], None]]] = {}
+        """What is called with each record of a subscription, by its key and type."""
         self._listened: list[Declaration] = []
         """Publishers with their matching listeners, which end when nothing refers to them."""
         self._had_router = False
@@ -143,7 +145,14 @@ class Bus(QuerySession):
             return None
 
     def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
-        """Call `handler(key, record)` on the event loop for every record put on a matching key, in order."""
+        """Call `handler(key, record)` on the event loop for every record put on a matching key, in order.
+
+        Subscriptions to one key share a record, which is decoded once: a bridge of many robots hears one agentd.
+        """
+        handlers = self._handlers.setdefault((key, record), [])
+        handlers.append(handler)
+        if len(handlers) > 1:
+            return
 
         def deliver(sample: zenoh.Sample) -> None:
             name = str(sample.key_expr)
@@ -152,7 +161,8 @@ class Bus(QuerySession):
                 found = self._decode(record, name, sample.payload.to_bytes(), str(sample.encoding))
             except BadRecord:
                 return
-            handler(name, found)
+            for each in handlers:
+                self._dispatch.call(each, name, found)
 
         self._session.declare_subscriber(key, self._dispatch.callback(deliver))
         self._declare("subscriber", key)

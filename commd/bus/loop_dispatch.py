@@ -110,7 +110,7 @@ class LoopDispatch:
                 if not self._waiting or (number >= AT_ONCE and monotonic() >= until):
                     break
                 function, item = self._waiting.popleft()
-                self._call(function, item)
+                self.call(function, item)
         finally:
             self._running = False
             if self._waiting and not self._called:
@@ -118,9 +118,9 @@ class LoopDispatch:
                 self.loop.call_soon(self._run)
             later, self._later = self._later, []
             for handler in later:
-                self._call(handler)
+                self.call(handler)
 
-    def _call(self, function: Callable[..., None], *args: Any) -> None:
+    def call(self, function: Callable[..., None], *args: Any) -> None:
         """Call a function; an error in it does not keep the others from being called."""
         try:
             function(*args)

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeAlias
 
 from msgspec.structs import replace
 
 from schemas.wire.keys import is_name
-from schemas.wire.records import Health
+from schemas.wire.records import AgentHealth, Health
+
+BoardOf: TypeAlias = Callable[[str], str | None]
+"""Returns the board of an agent; None: not known."""
 
 
-def each_health(
-    name: str, health: Health, board_of: Callable[[str], str | None] = lambda _: None
-) -> Iterator[tuple[str, Health]]:
+def agents_of(
+    board: str, health: Health, agents: Iterable[str], board_of: BoardOf
+) -> Iterator[tuple[str, AgentHealth]]:
+    """Yield those of some agents that the record of a board's agentd is about, and what it has of each.
+
+    `board_of` as in `each_health`.
+    """
+    for agent in agents:
+        if (its := health.agents.get(agent)) is not None and board_of(agent) in (None, board):
+            yield agent, its
+
+
+def each_health(name: str, health: Health, board_of: BoardOf = lambda _: None) -> Iterator[tuple[str, Health]]:
     """Yield each name that a record on the key of `name` is about, and the health of that name alone.
 
     An agent whose `board_of` is another board is ignored: access control enforces the board in the key, and no board
