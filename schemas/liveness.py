@@ -1,7 +1,8 @@
 """When a daemon, agent, robot, run or action counts as late, silent or lost: one table for all daemons and commands.
 
-All values are wall seconds. Only these modules judge by it: `commd.liveness.presence` (liveliness tokens and health
-records), `commd.liveness.bridge_presence` (both, of one robot's bridge) and `argosy.fleet_model` (for operators).
+All values are wall seconds. Daemons judge each other in `commd.liveness`: `presence` by liveliness tokens and health
+records, `bridge_presence` by both of one robot's bridge. `argosy.fleet_model` judges for operators, and who follows a
+run or an action compares its age with a value of this table. Vehicles and links have limits of their own, in manifests.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ MIND_EVERY = 2.0
 # Silent: the token is there, the records are not.
 SILENT_AFTER = 5.0
 """A daemon, mind or run that has published nothing for this long is silent: it hangs, or is cut off."""
+HUNG_AFTER = 15.0
+"""A daemon that has been silent, although its board is heard, or stopped for this long is killed by its run."""
 FIRST_HEALTH = 30.0
 """Time for the first health record after the token appeared: a daemon may have much to read from its disk."""
 STALE_AFTER = 3 * HEALTH_EVERY

@@ -254,7 +254,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
             subjects.incomplete = True
             text = f"cannot read the program of the agent {entry.name}: {error.strerror or error}"
             unread = finding(Kind.FILE, entry.position, text)
-            if not any(entry.name in one.message for one in shown):  # reported by the project's reader
+            if not any((one.file, one.line) == (unread.file, unread.line) for one in shown):  # by the project's reader
                 shown[unread] = str(unread)
             continue
         more: list[Item] = []

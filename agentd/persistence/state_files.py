@@ -13,6 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from msgspec import structs
+
 from agentd.extensions.file_access import KEPT
 from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Synchronous, remove
 from agentd.persistence.restore import RestoredState
@@ -119,7 +121,7 @@ def _move_in(folder: Path, into: Checkpoint, agents: Iterable[str], synchronous:
             other.forget(moved)
         finally:
             other.close()
-        notes += [Note(note.code, note.text, agent) for note in other.notes for agent in moved]
+        notes += [structs.replace(note, about=agent) for note in other.notes for agent in moved]
         log.info("moved=%s from=%s to=%s", ",".join(moved), name, into.path.name)
     return notes
 

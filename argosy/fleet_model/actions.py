@@ -13,7 +13,7 @@ from argosy.fleet_model.members import Roster
 from argosy.fleet_model.robots import Tell
 from argosy.fleet_model.term_values import written
 from schemas.humanize import LONGEST, printable, shortened
-from schemas.liveness import ACTION_GIVEN_UP
+from schemas.liveness import ACTION_ASKED_AGAIN, ACTION_GIVEN_UP
 from schemas.wire.records import ActionStatus, State
 from schemas.wire.terms import Term
 
@@ -21,8 +21,6 @@ KEPT_ACTIONS = 2_000
 """Actions kept; older ones are only counted."""
 MAX_FIGURES = 20
 """Figures of an action's feedback that are kept."""
-NOT_HEARD = 3.0
-"""Seconds without a status after which a running action counts as silent; bridges publish one each second."""
 
 
 @dataclass
@@ -47,7 +45,7 @@ class ActionSeen:
     def silent(self, now: float) -> float | None:
         """Return the seconds since its last status; None if it has ended, or the status is fresh."""
         age = now - self.heard
-        return age if self.ended is None and age > NOT_HEARD else None
+        return age if self.ended is None and age > ACTION_ASKED_AGAIN else None
 
     def age(self, now: float) -> float:
         """Return how long it took, or has taken until now, in seconds."""

@@ -9,13 +9,7 @@ from collections.abc import Collection, Mapping
 from argosy.fleet_model.members import Member
 from argosy.processes.supervisor import Child
 from argosy.run.run_status import Status
-
-PATIENCE = 15.0
-"""Wall seconds that a daemon may be stopped, or silent although its board is heard, until it counts as hung."""
-COMING_UP = 30.0
-"""Wall seconds after its start before the silence of a daemon counts."""
-HEALTHY = 3.0
-"""Wall seconds within which a healthy daemon publishes its health again; it does once a second."""
+from schemas.liveness import FIRST_HEALTH, HUNG_AFTER, SILENT_AFTER
 
 
 class Watchdog:
@@ -35,16 +29,16 @@ class Watchdog:
             stopped = child.stopped
             if not (child.alive and child.process.kind.daemon and (stopped or self._is_silent(child))):
                 self._since.pop(child.pid, None)
-            elif now - self._since.setdefault(child.pid, now) >= PATIENCE:
+            elif now - self._since.setdefault(child.pid, now) >= HUNG_AFTER:
                 how = "is stopped" if stopped else "publishes nothing"
-                text = f"hangs: it {how} for {PATIENCE:g} s, and is killed"
+                text = f"hangs: it {how} for {HUNG_AFTER:g} s, and is killed"
                 self._status.journal.add(child.name, text, "warning")
                 child.signal(signal.SIGKILL)
                 self._since.pop(child.pid)
 
     def _is_silent(self, child: Child) -> bool:
         """Whether a daemon is silent on the bus although its board is reached."""
-        if time.monotonic() - child.started < COMING_UP:
+        if time.monotonic() - child.started < FIRST_HEALTH:
             return False
         status, model = self._status, self._status.model
         kind, board, lost = child.process.kind.name, child.process.board, not model.router_up
@@ -54,4 +48,4 @@ class Watchdog:
             return False
         members: Mapping[str, Member] = model.agents if kind == "agentd" else model.robots
         heard_at = (members[name].told if name in members else None for name in child.process.subject.split())
-        return all(at is None or at < model.now() - HEALTHY for at in heard_at)
+        return all(at is None or at < model.now() - SILENT_AFTER for at in heard_at)

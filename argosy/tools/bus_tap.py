@@ -86,9 +86,12 @@ def key_expressions(text: str | None, fleet: str) -> list[str]:
 
 
 def published_keys(fleet: str, name: str = "*") -> list[str]:
-    """Return the keys that are put under a name and that observers may see, except traces of minds."""
+    """Return the keys that are put under a name and that observers may see, except traces of minds.
+
+    Percepts are those by their names, which bridges put while anybody subscribes to them.
+    """
     rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put" and channel.sight]
-    kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
+    kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] not in ("trace", "percepts")}
     return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
 
 

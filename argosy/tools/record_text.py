@@ -13,6 +13,7 @@ import msgspec
 
 from schemas.files.findings import nearest
 from schemas.humanize import shortened
+from schemas.liveness import LAG_LATE
 from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys, mind_records, records
 from schemas.wire.codec import MEDIA, BadRecord, Wire, codec
@@ -145,7 +146,7 @@ def _health(health: Health) -> str:
     parts = [f"{health.daemon or '?'} up {health.uptime:.0f} s", f"cpu {health.cpu:.1f} s"]
     for what, count in (("dropped", health.drops), ("bad input", health.bad_input), ("errors", health.errors)):
         parts += [f"{what} {count}"] if count else []
-    if health.lag > 0.1:
+    if health.lag > LAG_LATE:
         parts.append(f"behind {health.lag:.1f} s")
     return ", ".join(parts) + _list("; ", (note.text for note in health.notes), "; ")
 
