@@ -104,7 +104,6 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
         if robot in there and mission.agents_of(robot):
             now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
     boxes: dict[str, Mailboxes] = {}
-    key = keys.mailboxes(bus.fleet, "*")
 
     def take(key: str, mailboxes: Mailboxes) -> None:
         if keys.mailboxes(bus.fleet, mailboxes.board) == key:  # not of an agentd
