@@ -125,3 +125,10 @@ def test_a_search_waits_until_pilots_hand_their_vehicles_over_and_goes_on(fly: F
     for agent, begin, end in (("scout", 31.5, 71), ("rescuer1", 46.5, 86)):
         orders = [line.split() for line in outcome.journal if f" {agent}: set_mode(" in line]
         assert not [line for line in orders if begin < float(line[0]) < end]
+
+
+def test_an_arming_whose_acknowledgement_is_lost_is_not_reported_as_none(fly: Fly) -> None:
+    faults = [Vehicle(robot="uav1", fault=fault) for fault in ("loss=0.27", "cut=9.3+16.3", "seed=58399367")]
+    outcome = fly("single_uav", 23, *faults)
+    assert not outcome.violations, outcome.violations
+    assert "link lost" in outcome.why
