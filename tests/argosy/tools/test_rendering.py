@@ -102,10 +102,10 @@ RECORDS: list[tuple[str, Record, str]] = [
             uptime=61.2,
             cpu=1.25,
             drops=2,
-            lag=0.5,
+            lag=0.7,
             notes=(Note("a", "low disk"), Note("b", "no GPS")),
         ),
-        "bridged up 61 s, cpu 1.2 s, dropped 2, behind 0.5 s; low disk; no GPS",
+        "bridged up 61 s, cpu 1.2 s, dropped 2, behind 0.7 s; low disk; no GPS",
     ),
     (
         "b/mail/a",
