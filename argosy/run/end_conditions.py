@@ -93,11 +93,16 @@ class EndConditions:
 
     def _done(self) -> bool:
         """Whether every `done` formula of the mission holds; a mission without one is never done."""
-        wanted = self._mission.done
-        minds = self._model.agents
-        return bool(wanted) and all(
-            (mind := minds[one.agent].mind) is not None and mind.done.get(one.formula, False) for one in wanted
-        )
+        return bool(self._mission.done) and not self._unmet()
+
+    def _unmet(self) -> list[str]:
+        """Return the `done` formulas of the mission that do not hold, each with its agent."""
+        minds = {name: agent.mind for name, agent in self._model.agents.items()}
+        return [
+            f"{one.agent}: {one.formula}"
+            for one in self._mission.done
+            if (mind := minds[one.agent]) is None or not mind.done.get(one.formula, False)
+        ]
 
     def _failed(self) -> str:
         """Return which `failed` formula of the mission holds, as text; empty if none does."""
@@ -183,7 +188,13 @@ class EndConditions:
         speed, until = self._status.setup.speed, self._status.timeout_at
         if until is None or self._status.now() <= until:
             return None
-        missing = ", ".join(f"{one.agent}: {one.formula}" for one in self._mission.done)
+        missing = ", ".join(self._unmet()) or "ctrl-C"
+        robots = self._status.robots.items()
+        left = "".join(
+            f"; {name} is left to others (pilot, failsafe), in {one.seen.override}"
+            for name, one in robots
+            if one.seen.override
+        )
         wall = "" if speed == 1 else f" of mission time ({self._mission.timeout / speed:.0f} s here)"
         limit = Duration(self._mission.timeout)
-        return Ending(EXIT_FAILED, f"failed: not done within {limit}{wall}; expected {missing or 'ctrl-C'}")
+        return Ending(EXIT_FAILED, f"failed: not done within {limit}{wall}; expected {missing}{left}")

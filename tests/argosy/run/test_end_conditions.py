@@ -200,6 +200,21 @@ def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again(
         assert looked.look() == (None if restart else told)
 
 
+def test_a_run_that_is_late_names_only_what_does_not_hold_and_robots_that_are_left_to_others() -> None:
+    recording = in_flight()
+    mission = recording.status.setup.mission
+    (ended,) = mission.done
+    both = replace(mission, done=(ended, replace(ended, formula="landed")), timeout=60.0)
+    recording.status.setup = replace(recording.status.setup, mission=both)
+    recording.mind(done=True)
+    recording.status.timeout_at = 60.0
+    recording.at = 61.0
+    late = "failed: not done within 1min of mission time (12 s here); expected uav: landed"
+    assert look(recording) == Ending(1, late)
+    recording.percept("override", "LOITER")
+    assert look(recording) == Ending(1, f"{late}; uav1 is left to others (pilot, failsafe), in LOITER")
+
+
 def test_a_lost_router_ends_the_run_later_where_the_dead_are_started_again() -> None:
     for restart, patience in ((False, 10), (True, 45)):
         recording, looked = watching(restart)
