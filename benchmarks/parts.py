@@ -81,6 +81,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.measurements.sizes", 0.1),
     Part("usage", "benchmarks.measurements.usage", 30),
     Part("scale", "benchmarks.measurements.scale", 6),
+    Part("declarations", "benchmarks.measurements.declarations", 1.5),
     Part("crowd", "benchmarks.measurements.crowd", 8),
     Part("loop", "benchmarks.measurements.loop", 4),
     Part("startup", "benchmarks.measurements.startup", 2),

@@ -16,6 +16,8 @@ from typing import Any, Final
 
 CLOCK_RESOLUTION: Final = 1e-9
 """Seconds by which timers may be early: times that differ by less are one."""
+MOST_PASSES: Final = 10_000
+"""Passes at one time, after which the clock advances by its resolution: a real clock advances with each."""
 FIRST_PORT: Final = 40_000
 """Port of the first socket that asks for none in particular."""
 
@@ -57,6 +59,8 @@ class VirtualLoop(asyncio.BaseEventLoop):
 
     def __init__(self) -> None:
         self._now = 0.0
+        self._passes = 0
+        """Passes since the clock advanced to a timer."""
         super().__init__()
         self._timers: list[tuple[float, int, _Call]] = []
         """With their times and numbers, as a heap."""
@@ -86,6 +90,11 @@ class VirtualLoop(asyncio.BaseEventLoop):
             # Who waits by a clock of its own, which differs from that of the loop by rounding, sets a timer for the
             # present time again until that clock says that it is due: for ever in a time that stood still.
             self._now = due if (due := timers[0][0]) > self._now else self._now + CLOCK_RESOLUTION
+            self._passes = 0
+        elif (passes := self._passes) < MOST_PASSES:
+            self._passes = passes + 1
+        else:  # `asyncio.timeout` sets no timer if rounding makes its end the present time
+            self._now, self._passes = self._now + CLOCK_RESOLUTION, 0
         while timers and (due := timers[0][0]) < self._now + CLOCK_RESOLUTION:
             self._now = max(self._now, due)  # none runs before its time
             ready.append(heappop(timers)[2])

@@ -159,10 +159,10 @@ def run(size: int, *, seconds: float, own_links: bool = False, settle: float = S
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         made = write_mission(folder, size, own_links=own_links)
-        parts, started = _started(stack, folder, made)
+        parts, started = start(stack, folder, made)
         records = stack.enter_context(health.listening(made.router, FLEET))
         found = Run(size, own_links, seconds)
-        _wait_for_all(found, parts, started)
+        found.serving, found.ready = wait_for_all(size, parts, started)
         time.sleep(settle)
         lost, begun, busy, used = lost_datagrams(made.ports), time.monotonic(), busy_seconds(), _cpu(parts)
         time.sleep(seconds)
@@ -185,7 +185,7 @@ def _cpu(parts: dict[str, list[Watched]]) -> dict[str, float]:
     return {kind: sum(one.cpu() for one in those) for kind, those in parts.items()}
 
 
-def _started(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, list[Watched]], float]:
+def start(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, list[Watched]], float]:
     """Start the processes of the mission as `argosy run` does, and its vehicles.
 
     Returns them by their kinds, and when the first bridge was started.
@@ -209,21 +209,25 @@ def _started(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, lis
     return dict(parts), begun
 
 
-def _wait_for_all(found: Run, parts: dict[str, list[Watched]], begun: float) -> None:
-    """Wait until the agents serve their vehicles; those that do not within `PATIENCE` are counted."""
+def wait_for_all(size: int, parts: dict[str, list[Watched]], begun: float) -> tuple[int, float]:
+    """Wait until the agents serve their vehicles.
+
+    Returns how many do within `PATIENCE`, and the seconds from the moment `begun` until the last of them did. Raises
+    BenchmarkFailed if none does, or a process has ended.
+    """
     served: dict[str, float] = {}
 
     def all_serve() -> bool:
         served.update(
             (line.partition("]")[0], at) for at, line in list(parts["agentd"][0].said) if line.endswith("] serves")
         )
-        return len(served) == found.size or bool(_ended(parts))
+        return len(served) == size or bool(_ended(parts))
 
     until(all_serve, PATIENCE, 0.1)
     if _ended(parts) or not served:
         last = "\n".join(line for those in parts.values() for one in those[:3] for _, line in one.said[-3:])
-        raise BenchmarkFailed(f"{found.size} vehicles: ended: {_ended(parts)}, serving: {len(served)}; last:\n{last}")
-    found.serving, found.ready = len(served), max(served.values()) - begun
+        raise BenchmarkFailed(f"{size} vehicles: ended: {_ended(parts)}, serving: {len(served)}; last:\n{last}")
+    return len(served), max(served.values()) - begun
 
 
 def _ended(parts: dict[str, list[Watched]]) -> list[str]:

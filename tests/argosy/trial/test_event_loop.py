@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from argosy.trial.event_loop import Deadlock, VirtualLoop
+from commd.common.tasks import wait_at_most
 
 HERE, THERE = ("127.0.0.1", 14550), ("127.0.0.1", 14551)
 
@@ -55,6 +56,17 @@ def test_who_waits_by_a_clock_that_differs_by_rounding_does_not_wait_for_ever(lo
         return tries
 
     assert loop.run_until_complete(wait()) > 1, "the first wait ends early"
+
+
+def test_a_timeout_that_rounding_makes_the_present_time_ends(loop: VirtualLoop) -> None:
+    async def wait() -> None:
+        await asyncio.sleep(1000.0)
+        due = loop.time() + 1e-12
+        while loop.time() < due:
+            await wait_at_most(asyncio.Event(), 1e-14)
+
+    loop.run_until_complete(wait())
+    assert 1000.0 < loop.time() < 1000.001
 
 
 def test_no_timer_runs_before_its_time_however_near_another_one_is(loop: VirtualLoop) -> None:
