@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Iterable
+from typing import Any, TypeAlias
+
+from msgspec.structs import replace
 
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.syntax_tree.signatures import signature
@@ -19,13 +21,16 @@ from agentd.mind.data.inputs import ActionDone
 from agentd.persistence.checkpointer import Checkpointer
 from commd.client.actions import ActionRequests, describe
 from commd.common.tasks import Tasks
-from schemas.wire.records import Action, ActionStatus
-from schemas.wire.terms import Term
+from schemas.wire.records import Action, ActionStatus, Cause, State
 
 log = logging.getLogger("agent")
 
 ANSWER_PATIENCE = 2.0
 """Wall seconds for the bridge to say which actions of the former life still run, before the agent reasons."""
+
+
+Ending: TypeAlias = ActionStatus | Coroutine[Any, Any, ActionStatus]
+"""The end of an action, or what waits for it."""
 
 
 class _Left:
@@ -42,20 +47,6 @@ class _Left:
     def running(self, status: ActionStatus) -> None:
         """Take a status of the running action."""
         self.answered.set()
-
-
-@dataclass
-class _Prepared:
-    """An action, prepared in the turn in which a plan performs it."""
-
-    parameters: tuple[Term, ...] = ()
-    refused: str = ""
-    """Why it cannot be requested."""
-    left: _Left | None = None
-    """Set if a former life has begun it."""
-    kept: asyncio.Future[None] | None = None
-    """Done when it is saved."""
-    error: Exception | None = None
 
 
 class ActionClient:
@@ -85,29 +76,15 @@ class ActionClient:
     def begin(self, effect: PerformAction) -> None:
         """Perform an action; the mind is fed its end.
 
-        The action is prepared here, in the turn of the effect, so that the save of this turn has it.
+        It is noted here, in the turn of the effect, so that the save of this turn has it.
         """
         self._identities[effect.id] = ""
+        ending: Ending | Exception
         try:
-            prepared = self._prepared(effect)
-        except BadTerm as bad:
-            prepared = _Prepared(refused=f"{effect.name}: {bad}")
+            ending = self._ask(effect)
         except Exception as error:  # it fails this plan, not the daemon with all its agents
-            prepared = _Prepared(error=error)
-        self._tasks.spawn(self._perform(effect, prepared))
-
-    def _prepared(self, effect: PerformAction) -> _Prepared:
-        """Convert an action and note it. Raises BadTerm, and any error of a defect."""
-        if self._action_requests is None:
-            return _Prepared(refused=f"agent {self._agent} has no robot to do {effect.name}")
-        prepared = _Prepared(parameters=tuple(map(to_wire, effect.parameters)))
-        if left := self._same(effect.name, prepared.parameters):
-            prepared.left, left.joined = left, True
-            return prepared
-        identity = f"{self._agent}:{self._life}:{effect.id}"
-        action = Action(id=identity, agent=self._agent, name=effect.name, parameters=prepared.parameters)
-        prepared.kept = self._checkpointer.begun(action)
-        return prepared
+            ending = error
+        self._tasks.spawn(self._perform(effect.id, ending))
 
     def cancel(self, number: int) -> None:
         """Cancel the action with this number in the mind (1 or more): the intention that waited for it is gone."""
@@ -117,46 +94,44 @@ class ActionClient:
         elif identity is not None and self._action_requests is not None:
             self._tasks.spawn(self._action_requests.cancel(identity))
 
-    def _forget(self, identity: str) -> None:
-        """Remove an action that has ended from the checkpoint."""
-        self._checkpointer.ended(identity)
-
-    async def _perform(self, effect: PerformAction, prepared: _Prepared) -> None:
+    def _ask(self, effect: PerformAction) -> Ending:
+        """Note an action, and return its end or what waits for it."""
+        if self._action_requests is None:
+            return _ended("refused", "request", f"agent {self._agent} has no robot to do {effect.name}")
         try:
-            done, status = await self._outcome(effect, prepared)
-        except Exception as error:  # the intention must not wait forever
-            reason = f"defect in agentd: {type(error).__name__}: {error}"
-            if identity := self._identities.get(effect.id):
-                self._forget(identity)
-            self._feed(ActionDone(effect.id, False, reason, "failed"))
-            raise
-        finally:
-            identity = self._identities.pop(effect.id, "")
-            self._dropped.discard(effect.id)
-        if identity:
-            self._forget(identity)
-        self._feed(done)
-        if status is not None:  # after the mind's turn: the intention does not wait for the log
-            asyncio.get_running_loop().call_soon(log.info, "agent=%s %s", self._agent, describe(status))
-
-    async def _outcome(self, effect: PerformAction, prepared: _Prepared) -> tuple[ActionDone, ActionStatus | None]:
-        if prepared.error is not None:
-            raise prepared.error
-        if self._action_requests is None or prepared.refused:
-            return ActionDone(effect.id, False, prepared.refused, "refused", "request"), None
-        dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled", "cancelled"), None
-        if (left := prepared.left) is not None:
-            if effect.id in self._dropped:
-                self._let_go(left)
-                return dropped
-            status = await self._join(effect.id, left)
-            return _done(effect.id, status), status
+            parameters = tuple(map(to_wire, effect.parameters))
+        except BadTerm as bad:
+            return _ended("refused", "request", f"{effect.name}: {bad}")
+        for left in self._left.values():
+            if not left.joined and (left.action.name, left.action.parameters) == (effect.name, parameters):
+                left.joined = True
+                return self._join(effect.id, left)
         identity = f"{self._agent}:{self._life}:{effect.id}"
-        self._identities[effect.id] = identity
-        if effect.id in self._dropped:
-            return dropped
-        status = await self._action_requests.perform(identity, effect.name, prepared.parameters, kept=prepared.kept)
-        return _done(effect.id, status), status
+        action = Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters)
+        return self._request(self._action_requests, effect.id, action, self._checkpointer.begun(action))
+
+    async def _request(
+        self, requests: ActionRequests, number: int, action: Action, kept: asyncio.Future[None]
+    ) -> ActionStatus:
+        self._identities[number] = action.id
+        return _DROPPED if number in self._dropped else await requests.perform(action, kept=kept)
+
+    async def _perform(self, number: int, ending: Ending | Exception) -> None:
+        defect: Exception | None = None
+        try:
+            if isinstance(ending, Exception):
+                raise ending
+            status = ending if isinstance(ending, ActionStatus) else await ending
+        except Exception as error:  # the intention must not wait forever
+            defect, status = error, _ended("failed", None, f"defect in agentd: {type(error).__name__}: {error}")
+        if identity := self._identities.pop(number):
+            self._checkpointer.ended(identity)
+        self._dropped.discard(number)
+        self._feed(ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or ""))
+        if defect is not None:
+            raise defect
+        if status.id:  # after the mind's turn: the intention does not wait for the log
+            asyncio.get_running_loop().call_soon(log.info, "agent=%s %s", self._agent, describe(status))
 
     # --- actions of a former life ---
 
@@ -169,7 +144,7 @@ class ActionClient:
         gone: list[Literal] = []
         if self._action_requests is None:
             for action in actions:
-                self._forget(action.id)
+                self._checkpointer.ended(action.id)
                 gone.append(_interrupted(action, "failed", "the agent has no robot any more"))
             return gone
         left = [_Left(action) for action in actions]
@@ -191,9 +166,7 @@ class ActionClient:
                 self._on_interrupted(self._ended(one, status))
 
         for one in left:
-            asked = self._action_requests.perform(
-                one.action.id, one.action.name, one.action.parameters, on_status=one.running, attempt=2
-            )
+            asked = self._action_requests.perform(replace(one.action, attempt=2), on_status=one.running)
             one.status = asyncio.get_running_loop().create_task(asked)
             self._left[one.action.id] = one
             self._tasks.spawn(follow(one))
@@ -204,35 +177,30 @@ class ActionClient:
         early = False
         return gone
 
-    def _same(self, name: str, parameters: tuple[Term, ...]) -> _Left | None:
-        """Return the action of a former life that equals this one and that no plan has joined."""
-        for one in self._left.values():
-            if not one.joined and (one.action.name, one.action.parameters) == (name, parameters):
-                return one
-        return None
-
     def _ended(self, left: _Left, status: ActionStatus) -> Literal:
         """Forget an action that has ended without a plan that waits for it, and return its event."""
-        self._forget(left.action.id)
+        self._checkpointer.ended(left.action.id)
         return _interrupted(left.action, status.state, status.reason)
 
-    def _let_go(self, left: _Left) -> None:
-        """Undo a join: the plan that was about to wait is gone."""
-        left.joined = False
-        if left.action.id not in self._left:  # it has ended meanwhile
-            assert left.status is not None
-            self._on_interrupted(self._ended(left, left.status.result()))
-
     async def _join(self, number: int, left: _Left) -> ActionStatus:
+        """Wait for the end of an action that a former life has begun."""
         assert left.status is not None
-        left.joined = True
+        if number in self._dropped:  # the plan that was about to wait is gone
+            left.joined = False
+            if left.action.id not in self._left:  # it has ended meanwhile
+                self._on_interrupted(self._ended(left, left.status.result()))
+            return _DROPPED
         self._identities[number] = left.action.id
         log.info("agent=%s goes on with %s, which a former life has begun", self._agent, left.action.name)
         return await asyncio.shield(left.status)
 
 
-def _done(number: int, status: ActionStatus) -> ActionDone:
-    return ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or "")
+def _ended(state: State, cause: Cause | None, reason: str) -> ActionStatus:
+    """Return the end of an action that the bridge was not asked for."""
+    return ActionStatus(id="", state=state, cause=cause, reason=reason)
+
+
+_DROPPED = _ended("cancelled", "cancelled", "the agent has dropped it")
 
 
 def _interrupted(action: Action, state: str, reason: str) -> Literal:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from contextlib import aclosing, suppress
+
+from msgspec.structs import replace
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
@@ -16,7 +18,6 @@ from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
 from schemas.wire.records import Action, ActionStatus, Cancel, Cause, State
-from schemas.wire.terms import Term
 
 log = logging.getLogger("actions")
 
@@ -56,12 +57,9 @@ class ActionRequests:
 
     async def perform(
         self,
-        identity: str,
-        name: str,
-        parameters: tuple[Term, ...],
+        action: Action,
         patience: float = ACCEPT_PATIENCE,
         on_status: Callable[[ActionStatus], None] | None = None,
-        attempt: int = 1,
         kept: asyncio.Future[None] | None = None,
     ) -> ActionStatus:
         """Request an action and return its final status; the bridge has `patience` wall seconds to accept it.
@@ -69,20 +67,14 @@ class ActionRequests:
         The query is repeated with the same id after `ACTION_ASKED_AGAIN` without a status, and when the router is lost
         or back; the bridge joins it to the running action, or replies how that ended. Never raises, and always ends:
         the action has failed after `BUS_GRACE` without a status, and after the bridge's deadline. `on_status` is called
-        with each status before the final one. `attempt` above 1 follows a request of an earlier process: the bridge
+        with each status before the final one. An `attempt` above 1 follows a request of an earlier process: the bridge
         starts nothing, and refuses an unknown id. `kept` is awaited before the first query.
         """
-        self._wanted[identity] = True
-
-        async def ready() -> bool:
-            if kept is not None:
-                await kept
-            return self._wanted[identity]  # the agent may have dropped it meanwhile
-
+        self._wanted[action.id] = True
         try:
-            status = await self._follow(identity, name, parameters, patience, on_status, attempt, ready)
+            status = await self._follow(action, patience, on_status, kept)
         finally:
-            del self._wanted[identity]
+            del self._wanted[action.id]
         if status.after is not None:
             await self._perceiving.seen(status.header.boot, status.after, AFTER_PATIENCE)
         self.counters[status.state] += 1
@@ -90,48 +82,38 @@ class ActionRequests:
 
     async def _follow(
         self,
-        identity: str,
-        name: str,
-        parameters: tuple[Term, ...],
+        action: Action,
         patience: float,
         on_status: Callable[[ActionStatus], None] | None,
-        attempt: int,
-        ready: Callable[[], Awaitable[bool]],
+        kept: asyncio.Future[None] | None,
     ) -> ActionStatus:
         loop, reason = asyncio.get_running_loop(), "bridge_lost: nobody serves this action"
-        heard = loop.time()
+        key, attempt, heard = keys.action(self._bus.fleet, self._agent, action.name), action.attempt, loop.time()
         until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
 
         def ended(state: State, cause: Cause, why: str) -> ActionStatus:
-            return ActionStatus(id=identity, state=state, result=False, cause=cause, reason=why, name=name)
+            return ActionStatus(id=action.id, state=state, result=False, cause=cause, reason=why, name=action.name)
 
         def failed(why: str) -> ActionStatus:
             return ended("failed", "unreachable", why)
 
-        async def asked() -> bool:
-            wanted = await ready()
+        async def ready() -> bool:
+            if kept is not None:
+                await kept
             timer.reschedule(min(until, loop.time() + ACTION_ASKED_AGAIN))
-            return wanted
+            return self._wanted[action.id]  # the agent may have dropped it meanwhile
 
         while True:
             taken = silent = False
-            if not self._wanted[identity]:  # repeated now, it could begin after its cancellation
+            if not self._wanted[action.id]:  # repeated now, it could begin after its cancellation
                 return ended("cancelled", "cancelled", "the agent has dropped it")
             if self._bridge.hangs:
                 return failed(_HANGS)
-            action = Action(
-                header=self._bus.header("action", self._agent),
-                id=identity,
-                agent=self._agent,
-                name=name,
-                parameters=parameters,
-                attempt=attempt,
-            )
+            request = replace(action, header=self._bus.header("action", self._agent), attempt=attempt)
             try:
-                key = keys.action(self._bus.fleet, self._agent, name)
                 async with (
                     asyncio.timeout_at(until) as timer,
-                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT, ready=asked)) as replies,
+                    aclosing(self._bus.query(key, request, ActionStatus, QUERY_TIMEOUT, ready=ready)) as replies,
                 ):
                     self._timers.add(timer)
                     async for reply in replies:
@@ -148,7 +130,7 @@ class ActionRequests:
                             late = "no outcome within its deadline"
                         timer.reschedule(min(until, heard + ACTION_ASKED_AGAIN))
                         reason = "bridge_lost: its answers ended without an outcome"
-                    if not taken and not self._wanted[identity]:
+                    if not taken and not self._wanted[action.id]:
                         return ended("cancelled", "cancelled", "the agent has dropped it")
             except BadRecord as bad:
                 return ended("failed", "request", f"cannot be sent: {bad}")

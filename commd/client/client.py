@@ -34,7 +34,7 @@ from schemas.mission.model import DEFAULT_ROUTER, THIS_MACHINE, Mission, load_mi
 from schemas.wire import keys
 from schemas.wire.codec import Wire
 from schemas.wire.keys import check_name
-from schemas.wire.records import ActionStatus, BoardServices, Message, Perception, ServiceRequest
+from schemas.wire.records import Action, ActionStatus, BoardServices, Message, Perception, ServiceRequest
 from schemas.wire.term_text import read as parse
 from schemas.wire.term_text import write
 from schemas.wire.terms import Term, term_of
@@ -119,8 +119,6 @@ __all__ = [
 PATIENCE = 10.0
 """Default timeout for the router, for `commd` and for each of its answers, in wall seconds."""
 RETRY = 0.2
-ACCEPT_PATIENCE = 15.0
-"""Wall seconds that a bridge has to accept an action."""
 
 
 class NotJoined(ConnectionError):
@@ -249,13 +247,16 @@ class Client:
                 self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall
             )
         self._actions += 1
-        identity = f"{self.name}:{self._bus.boot}:{self._actions}"
+        request = Action(
+            id=f"{self.name}:{self._bus.boot}:{self._actions}",
+            agent=self.name,
+            name=action,
+            parameters=tuple(map(term_of, parameters)),
+        )
         try:
-            return await self._action_requests.perform(
-                identity, action, tuple(map(term_of, parameters)), ACCEPT_PATIENCE, on_status
-            )
+            return await self._action_requests.perform(request, on_status=on_status)
         except asyncio.CancelledError:
-            await asyncio.shield(self._action_requests.cancel(identity))
+            await asyncio.shield(self._action_requests.cancel(request.id))
             raise
 
     async def there(self, name: str) -> bool:

@@ -275,12 +275,12 @@ class Hands:
         self.over = asyncio.Event()
         self.asked: list[str] = []
 
-    async def perform(self, identity: str, name: str, *_: object, **asked: Any) -> ActionStatus:
-        self.asked.append(identity)
+    async def perform(self, action: Action, **asked: Any) -> ActionStatus:
+        self.asked.append(action.id)
         if "on_status" in asked:
-            asked["on_status"](ActionStatus(id=identity, state="running", name=name))
+            asked["on_status"](ActionStatus(id=action.id, state="running", name=action.name))
         await self.over.wait()
-        return ActionStatus(id=identity, state="succeeded", name=name)
+        return ActionStatus(id=action.id, state="succeeded", name=action.name)
 
 
 class Alone:

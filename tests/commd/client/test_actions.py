@@ -17,6 +17,7 @@ from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header, Health, Perception, Perceptions, State
+from schemas.wire.terms import Term
 from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
 from tests.support.promises import in_time
 
@@ -27,6 +28,11 @@ def answer(query: Query[Action] | Query[Cancel], state: State, **more: Any) -> N
     """Reply a status of the action that is asked for."""
     assert query.record is not None
     query.reply(ActionStatus(id=query.record.id, state=state, **more))
+
+
+def request(name: str, parameters: tuple[Term, ...] = (), identity: str = "uav:b:1") -> Action:
+    """Return what an agent asks for."""
+    return Action(id=identity, agent="uav", name=name, parameters=parameters)
 
 
 def altitude(header: Header, metres: float) -> Perceptions:
@@ -56,7 +62,7 @@ async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect
         answer(query, "refused", result=False, reason="Arm: RTL mode not armable")
 
     action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform("uav:b:1", "arm_motors", (True,), 10)
+    status = await action_requests.perform(request("arm_motors", (True,)), 10)
     assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
     assert action_requests.counters["asked_again"] == 0
 
@@ -74,7 +80,7 @@ async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(con
             answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    status = await action_requests.perform(request("land"), 30)
     assert status.state == "succeeded"
     assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
 
@@ -92,7 +98,7 @@ async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_fo
         answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
-    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
+    status = await asyncio.wait_for(action_requests.perform(request("land"), 30), 5 * ACTION_ASKED_AGAIN)
     assert status.state == "succeeded"
     assert asked == [1, 2]
 
@@ -112,7 +118,7 @@ async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked
         answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    status = await action_requests.perform(request("land"), 30)
     assert status.state == "succeeded"
     assert asked == [1] * 6
 
@@ -123,7 +129,7 @@ async def test_an_action_that_nobody_serves_fails_after_the_grace(
 ) -> None:
     monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
     action_requests, *_ = await act(connect, None)
-    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    status = await action_requests.perform(request("land"), 30)
     assert (status.state, status.result) == ("failed", False)
     assert status.reason == "bridge_lost: nobody serves this action"
 
@@ -137,7 +143,7 @@ async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> N
 
     begun = asyncio.Event()
     action_requests, _, bridge, _ = await act(connect, serve)
-    flying = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (1, 2, 3), 60))
+    flying = asyncio.create_task(action_requests.perform(request("goto", (1, 2, 3)), 60))
     await asyncio.wait_for(begun.wait(), 120)
     await bridge.close()
     status = await asyncio.wait_for(flying, 120)
@@ -162,7 +168,7 @@ async def test_a_status_waits_for_the_percept_that_it_follows(
     await subscribed(bridge, keys.percepts(FLEET, "uav"))
     bridge.put(keys.percepts(FLEET, "uav"), altitude(bridge.header("percept"), 0))
     await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    status = await action_requests.perform(request("takeoff", (5,)), 10)
     assert status.state == "succeeded"
     assert perceiving.percepts.present()[0].parameters == (5,)
     assert perceiving.counters["late"] == 0
@@ -191,7 +197,7 @@ async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaire
     repairing = asyncio.create_task(perceiving.run())
     # The first query may be earlier than the bridge's declaration is known here: health has it repeated.
     await until(lambda: perceiving.percepts.seq == 1 or perceiving.doubt(), "the first percept arrives")
-    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    status = await action_requests.perform(request("takeoff", (5,)), 10)
     assert status.state == "succeeded"
     assert perceiving.present()[0].parameters == (5,)
     repairing.cancel()
@@ -204,7 +210,7 @@ async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(conne
 
     header = Perception(name="x").header
     action_requests, perceiving, *_ = await act(connect, serve)
-    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    status = await action_requests.perform(request("takeoff", (5,)), 10)
     assert status.state == "succeeded"
     assert perceiving.counters["late"] == 1
 
@@ -225,7 +231,7 @@ async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_n
         answer(query, "refused", result=False, reason="no such action")
 
     action_requests, _, bridge, _ = await act(connect, None)
-    action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30))
+    action_client = asyncio.create_task(action_requests.perform(request("takeoff", (5,)), 30))
     await until(lambda: action_requests.counters["asked_again"] > 0, "the first attempt reached nobody")
     bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
     bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
@@ -244,7 +250,7 @@ async def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_w
     action_requests, _, bridge, watch = await act(connect, None)
     bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
     kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
+    action_client = asyncio.create_task(action_requests.perform(request("takeoff", (5,)), 30, kept=kept))
     await asyncio.sleep(0)
     await action_requests.cancel("uav:b:1")
     await bridge.close()
@@ -277,7 +283,7 @@ async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(c
 @bus_test
 async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect: Connect) -> None:
     action_requests, *_ = await act(connect, None)
-    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
+    status = await asyncio.wait_for(action_requests.perform(request("set_mode", ("\ud800",)), 30), 120)
     assert status.state == "failed"
     assert status.reason.startswith("cannot be sent: Action:")
 
@@ -296,7 +302,7 @@ async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
 
     action_requests, *_ = await act(connect, serve)
     began = asyncio.get_running_loop().time()
-    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
+    status = await asyncio.wait_for(action_requests.perform(request("goto", (1, 2, 3)), patience=20), 120)
     assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
     took = asyncio.get_running_loop().time() - began
     assert took > 0.8
@@ -310,7 +316,7 @@ async def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(connect: 
         await asyncio.sleep(60)
 
     action_requests, *_ = await act(connect, serve)
-    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), patience=0.5), 120)
+    status = await asyncio.wait_for(action_requests.perform(request("land"), patience=0.5), 120)
     assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
 
@@ -331,7 +337,7 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     said = list[Health]()
     (await connect("eye")).subscribe(key, Health, lambda _, health: said.append(health))
     speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-    doing = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (), 10))
+    doing = asyncio.create_task(action_requests.perform(request("goto"), 10))
     await until(lambda: len(said) > 3, "it speaks for longer than it may be silent")
     assert watch.up, "a bridge that speaks is not given up"
     assert not doing.done()
@@ -342,7 +348,7 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
         "bridge_lost: the bridge is alive but sends no health records: it hangs",
     )
     assert not watch.up
-    status = await asyncio.wait_for(action_requests.perform("uav:b:2", "goto", (), 1000), 120)
+    status = await asyncio.wait_for(action_requests.perform(request("goto", (), "uav:b:2"), 1000), 120)
     assert status.reason == "bridge_lost: the bridge is alive but sends no health records: it hangs"
     speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
     await until(lambda: watch.up and not watch.hangs, "the bridge is back")
