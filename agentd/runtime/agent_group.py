@@ -153,7 +153,7 @@ class AgentGroup:
             beginners = [name for name, host in self.hosts.items() if host.begins and self._homes[name] == board]
             if beginners:
                 self._beginning[board] = self._work.spawn(self._forget_services(board, beginners))
-        self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list_mail)
+        self._bus.serve(keys.neighbour_mail(self._bus.fleet, self._bus.name), Mailboxes, self._list_mail)
         for host in list(self.hosts.values()):
             self._begin(host)
         for board in boards:
@@ -184,10 +184,9 @@ class AgentGroup:
 
     async def _list_mail(self, query: Query[Mailboxes]) -> None:
         """Reply with the mail between the agents that no mind has taken: its longest queues."""
-        name = self._bus.name
-        queues = tuple(self._neighbours.queues()[:QUEUES])
-        record = Mailboxes(header=self._bus.header("mailboxes"), board=self._homes.get(name, ""), queues=queues)
-        query.reply(record, keys.mailboxes(self._bus.fleet, name))
+        queues, board = tuple(self._neighbours.queues()[:QUEUES]), self._homes.get(self._bus.name, "")
+        record = Mailboxes(header=self._bus.header("neighbour_mail"), board=board, queues=queues)
+        query.reply(record, keys.neighbour_mail(self._bus.fleet, self._bus.name))
 
     def _agents_of(self, board: str) -> Agents:
         """Return what returns the health of each agent of a board that reasons."""

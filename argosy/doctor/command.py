@@ -104,12 +104,8 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
         if robot in there and mission.agents_of(robot):
             now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
     boxes: dict[str, Mailboxes] = {}
-
-    def take(key: str, mailboxes: Mailboxes) -> None:
-        if keys.mailboxes(bus.fleet, mailboxes.board) == key:  # not of an agentd
-            boxes[mailboxes.board] = mailboxes
-
-    await bus.ask_all(keys.mailboxes(bus.fleet, "*"), Mailboxes, ANSWER_TIMEOUT, take)
+    key = keys.mailboxes(bus.fleet, "*")
+    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, mail: boxes.__setitem__(mail.board, mail))
     await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
     links_by_board = {link.board: link for link in from_here}
     return Facts(mission, fleet_status.rows(), earlier, boards, links_by_board, robots, boxes, now)

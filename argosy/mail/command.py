@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
@@ -50,28 +51,27 @@ def run(args: Namespace) -> int:
     wanted = _wanted(mission, args.board)
 
     async def ask(bus: Bus, where: Where) -> int:
-        key = keys.mailboxes(where.fleet, "*")
-        found: dict[str, Mailboxes] = {}
-        within: dict[str, Mailboxes] = {}
-
-        def board_of(key: str) -> str:
-            parsed = keys.parse(key)
-            return parsed[1] if parsed is not None else ""
-
-        def take(key: str, mailboxes: Mailboxes) -> None:
-            if (name := board_of(key)) in wanted:
-                found[name] = mailboxes
-            elif mailboxes.board in wanted:
-                within[name] = mailboxes
-
-        errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, take)
-        why = {board_of(key): error for key, error in errors.items()}
+        (found, why), (within, _) = await asyncio.gather(
+            _ask_all(bus, keys.mailboxes(where.fleet, "*")), _ask_all(bus, keys.neighbour_mail(where.fleet, "*"))
+        )
         silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
-        known = {*mission.board_names, *mission.agents}
-        silent += [f"somebody answers: {error}" for name, error in why.items() if name not in known]
+        silent += [f"somebody answers: {error}" for name, error in why.items() if name not in mission.board_names]
+        within = {name: one for name, one in within.items() if one.board in wanted}
         return _show([found[board] for board in wanted if board in found], silent, args, within)
 
     return on_the_bus(args, ask)
+
+
+async def _ask_all(bus: Bus, key: str) -> tuple[dict[str, Mailboxes], dict[str, str]]:
+    """Return records and errors by the name in the key."""
+    found: dict[str, Mailboxes] = {}
+    errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda key, mail: found.__setitem__(_name(key), mail))
+    return found, {_name(key): error for key, error in errors.items()}
+
+
+def _name(key: str) -> str:
+    parsed = keys.parse(key)
+    return parsed[1] if parsed is not None else ""
 
 
 def _wanted(mission: Mission, board: str | None) -> list[str]:

@@ -145,8 +145,7 @@ async def mail_facts(bus: Bus, fleet: str, view: MindView) -> MailFacts:
 
 async def _mailboxes(bus: Bus, fleet: str) -> tuple[list[Mailboxes], dict[str, str]]:
     found = await _all(bus, keys.mailboxes(fleet, "*"), Mailboxes, MAIL_TIMEOUT)
-    # What waits within an agentd its minds report themselves.
-    boards = [one for key, one in found.items() if isinstance(one, Mailboxes) and one.board == _chunk(key, 1)]
+    boards = [one for one in found.values() if isinstance(one, Mailboxes)]
     return boards, {_chunk(key, 1): one for key, one in found.items() if isinstance(one, str)}
 
 

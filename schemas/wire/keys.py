@@ -92,7 +92,7 @@ CHANNELS = (
     Channel("{board}/services/{agent}", "query", ServiceRequest, BoardServices, "commd", "agentd", None, None),
     Channel("{board}/services", "put", BoardServices, None, "commd", "agentd, commd", 10, "telemetry"),
     Channel("{board}/mailboxes", "query", None, Mailboxes, "commd", "operator", None, None),
-    Channel("{agent}/mailboxes", "query", None, Mailboxes, "agentd", "operator", None, None),
+    Channel("{agent}/neighbour_mail", "query", None, Mailboxes, "agentd", "operator", None, None),
     Channel("{board}/mission", "query", None, RunningMission, "commd", "observers", None, "telemetry"),
     Channel("{board}/checkup", "query", Checkup, BoardReport, "commd", "operator, commd", None, None),
     Channel("{agent}/mind", "query", None, MindView, "agentd", "observers", 4, "minds"),
@@ -168,8 +168,13 @@ def service_requests(fleet: str, board: str, agent: str) -> str:
 
 
 def mailboxes(fleet: str, board: str) -> str:
-    """Return the key of the list of mail of a board, or of an agentd by its first agent; `*` for all."""
+    """Return the key of the list of a board's mail; `*` for all boards."""
     return f"{ROOT}/{fleet}/{board}/mailboxes"
+
+
+def neighbour_mail(fleet: str, agent: str) -> str:
+    """Return the key of the list of mail within an agentd, by its first agent; `*` for all."""
+    return f"{ROOT}/{fleet}/{agent}/neighbour_mail"
 
 
 def mission(fleet: str, board: str) -> str:

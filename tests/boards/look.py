@@ -37,7 +37,7 @@ async def answer(bus: Bus, what: str, *names: str) -> Any:
         case "boxes", ():
             found = {}
             async for boxes in bus.query(keys.mailboxes(bus.fleet, "*"), None, Mailboxes, PATIENCE):
-                if boxes.record is not None and boxes.key == keys.mailboxes(bus.fleet, boxes.record.board):
+                if boxes.record is not None:
                     found[boxes.record.board] = msgspec.to_builtins(boxes.record)
             return found
     raise ValueError(f"cannot look for {what} {names}")

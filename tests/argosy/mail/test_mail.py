@@ -79,10 +79,11 @@ async def test_what_waits_within_an_agentd_is_shown_after_its_board(
 
         async def listed(query: Query[Mailboxes]) -> None:
             queues = (Queue(box="mind", sender="a", receiver="c", messages=3),)
-            query.reply(Mailboxes(board="pi1", queues=queues), keys.mailboxes(FLEET, "a"))
+            query.reply(Mailboxes(board="pi1", queues=queues), keys.neighbour_mail(FLEET, "a"))
 
-        bus.serve(keys.mailboxes(FLEET, "a"), Mailboxes, listed)
-        await known(connect, "pi1", "pi2", "a")
+        bus.serve(keys.neighbour_mail(FLEET, "a"), Mailboxes, listed)
+        await known(connect, "pi1", "pi2")
+        await served(bus, keys.neighbour_mail(FLEET, "a"))
         assert await argosy("mail", mission, "--router", endpoint) == 0
         assert await argosy("mail", mission, "--router", endpoint, "--board", "pi2", "--json") == 0
     first, _, rest = capsys.readouterr().out.partition("{\n")

@@ -30,7 +30,7 @@ BUILT = {
     keys.services("{fleet}", "{board}"),
     keys.service_requests("{fleet}", "{board}", "{agent}"),
     keys.mailboxes("{fleet}", "{board}"),
-    keys.mailboxes("{fleet}", "{agent}"),
+    keys.neighbour_mail("{fleet}", "{agent}"),
     keys.mission("{fleet}", "{board}"),
     keys.checkup("{fleet}", "{board}"),
     keys.mind("{fleet}", "{agent}"),
