@@ -25,8 +25,9 @@ from schemas.wire.records import Note
 
 ORDER_PATIENCE = 10.0
 """Wall seconds in which the vehicle must confirm the mode of an order."""
-ARMING_SHOWS = 1.5
-"""Wall seconds after which a vehicle shows whether it has armed as commanded: HEARTBEATs come once a second."""
+ARMING_SHOWS, ARMING_PATIENCE = 0.5, 5.0
+"""Wall seconds after a command to arm: a report of the vehicle's state that is later than the first shows whether it
+has armed; after the second no report is waited for. HEARTBEATs come once a second, and some may be lost."""
 AGAIN = 1.0
 """Wall seconds before a failed order is repeated, and between two looks whether a robot is home."""
 LOOK = 0.2
@@ -355,7 +356,7 @@ class SafetyOrders:
 
     async def _bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
         if not self._may_move:
-            await asyncio.sleep(ARMING_SHOWS)
+            await self._shows_arming()
         if self._operator_has_it:
             await self._wait_for_operator(why)
             if not self._may_move:  # it was landed meanwhile
@@ -462,12 +463,14 @@ class SafetyOrders:
         self._stopping = True
         self._server.block(_stops())
         self._server.end_pause()
+        shown = True
         if self._server.arming and not self._driver.active:
             self._server.end_all("", _stops())
-            await asyncio.sleep(ARMING_SHOWS)
+            shown = await self._shows_arming()
         if not self._driver.active:
             said = self._as_last_heard("not armed" if self._driver.arms else "left as it is")
-            return self._left_as("disarmed" if self._driver.heard else "unconfirmed", said)
+            said += "" if shown else ", and it was to arm since then"
+            return self._left_as("disarmed" if self._driver.heard and shown else "unconfirmed", said)
         outcome, done = Outcome("failed", "the robot has no such order"), order
         for attempt in (order, *self._others(order)):
             if attempt not in self._driver.orders:
@@ -487,6 +490,15 @@ class SafetyOrders:
                 break  # it does not answer: another order would not be heard either
         state = self._as_last_heard("armed" if self._driver.arms else "it may be moving")
         return self._left_as("unconfirmed", f"{state}, and it has not confirmed {done}: {outcome.reason}")
+
+    async def _shows_arming(self) -> bool:
+        """Wait for a report of the robot's state that shows whether it has armed as commanded. Returns if there is."""
+        begun = self._clock.wall()
+        while not self._driver.active and (waited := self._clock.wall() - begun) < ARMING_SHOWS + self._driver.silence:
+            if waited >= ARMING_PATIENCE:
+                return False
+            await asyncio.sleep(LOOK)
+        return True
 
     def _left_as(self, state: LeftAs, said: str, order: Order | None = None) -> RobotLeft:
         text = f"{order}: {said}" if order else said

@@ -364,8 +364,11 @@ async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_hea
         await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, which was not heard at first")
 
 
+@pytest.mark.parametrize("deaf", [0.0, 2.5], ids=["heard", "several HEARTBEATs are lost"])
 @async_test
-async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(endpoint: str, tmp_path: Path) -> None:
+async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
+    deaf: float, endpoint: str, tmp_path: Path
+) -> None:
     async with on_the_airfield(endpoint, tmp_path, speed=1.0) as field, field.router(), field.client() as bus:
         daemon = field.start()
         await until_served(bus)
@@ -374,7 +377,7 @@ async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(endp
         arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
         await until(lambda: field.vehicle.copter.armed, "armed, before a HEARTBEAT says so")
         field.stop.set()
-        field.withheld.clear()
+        asyncio.get_running_loop().call_later(deaf, field.withheld.clear)
         assert await daemon == 0
         assert not field.vehicle.copter.armed
         assert not (await arming)[-1].result

@@ -256,7 +256,7 @@ class VehicleSession:
     @property
     def silence(self) -> float:
         """Wall seconds since the last HEARTBEAT; infinite before the first."""
-        return self.flight.to_wall(self.flight.now - self.vehicle.heard_at)
+        return self.flight.to_wall(max(self.clock.now(), self.flight.now) - self.vehicle.heard_at)
 
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
