@@ -4,7 +4,7 @@ What a program acts on is a code or a value. This test finds, in product code, e
 
 - an attribute that holds text for people, or one of several texts that an attribute holds,
 - the text of a caught error,
-- anything, for a wording: a fixed text with a space in it.
+- anything, for a wording: a fixed text with a space in it, or each of a constant's texts.
 
 Those below have a reason.
 """
@@ -90,6 +90,10 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "bridged/drivers/mavlink/vehicle/status_texts.py: one.text.removeprefix(prefix)",
         "bridged/drivers/mavlink/vehicle/status_texts.py: one.text.startswith(prefix)",
     ),
+    "ArduPilot gives no code for what is wrong": (
+        "bridged/drivers/mavlink/actions/confirmation.py: part in one.lower()",
+    ),
+    "Zenoh gives no code for a failed handshake: it only logs it": ("commd/router/tls_rejections.py: part in text",),
     "its own text, shown where another word says that the run failed": (
         "argosy/run/end_conditions.py: self.text.removeprefix('failed: ')",
         "argosy/run/summary.py: plotted.stderr.strip().removeprefix('error: ')",
@@ -109,6 +113,12 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 def reads(source: str) -> Iterator[tuple[int, str]]:
     """Yield line and expression of each place where a text for people is compared, searched or matched."""
     tree = ast.parse(source)
+    tables = {
+        node.targets[0].id
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+        if any(_has_words(part, "") for part in ast.walk(node.value))
+    }
     names = Names(
         {node.name for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler) and node.name},
         {
@@ -119,6 +129,13 @@ def reads(source: str) -> Iterator[tuple[int, str]]:
             and isinstance(node.iter, ast.Attribute)
             and node.iter.attr in COLLECTIONS
         },
+        {
+            name.id
+            for node in ast.walk(tree)
+            if isinstance(node, ast.comprehension) and isinstance(node.iter, ast.Name) and node.iter.id in tables
+            for name in ast.walk(node.target)
+            if isinstance(name, ast.Name)
+        },
     )
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
@@ -127,6 +144,7 @@ def reads(source: str) -> Iterator[tuple[int, str]]:
                 if isinstance(operator, ast.In | ast.NotIn):
                     found = _is_text(right, names) or (_is_text(left, names) and _holds_texts(right))
                     found = found or (_has_words(left, "") and not _holds_texts(right))
+                    found = found or (isinstance(left, ast.Name) and left.id in names.wordings)
                 else:
                     found = any(
                         _is_text(one, names) and _is_wording(other) for one, other in ((left, right), (right, left))
@@ -150,6 +168,8 @@ class Names(NamedTuple):
     """Errors, whose `str` is such a text."""
     listed: set[str]
     """Texts, one of several."""
+    wordings: set[str]
+    """Texts of a constant."""
 
 
 def _is_text(node: ast.AST, names: Names) -> bool:
@@ -247,6 +267,7 @@ def test_each_exception_is_still_needed() -> None:
         "for gap in gaps_of(end):\n  gap.startswith(f'{agent} ')",
         "hint.startswith(', did you mean')",
         "'mailbox full' in answer",
+        "CAUSES = 'mailbox full', 'no room'\nany(part in answer for part in CAUSES)",
     ],
 )
 def test_what_reads_a_text_is_found(line: str) -> None:

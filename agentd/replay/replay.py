@@ -405,8 +405,7 @@ def _act(rebuilt: ReplayedMind, done: Done) -> Act:
         view = rebuilt.view_of(done)
         text = done.line if view is None else _decision_text(view)
         return Act(done.cycle, done.time, "decision", text, view)
-    text = done.line.partition(" ")[2]
-    return Act(done.cycle, done.time, "failure" if type(what) is Failure else "effect", text)
+    return Act(done.cycle, done.time, "failure" if type(what) is Failure else "effect", done.text)
 
 
 def _decision_text(view: DecisionView) -> str:

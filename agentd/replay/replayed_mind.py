@@ -22,7 +22,7 @@ from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.restore import come_back, raise_interrupted
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_loader import goal_of, read_item, recorded_program
-from agentd.trace.decision_digest import DecisionDigest, DecisionLines, effect_line
+from agentd.trace.decision_digest import DecisionDigest, DecisionLines, effect_text
 from agentd.trace.initial_state import Texts, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, InitialMind, MindInputs
@@ -46,7 +46,12 @@ class Done:
     time: float
     what: Any
     """An effect, or a record of `agentd.mind.introspection.decision_log`."""
-    line: str
+    text: str
+
+    @property
+    def line(self) -> str:
+        """The cycle and the text: what digests are made of."""
+        return f"{self.cycle} {self.text}"
 
     @property
     def decides(self) -> bool:
@@ -134,8 +139,7 @@ class ReplayedMind:
         self._done += [Done(entry[0], self.now, entry, self._line(entry)) for entry in entries]
 
     def _did(self, effect: Effect) -> None:
-        cycle = self.mind.cycle
-        self._done.append(Done(cycle, self.now, effect, effect_line(cycle, effect)))
+        self._done.append(Done(self.mind.cycle, self.now, effect, effect_text(effect)))
 
     # --- cycles ---
 

@@ -100,14 +100,14 @@ class DecisionLines:
         self._names = Names()
 
     def of(self, entry: Any) -> str:
-        """Return a record as a line."""
+        """Return a record as a line, without its cycle."""
         if type(entry) is Failure:
-            return f"{entry.cycle} failure {entry.intention} {entry.failed.error}"
+            return f"failure {entry.intention} {entry.failed.error}"
         relevant, args, _, _ = entry[2]
         frame, rejected = entry[6], entry[5]
         place = self._names[None if frame is None else frame[PLAN]]
         terms = " ".join(map(brief, args))
-        return f"{entry[0]} {self._names[relevant]} {terms} {0 if rejected is None else len(rejected)} {place}"
+        return f"{self._names[relevant]} {terms} {0 if rejected is None else len(rejected)} {place}"
 
 
 def brief(term: Any) -> str:

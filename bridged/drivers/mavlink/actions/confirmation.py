@@ -200,18 +200,15 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
         run.cause = "; ".join(texts or missing)
         run.waits_for = "readiness: " + "; ".join([*missing, *texts])
         faults = named_before.intersection(texts if answered else ())
-        if lasting := [one for one in texts if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
-            raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
+        lasting = {one for one in texts if any(part in one.lower() for part in LASTING)}
+        if lasting := lasting | {one for one in faults if any(part in one.lower() for part in FAULTS)}:
+            raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(sorted(lasting))}")
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(PRE_ARM, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
             flight.submit(run, BoundAction(dialect.MAV_CMD_RUN_PREARM_CHECKS, retry=ONCE))
         yield
     run.cause = ""
-
-
-def _names(causes: tuple[str, ...], text: str) -> bool:
-    return any(cause in text.lower() for cause in causes)
 
 
 def check_guided_aloft(flight: ProcedureContext, what: str) -> None:
