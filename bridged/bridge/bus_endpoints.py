@@ -16,6 +16,7 @@ from bridged.bridge.safety_orders import by_operator
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
 from commd.bus.bus import Bus, Query
+from commd.bus.errors import CannotServe
 from schemas.manifest.loader import ActionDescription
 from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire import keys
@@ -113,21 +114,17 @@ class Service:
                 query.reply(description, key)
 
     def _cancel(self, agent: str, query: Query[Cancel]) -> None:
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
-            return
-        by = query.record.header.source
-        if self._inject or by == agent:
-            query.reply(self._bridge.action_server.cancel(agent, query.record.id, by or "hand"))
+        cancel, server = query.required('expected the id of an action: {"id": "..."}'), self._bridge.action_server
+        if self._inject or cancel.header.source == agent:
+            query.reply(server.cancel(agent, cancel.id, cancel.header.source or "hand"))
         else:
-            query.reply(self._bridge.action_server.leave(agent, query.record.id, BY_HAND))
+            query.reply(server.leave(agent, cancel.id, BY_HAND))
 
     def _read_or_change(self, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change in the query, if there is one."""
         key, live = keys.manifest(self._bus.fleet, self._robot), self._bridge.live
         if query.error or (query.record is not None and not query.concrete):
-            query.reply_error(query.error or "a change is for one robot: ask on its own key")
-            return
+            raise CannotServe(query.error or "a change is for one robot: ask on its own key")
         problems: list[str] = []
         if query.record is not None:
             problems = live.change(query.record)
@@ -142,19 +139,15 @@ class Service:
 
     def _stop(self, query: Query[StopOrder]) -> Awaitable[None] | None:
         """Block actions and carry the order out; or release them; or pause and continue."""
-        if query.record is None or not query.concrete:
-            query.reply_error(
-                query.error or 'expected an order: {"order": "hold"}, land, rtl, release, pause or continue'
-            )
-            return None
-        match query.record.order:
+        asked = query.required('expected an order: {"order": "hold"}, land, rtl, release, pause or continue')
+        match asked.order:
             case "release" if not self._stops:
                 _tell_outcome(query, self._bridge.orders.release())
                 return None
             case "hold" | "land" | "rtl" as order:
                 self._bridge.action_server.block(by_operator(order))
                 self._stops += 1
-        return self._carry_out(query, query.record.order)
+        return self._carry_out(query, asked.order)
 
     async def _carry_out(self, query: Query[StopOrder], order: OperatorOrder) -> None:
         """Carry out an order of the operator in its turn: a release after the orders that came before it."""

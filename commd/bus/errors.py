@@ -7,6 +7,8 @@ BusError
 ├── OtherMajor (ConnectionError)      commd speaks another major version of the records
 └── QueryFailed                       a query has no usable reply
     └── QueryTimeout (TimeoutError)   nobody serves the key, or no reply came in time
+
+CannotServe is raised by what serves a query, and replied.
 """
 
 from __future__ import annotations
@@ -53,3 +55,7 @@ class QueryTimeout(QueryFailed, TimeoutError):
     def __init__(self, key: str, timeout: float, *, nobody: bool = False) -> None:
         super().__init__(key, "nobody answers" if nobody else f"no answer within {timeout:g} s")
         self.timeout, self.nobody = timeout, nobody
+
+
+class CannotServe(Exception):
+    """A query that cannot be served: raised by its handler, the text is the error reply."""

@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 
 import zenoh
 
-from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
+from commd.bus.errors import BusClosed, CannotServe, QueryFailed, QueryTimeout
 from commd.bus.loop_dispatch import BACKLOG, LAST_WORD, LoopDispatch
 from commd.bus.raw import refuse_busy
 from commd.bus.session import Declaration, KeyCache
@@ -92,6 +92,12 @@ class Query(Generic[R]):
         """Whether the key has no wildcard: only then may the query have an effect."""
         return "*" not in self.key
 
+    def required(self, expected: str) -> R:
+        """Return the payload of a query on a concrete key. Raises CannotServe: its error, or what was `expected`."""
+        if self.record is None or not self.concrete:
+            raise CannotServe(self.error or expected)
+        return self.record
+
     def reply(self, record: Record, key: str | None = None) -> None:
         """Send one reply on `key` (the query's own by default). Raises BadRecord if it cannot be encoded."""
         made, wire = codec(type(record)), self._session.wire
@@ -166,19 +172,26 @@ class QuerySession:
         room = OBSERVER_QUERIES if observers else 2 * QUERIES if urgent else QUERIES
 
         def deliver(query: zenoh.Query) -> None:
-            size = 0 if query.payload is None else len(query.payload)
+            payload = query.payload
+            size = 0 if payload is None else len(payload)
             if size > at_most:
                 self._refuse(query, "bad_input", f"{record.__name__}: {size} bytes, expected at most {at_most}")
                 return
             if len(tasks) >= room:
                 self._refuse(query, "dropped", "busy: too many queries at once")
                 return
-            ours, rest = self._read_query(query, record), None
+            found, error, code, rest = None, "", "", None
+            if payload is not None and size:
+                try:
+                    found = self._decode(record, str(query.key_expr), payload.to_bytes(), str(query.encoding or ""))
+                except BadRecord as bad:
+                    error, code = str(bad), bad.code
+            ours = Query(self, query, found, error, code)
             try:
                 with self._errors_replied(ours):
                     rest = handler(ours)
-            except Exception as error:  # as of a task that fails
-                self._loop.call_exception_handler({"message": "serving a query", "exception": error})
+            except Exception as defect:  # as of a task that fails
+                self._loop.call_exception_handler({"message": "serving a query", "exception": defect})
             if rest is None:
                 query.drop()  # type: ignore[no-untyped-call]
             else:
@@ -203,22 +216,13 @@ class QuerySession:
         with query:
             Query[Any](self, query, None).reply_error(why)
 
-    def _read_query(self, query: zenoh.Query, record: type[R]) -> Query[R]:
-        if query.payload is None or not len(query.payload):
-            return Query(self, query, None)
-        try:
-            found = self._decode(record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or ""))
-        except BadRecord as bad:
-            return Query(self, query, None, str(bad), bad.code)
-        return Query(self, query, found)
-
     @contextmanager
     def _errors_replied(self, ours: Query[Any]) -> Iterator[None]:
-        """Reply a record that cannot be encoded, and a defect, as an error; a defect is raised."""
+        """Reply why a query cannot be served, a record that cannot be encoded, and a defect, which is raised too."""
         try:
             yield
-        except BadRecord as bad:
-            ours.reply_error(str(bad))
+        except (CannotServe, BadRecord) as error:
+            ours.reply_error(str(error))
         except Exception as error:
             ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
             raise

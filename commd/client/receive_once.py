@@ -122,10 +122,7 @@ class ReceiveOnce:
         changed.set()
 
     async def _receive(self, query: Query[Mail]) -> None:
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or "expected a Mail record on a concrete key")
-            return
-        messages = query.record.messages
+        messages = query.required("expected a Mail record on a concrete key").messages
         refused, later = dict[int, Refusal](), dict[int, Refusal]()
         waits: dict[int, tuple[Numbered, int]] = {}
         full = False

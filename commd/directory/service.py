@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from commd.bus.bus import Bus, Query
-from commd.bus.errors import BusClosed
+from commd.bus.errors import BusClosed, CannotServe
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
@@ -199,8 +199,7 @@ class Directory:
 
     async def _answer(self, query: Query[ServiceRequest]) -> None:
         if query.error or (query.record is not None and not query.concrete):
-            query.reply_error(query.error or "expected a concrete key: a request is for one board")
-            return
+            raise CannotServe(query.error or "expected a concrete key: a request is for one board")
         if query.record is None:
             key = keys.services(self._bus.fleet, self._board)
             query.reply(self._record(), key)
@@ -210,8 +209,7 @@ class Directory:
         asks = query.key.removeprefix(keys.services(self._bus.fleet, self._board)).removeprefix("/")
         if asks != query.record.agent and (asks or self._secured):
             own = keys.service_requests(self._bus.fleet, self._board, query.record.agent)
-            query.reply_error(f"a request of `{query.record.agent}` is asked on {own}")
-            return
+            raise CannotServe(f"a request of `{query.record.agent}` is asked on {own}")
         try:
             query.reply(await self._fulfil(query.record))
         except Problem as problem:

@@ -18,6 +18,7 @@ from sqlite3 import Connection
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus, Query
+from commd.bus.errors import CannotServe
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.dead_letters import DeadLetters
@@ -33,6 +34,7 @@ from schemas.wire.codec import codec
 from schemas.wire.keys import check_name
 from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt, Refusal
 
+EXPECTED = "expected a Mail record on a concrete key"
 log = logging.getLogger("mail")
 
 
@@ -160,61 +162,39 @@ class MailService:
 
     async def _post(self, query: Query[Mail]) -> None:
         """Serve the outbox of a sender of this board."""
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or "expected a Mail record on a concrete key")
+        mail, sender, now = query.required(EXPECTED), keys.parse(query.key)[1], self.clock.now()  # type: ignore[index]
+        if mail.numberings and not mail.messages:  # how much of it has this board taken?
+            former, *left_out = mail.numberings
+            numbers = partial(queries.numbers_of, sender=sender, former=former, left_out=left_out)
+            query.reply(Receipt(numbers=await self.store.read(numbers)))
             return
-        if query.record.numberings and not query.record.messages:
-            await self._tell_numbers(query, query.record.numberings)
-            return
-        self.counters["posted"] += len(query.record.messages)
-        sender, now = keys.parse(query.key)[1], self.clock.now()  # type: ignore[index]
-        if any(self._line("", one.receiver) is None for one in query.record.messages):
+        self.counters["posted"] += len(mail.messages)
+        if any(self._line("", one.receiver) is None for one in mail.messages):
             if not self.everybody_known:
-                query.reply_error(f"board {self._bus.name} is still reading who joined it")
-                return
+                raise CannotServe(f"board {self._bus.name} is still reading who joined it")
             if self.ask_around is not None:
                 await self.ask_around()
         rows = [
             self._row(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender
             else Refusal(code="wrong_address", text=f"its sender is not {sender}")
-            for one in query.record.messages
+            for one in mail.messages
         ]
-        await self._answer(query, rows, now)
-
-    async def _tell_numbers(self, query: Query[Mail], numberings: tuple[str, ...]) -> None:
-        """Reply how much of a sender's mail this board has taken."""
-        sender = keys.parse(query.key)[1]  # type: ignore[index]
-        try:
-            numbers = await self.store.read(
-                partial(queries.numbers_of, sender=sender, former=numberings[0], left_out=numberings[1:])
-            )
-        except StoreFailed as failed:
-            query.reply_error(str(failed))
-            return
-        query.reply(Receipt(numbers=numbers))
+        query.reply(await self._write(rows, now, self._rules.mailbox))
 
     async def _receive(self, query: Query[Mail]) -> None:
         """Serve mail of another board to a receiver of this one."""
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or "expected a Mail record on a concrete key")
-            return
-        self.counters["received"] += len(query.record.messages)
+        mail = query.required(EXPECTED)
+        self.counters["received"] += len(mail.messages)
         _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
         now = self.clock.now()
         rows = [
             self._row(one, receiver, now, None, SLACK)
             if (one.sender, one.receiver) == (sender, receiver)
             else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
-            for one in query.record.messages
+            for one in mail.messages
         ]
-        await self._answer(query, rows, now)
-
-    async def _answer(self, query: Query[Mail], rows: Sequence[StoredMessage | Refusal], now: float) -> None:
-        try:
-            query.reply(await self._write(rows, now, self._rules.mailbox))
-        except StoreFailed as failed:  # nothing is taken: the sender repeats it
-            query.reply_error(str(failed))
+        query.reply(await self._write(rows, now, self._rules.mailbox))
 
     def _row(
         self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0
@@ -241,7 +221,10 @@ class MailService:
         bound: int | None,
         also: Callable[[Connection], None] | None = None,
     ) -> Receipt:
-        """Write a batch to disk and start its delivery; a `Refusal` takes the place of a refused message."""
+        """Write a batch to disk and start its delivery; a `Refusal` takes the place of a refused message.
+
+        Raises StoreFailed: nothing was taken, and the sender repeats it.
+        """
         good = [one for one in rows if isinstance(one, StoredMessage)]
 
         def write(db: Connection) -> list[str]:
@@ -267,11 +250,7 @@ class MailService:
 
     async def _list(self, query: Query[Mailboxes]) -> None:
         """Serve the list of waiting and given up mail."""
-        try:
-            listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._queues.state))
-        except StoreFailed as failed:
-            query.reply_error(str(failed))
-            return
+        listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._queues.state))
         listed = replace(
             listed,
             header=self._bus.header("mailboxes"),

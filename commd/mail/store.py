@@ -17,6 +17,7 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
+from commd.bus.errors import CannotServe
 from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.mail.schema import TooNew, migrate
 from commd.mail.sqlite_file import (
@@ -49,7 +50,7 @@ PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
 
 
-class StoreFailed(OSError):
+class StoreFailed(CannotServe, OSError):
     """A transaction is not on disk, and nothing of it is kept: the disk is full or broken, or the store is closing."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from commd.bus.bus import Bus, Query
-from commd.bus.errors import BusError, QueryTimeout
+from commd.bus.errors import BusError, CannotServe, QueryTimeout
 from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup, LinkReport
 
@@ -44,8 +44,7 @@ class SelfCheck:
 
     async def _answer(self, query: Query[Checkup]) -> None:
         if query.error:
-            query.reply_error(query.error)
-            return
+            raise CannotServe(query.error)
         links: tuple[LinkReport, ...] = ()
         free = size = None
         if query.record is not None and query.record.links:
