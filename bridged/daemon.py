@@ -91,15 +91,16 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ) as bus:
         await greet(bus, (mission.robots[part.name].board for part in parts))
         shared: dict[str, Any] = {}
-        bridges = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
+        bound = [await bind(bus, mission, part, clock, args, shared, unit) for part in parts]
+        bridges = [bridge for bridge, _ in bound]
         await bus.permitted(puts=[key for part in parts for key in published_keys(bus, part)])
         folder = state_directory(args.state) / mission.fleet
         bus.restarts, bus.former_failure = note_start(folder, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
         work = [asyncio.create_task(bridge.run()) for bridge in bridges]
-        for part, bridge in zip(parts, bridges, strict=True):
-            work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
+        for part, (bridge, service) in zip(parts, bound, strict=True):
+            work.append(asyncio.create_task(report_health(bus, part.name, clock, service.health)))
             work.append(asyncio.create_task(watch_agents(bus, mission, part, bridge, clock)))
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
         unit.ready(status_line(bridges, bus))
@@ -117,7 +118,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
 async def bind(
     bus: Bus, mission: Mission, part: RobotSetup, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
-) -> Bridge:
+) -> tuple[Bridge, Service]:
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning or Findings."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents, mission.inject)
@@ -143,7 +144,7 @@ async def bind(
         raise Findings([mission.positions.finding(("robots", part.name), problem)]) from error
     service.open(bridge)
     bridge.orders.restore()
-    return bridge
+    return bridge, service
 
 
 def published_keys(bus: Bus, part: RobotSetup) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -24,6 +24,7 @@ from schemas.wire.records import (
     Action,
     ActionStatus,
     Cancel,
+    Health,
     LiveManifest,
     ManifestChange,
     OperatorOrder,
@@ -49,21 +50,46 @@ class Service:
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
         self._percepts = {agent: bus.publisher(keys.percepts(bus.fleet, agent), Perceptions) for agent in self._agents}
-        self._by_name = {agent: bus.raw.publisher(keys.percept(bus.fleet, agent, "*")) for agent in self._agents}
-        self._statuses = {agent: bus.raw.publisher(keys.status(bus.fleet, agent, "*")) for agent in self._agents}
+        self._changes: dict[str, list[Perception]] = {}
+        """What was published and is not put yet, by agent."""
+        self._observed: set[str] = set()
+        """Keys, with `*` for the name, of the percepts and statuses that somebody subscribes to by their names."""
+        for agent in self._agents:
+            for key in (keys.percept(bus.fleet, agent, "*"), keys.status(bus.fleet, agent, "*")):
+                bus.listened(key, partial(self._observe, key))
         self._stops = 0
         """Orders that have arrived and are not begun."""
 
+    def _observe(self, key: str, somebody: bool) -> None:
+        (self._observed.add if somebody else self._observed.discard)(key)
+
     def publish_percepts(self, agent: str, changes: Sequence[Perception]) -> None:
-        """Put changes of what an agent perceives together, and each by its name while somebody subscribes to it."""
-        self._percepts[agent].put(Perceptions(changes=tuple(changes)))
-        if self._by_name[agent].matching:
-            for perception in changes:
-                self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
+        """Put changes of what an agent perceives in the next pass of the loop, or before a record that refers to them.
+
+        What one pass has read goes out together, for all robots of the process: one wake-up of Zenoh's thread, of the
+        router and of the agents' daemon serves all of it.
+        """
+        if not self._changes:
+            asyncio.get_running_loop().call_soon(self.put_percepts)
+        self._changes.setdefault(agent, []).extend(changes)
+
+    def put_percepts(self) -> None:
+        """Put all changes so far: those of an agent together, and each by its name while somebody subscribes to it."""
+        made, self._changes = self._changes, {}
+        for agent, changes in made.items():
+            self._percepts[agent].put(Perceptions(changes=tuple(changes)))
+            if keys.percept(self._bus.fleet, agent, "*") in self._observed:
+                for perception in changes:
+                    self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
+
+    def health(self) -> Health:
+        """Return the bridge's health, of which the percepts are those that were put."""
+        self.put_percepts()
+        return self._bridge.health()
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
         """Put a status for observers, if there are any, after the agent's own answer has been sent."""
-        if self._statuses[agent].matching:
+        if keys.status(self._bus.fleet, agent, "*") in self._observed:
             key = keys.status(self._bus.fleet, agent, status.name)
             asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
@@ -81,6 +107,7 @@ class Service:
     async def _repair(self, agent: str, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""
         asked = zenoh.KeyExpr(query.key)
+        self.put_percepts()
         for perception in self._bridge.percepts.sets[agent].snapshot():
             key = keys.percept(self._bus.fleet, agent, perception.name)
             if asked.intersects(zenoh.KeyExpr(key)):
@@ -92,7 +119,7 @@ class Service:
             self._describe(agent, query)
             return None
         name = query.key.rpartition("/")[2]
-        following = _Following(query)
+        following = _Following(query, self.put_percepts)
         if self._inject or not is_by_hand(agent, query.record):
             self._bridge.action_server.ask(agent, name, query.record, following.hear)
         else:
@@ -116,9 +143,11 @@ class Service:
     def _cancel(self, agent: str, query: Query[Cancel]) -> None:
         cancel, server = query.required('expected the id of an action: {"id": "..."}'), self._bridge.action_server
         if self._inject or cancel.header.source == agent:
-            query.reply(server.cancel(agent, cancel.id, cancel.header.source or "hand"))
+            status = server.cancel(agent, cancel.id, cancel.header.source or "hand")
         else:
-            query.reply(server.leave(agent, cancel.id, BY_HAND))
+            status = server.leave(agent, cancel.id, BY_HAND)
+        self.put_percepts()
+        query.reply(status)
 
     def _read_or_change(self, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change in the query, if there is one."""
@@ -172,8 +201,9 @@ def _tell_outcome(query: Query[StopOrder], outcome: OfOrder) -> None:
 class _Following:
     """Replies to one query with each status of its action, without waiting for anything else."""
 
-    def __init__(self, query: Query[Action]) -> None:
-        self._query = query
+    def __init__(self, query: Query[Action], put_percepts: Callable[[], None]) -> None:
+        """`put_percepts` puts those that a status refers to."""
+        self._query, self._put_percepts = query, put_percepts
         self._first: ActionStatus | None = None
         """A status from within the request itself; not sent if the action is over when the request returns."""
         self._asked = False
@@ -188,6 +218,7 @@ class _Following:
                 self._first = status
                 return
             if status is not None:
+                self._put_percepts()
                 self._query.reply(status)
             if status is None or status.final:
                 self._ended.set_result(None)

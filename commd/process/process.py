@@ -24,6 +24,7 @@ from commd.bus.errors import AlreadyRunning, BusClosed, OtherMajor, QueryFailed
 from commd.bus.session import sessions_under_way, still_there
 from commd.bus.tls import Tls, tls_in
 from commd.common.clock import Clock
+from commd.common.wakeup_coalescing import CoalescingLoop
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
@@ -98,7 +99,8 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     words = ""
     report_abort(aborted)
     try:
-        code = asyncio.run(supervised())
+        with asyncio.Runner(loop_factory=CoalescingLoop) as runner:
+            code = runner.run(supervised())
         if code != EXIT_DONE:
             error = logs.last_error("")
             words = error.text if error is not None else f"exit code {code}"

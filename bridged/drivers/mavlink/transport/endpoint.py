@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.signing import reason_of
+from commd.common.wakeup_coalescing import postpone_input
 
 if TYPE_CHECKING:
     from bridged.drivers.mavlink.transport.link import Link
@@ -159,6 +160,10 @@ BURST = 32
 """Datagrams that are read in one pass of the event loop at most: what has arrived together costs one wake-up, and other
 work on the loop has its turn after some milliseconds."""
 
+PASSES, PASSES_IN_A_ROW = 100.0, 10.0
+"""Passes a second in which a busy socket is read, and how many may come sooner after a pause: the link of a vehicle or
+two is read as it sends, that of a hundred in passes that find some 25 datagrams each."""
+
 MAX_DATAGRAM = 65_536
 """Bytes."""
 
@@ -186,6 +191,9 @@ class UdpSocket(asyncio.DatagramProtocol):
         """The transport's: it reads one datagram in a pass of the event loop."""
         self._queued: Callable[[], int] = lambda: 0
         self._peers: set[object] = set()
+        self._passes_left = PASSES_IN_A_ROW
+        self._passed_at = 0.0
+        """Event loop time of the last pass."""
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
@@ -204,6 +212,7 @@ class UdpSocket(asyncio.DatagramProtocol):
             try:
                 data, addr = self._socket.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
+                self._read_empty()
                 return
             except OSError as error:
                 self.error_received(error)
@@ -214,6 +223,14 @@ class UdpSocket(asyncio.DatagramProtocol):
         key: object = addr if self._listens else "remote"
         peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
         self._link.received(peer, data, datagram=True)
+
+    def _read_empty(self) -> None:
+        """Let datagrams gather before the next pass if there were many passes lately."""
+        now = asyncio.get_running_loop().time()
+        left = min(PASSES_IN_A_ROW, self._passes_left + (now - self._passed_at) * PASSES) - 1
+        self._passes_left, self._passed_at = left, now
+        if left < 0:
+            postpone_input(-left / PASSES)
 
     def error_received(self, exc: Exception) -> None:
         self._link.counters.errors += 1

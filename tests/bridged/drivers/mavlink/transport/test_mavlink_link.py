@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
-from bridged.drivers.mavlink.transport.endpoint import ROOM_EACH
+from bridged.drivers.mavlink.transport.endpoint import PASSES, PASSES_IN_A_ROW, ROOM_EACH, UdpSocket
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.link import MAX_PEERS, Link, LinkError, open_link
+from commd.common.wakeup_coalescing import CoalescingLoop
 from tests.support.amount import some_of
 from tests.support.buses import async_test, until
 from tests.support.ports import free_port
@@ -341,6 +342,41 @@ async def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_e
         for vehicle in vehicles.values():
             assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 120)
     await listening.close()
+
+
+def test_a_quiet_link_is_read_as_it_sends_and_a_busy_one_in_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    passes, take = list[float](), UdpSocket.datagram_received
+
+    def note(wire: UdpSocket, data: bytes, addr: tuple[str, int]) -> None:
+        passes.append(asyncio.get_running_loop().time())
+        take(wire, data, addr)
+
+    monkeypatch.setattr(UdpSocket, "datagram_received", note)
+
+    async def talk() -> None:
+        station, vehicle, port = Ear(), Ear(), free_port()
+        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+        calling = await vehicle.open(f"udpout:127.0.0.1:{port}", 1)
+        for sent in range(1, 5):
+            calling.send(heartbeat())
+            await until(lambda sent=sent: len(station.heard) == sent, "each is read")  # type: ignore[misc]
+        assert len(passes) == 4
+        loop = asyncio.get_running_loop()
+        begun = loop.time()
+
+        def send(left: int) -> None:
+            calling.send(heartbeat())
+            if left > 1:
+                loop.call_later(0.001, send, left - 1)
+
+        send(300)
+        await until(lambda: len(station.heard) == 304, "all are read")
+        assert len(passes) - 4 <= PASSES_IN_A_ROW + PASSES * (loop.time() - begun) + 1
+        await calling.close()
+        await listening.close()
+
+    with asyncio.Runner(loop_factory=CoalescingLoop) as runner:
+        runner.run(talk())
 
 
 @async_test
