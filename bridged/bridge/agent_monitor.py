@@ -10,7 +10,7 @@ from bridged.bridge.bridge import Bridge
 from bridged.bridge.robot_setup import RobotSetup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
-from commd.common.tasks import wait_at_most
+from commd.common.tasks import in_step, wait_at_most
 from commd.liveness.presence import Presence, Silence
 from schemas.mission.model import Mission
 from schemas.wire import keys
@@ -128,4 +128,4 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
         somebody = bool(presence.known() - lost) or not bridge.driver.active
         bridge.driver.speak_for_agent(not gone and somebody)
         changed.clear()
-        await wait_at_most(changed, WATCH_EVERY)
+        await wait_at_most(changed, in_step(asyncio.get_running_loop().time(), WATCH_EVERY))

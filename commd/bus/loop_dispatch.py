@@ -31,7 +31,8 @@ class LoopDispatch:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, counters: Counter[str]) -> None:
         self.loop, self.counters = loop, counters
-        self._waiting: deque[tuple[Callable[[Any], None], Any]] = deque()
+        self._waiting: deque[tuple[Callable[[Any], None], deque[Any]]] = deque()
+        """Functions, each with a queue whose next item it is called with."""
         self._called = False
         """Whether the loop is going to run `_run`."""
         self._running = False
@@ -39,7 +40,10 @@ class LoopDispatch:
 
     def put(self, function: Callable[[Any], None], item: Any) -> None:
         """Call `function(item)` on the loop; from any thread."""
-        self._waiting.append((function, item))
+        self._put_next(function, deque((item,)))
+
+    def _put_next(self, function: Callable[[Any], None], items: deque[Any]) -> None:
+        self._waiting.append((function, items))
         if self._called and not self.loop.is_closed():
             return
         self._called = True
@@ -59,9 +63,6 @@ class LoopDispatch:
         """
         waiting: deque[Any] = deque()
 
-        def deliver_next(_: None) -> None:
-            deliver(waiting.popleft())
-
         def arrived(item: Any) -> None:
             if len(waiting) >= BACKLOG:
                 self.counters["dropped"] += 1
@@ -69,7 +70,7 @@ class LoopDispatch:
                     refuse(item)
                 return
             waiting.append(item)
-            self.put(deliver_next, None)
+            self._put_next(deliver, waiting)
 
         return zenoh.handlers.Callback(arrived, indirect=False)
 
@@ -109,8 +110,8 @@ class LoopDispatch:
             for number in count():
                 if not self._waiting or (number >= AT_ONCE and monotonic() >= until):
                     break
-                function, item = self._waiting.popleft()
-                self.call(function, item)
+                function, items = self._waiting.popleft()
+                self.call(function, items.popleft())
         finally:
             self._running = False
             if self._waiting and not self._called:

@@ -155,7 +155,7 @@ class PerceptSync:
             self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
             return
         family = perception.name, len(perception.parameters)
-        beside = self._by_hand.percepts.family(*family)
+        beside = bool(len(self._by_hand.percepts)) and self._by_hand.percepts.family(*family)
         before = self.percepts.family(*family) if beside else []
         life = self.percepts.boot
         if self.percepts.apply(perception):

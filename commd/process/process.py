@@ -260,7 +260,7 @@ async def report_health(
             note = Note("health_unsendable", one_line(f"its health cannot be sent: {bad}"))
             record = Health(**plain, notes=(note,), agents=bare)
         bus.put(keys.health(bus.fleet, name, bus.daemon), record, urgent=True)
-        await asyncio.sleep(HEALTH_EVERY)
+        await asyncio.sleep(HEALTH_EVERY - asyncio.get_running_loop().time() % LAG_EVERY)  # when others wake as well
 
 
 def _with_agents(health: Health, agents: Agents) -> Health:

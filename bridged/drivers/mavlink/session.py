@@ -120,7 +120,7 @@ class VehicleSession:
         vehicle.receive(message, self.flight.now)
         if name == "HEARTBEAT" and vehicle.unknown_autopilot != unknown:
             self._autopilot_changed()
-        self.streams.count(name)
+        self.streams.received[name] += 1
         if name in self._sources and name != "HEARTBEAT":  # that one is reported with its mode's name
             self._on_reading(Reading(name, MessageFields(message)))
         if vehicle.reboots != reboots:

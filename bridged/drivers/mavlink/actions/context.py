@@ -348,11 +348,10 @@ class LimitWatch:
         before, broken = self.outside, self._broken()
         if broken or not self._broken(0.0):
             self.outside = broken
-        steered = vehicle.mode in (modes.guided, modes.auto)
+        if not broken or before or not vehicle.aloft or vehicle.mode not in (modes.guided, modes.auto):
+            return ""
         leaving = self._flight.expects(modes.rtl) or self._flight.expects(modes.land)
-        if broken and not before and vehicle.aloft and steered and not leaving:
-            return f"the vehicle left the mission's limits: {broken}"
-        return ""
+        return "" if leaving else f"the vehicle left the mission's limits: {broken}"
 
     def _broken(self, margin: float = MARGIN) -> str:
         limits, vehicle = self._flight.limits, self._flight.vehicle

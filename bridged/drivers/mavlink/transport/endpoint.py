@@ -205,26 +205,22 @@ class UdpSocket(asyncio.DatagramProtocol):
             self._add_peer("remote", str(self._link.address), None)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._received(data, addr)
-        for _ in range(BURST - 1):
-            if self._socket is None:
+        for left in range(BURST - 1, -1, -1):
+            key: object = addr if self._listens else "remote"
+            peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
+            self._link.received(peer, data, datagram=True)
+            if self._socket is None or not left:
                 return
             try:
                 data, addr = self._socket.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
-                self._read_empty()
+                self._let_gather()
                 return
             except OSError as error:
                 self.error_received(error)
                 return
-            self._received(data, addr)
 
-    def _received(self, data: bytes, addr: tuple[str, int]) -> None:
-        key: object = addr if self._listens else "remote"
-        peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
-        self._link.received(peer, data, datagram=True)
-
-    def _read_empty(self) -> None:
+    def _let_gather(self) -> None:
         """Let datagrams gather before the next pass if there were many passes lately."""
         now = asyncio.get_running_loop().time()
         left = min(PASSES_IN_A_ROW, self._passes_left + (now - self._passed_at) * PASSES) - 1

@@ -1,12 +1,13 @@
 """The messages that a vehicle is asked to send, and their fields (facts/arducopter.md, Streams).
 
 An autopilot sends little unasked, forgets what it was asked when it reboots, and other ground stations on the link
-change its rates. Pure: it counts messages and returns the next requests.
+change its rates. Pure: messages by name go in, the next requests come out.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -54,12 +55,11 @@ class _Stream:
     asked: float = 0.0
     """Hz asked for last."""
     denied: bool = False
-    received: int = 0
     pending: MavlinkCommand | None = None
 
-    def starved(self, window: float) -> bool:
-        """Whether fewer than half of the messages came in the `window` seconds that end now."""
-        return not self.denied and self.name not in SPORADIC and self.received < self.asked * window / 2
+    def starved(self, received: int, window: float) -> bool:
+        """Whether fewer than half of the messages were `received` in the `window` seconds that end now."""
+        return not self.denied and self.name not in SPORADIC and received < self.asked * window / 2
 
 
 class Streams:
@@ -69,6 +69,8 @@ class Streams:
     """
 
     def __init__(self, manifest: Manifest, commands: Commands, speed: float) -> None:
+        self.received: Counter[str] = Counter()
+        """Messages by name in the present window; counted by the session."""
         self.requested = 0
         """Intervals asked for so far."""
         self._commands = commands
@@ -93,11 +95,6 @@ class Streams:
                 self._ask(known, now)
         if self._judge_at < math.inf:
             self._open_window(now)
-
-    def count(self, name: str) -> None:
-        """Count a message of this name."""
-        if stream := self._streams.get(name):
-            stream.received += 1
 
     def request(self, now: float) -> None:
         """Request all streams, as after a connect or a reboot."""
@@ -135,7 +132,8 @@ class Streams:
                 if (unheard or stream.asked != self._rate(stream)) and self._judge_at < math.inf:
                     self._ask(stream, now)
         if now >= self._judge_at:
-            starved = [stream for stream in self._streams.values() if stream.starved(self._window)]
+            streams = self._streams.values()
+            starved = [stream for stream in streams if stream.starved(self.received[stream.name], self._window)]
             self._starved = [stream.name for stream in starved]
             for stream in starved:
                 self._ask(stream, now)
@@ -169,8 +167,7 @@ class Streams:
         return self._commands.submit(MavlinkCommand(command, parameters, ASK), now)
 
     def _open_window(self, now: float) -> None:
-        for stream in self._streams.values():
-            stream.received = 0
+        self.received.clear()
         self._judge_at = now + self._window
 
 
