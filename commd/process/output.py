@@ -8,11 +8,12 @@ heartbeats of a vehicle. Lines to the journal begin with their priority, `<4>` (
 from __future__ import annotations
 
 import os
-import queue
+import select
 import stat
 import sys
 import threading
 import time
+from collections import deque
 from functools import cache
 
 from msgspec.structs import replace
@@ -26,6 +27,9 @@ LINES = 10_000
 DEBUG, INFORMATIONAL, NOTICE, WARNING, ERROR, CRITICAL = 7, 6, 5, 4, 3, 2
 """Priorities as syslog(3) counts them."""
 _LEVELS: dict[int, Level] = {NOTICE: "notice", WARNING: "warning", ERROR: "error", CRITICAL: "error"}
+GATHERING = 0.005
+"""Wall seconds after a write in which further lines wait for the next one: to wake the thread for each of them costs
+the event loop more than the lines themselves."""
 FLUSH = 0.5
 """Wall seconds for the reader to take the last lines when the daemon ends."""
 
@@ -41,7 +45,11 @@ class Output:
         self.dropped = 0
         """Lines dropped so far: not read, or not writable."""
         self._descriptor, self._encoding = descriptor, encoding
-        self._waiting: queue.Queue[bytes] = queue.Queue(lines)
+        self._lines = lines
+        self._waiting: deque[bytes] = deque()
+        self._there = threading.Event()
+        """Set when the first line waits."""
+        self._writing = False
         self._reported = 0
         self._to_journal = _is_journal(descriptor)
         threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
@@ -76,32 +84,48 @@ class Output:
             # a text must not fake a priority or an agent
             prefix = (f"<{priority}>" if self._to_journal else "") + (f"[{agent}] " if agent else "")
             data = "\n".join(f"{prefix}{line}" for line in lines).encode(self._encoding, "backslashreplace")
-        try:
-            self._waiting.put_nowait(data + b"\n")
-        except queue.Full:
+        if len(self._waiting) >= self._lines:
             self.dropped += 1
+            return
+        self._waiting.append(data + b"\n")
+        if not self._there.is_set():
+            self._there.set()
 
     def flush(self, patience: float = FLUSH) -> None:
         """Wait until everything has been written, at most `patience` wall seconds."""
         until = time.monotonic() + patience
-        while self._waiting.unfinished_tasks and time.monotonic() < until:
+        while (self._waiting or self._writing) and time.monotonic() < until:
             time.sleep(0.005)
 
     def _run(self) -> None:
         while True:
-            line = self._waiting.get()
-            if self.dropped > self._reported:
-                prefix = "<4>" if self._to_journal else ""
-                report = f"{prefix}({self.dropped - self._reported} lines were dropped: they were not read)\n"
-                line = report.encode() + line
-                self._reported = self.dropped
-            try:
-                while line:
-                    line = line[os.write(self._descriptor, line) :]
-            except OSError:  # closed by its reader
-                self.dropped += 1
-                self._reported = self.dropped
-            self._waiting.task_done()
+            self._there.wait()
+            self._there.clear()
+            while self._waiting:
+                self._writing = True
+                while self._waiting:
+                    self._write_some()
+                self._writing = False
+                time.sleep(GATHERING)
+
+    def _write_some(self) -> None:
+        """Write lines that wait: no more than arrive whole beside those of other processes, but one at least."""
+        lines = [self._waiting.popleft()]
+        size = len(lines[0])
+        while self._waiting and (size := size + len(self._waiting[0])) <= select.PIPE_BUF:
+            lines.append(self._waiting.popleft())
+        data = b"".join(lines)
+        if self.dropped > self._reported:
+            prefix = "<4>" if self._to_journal else ""
+            report = f"{prefix}({self.dropped - self._reported} lines were dropped: they were not read)\n"
+            data = report.encode() + data
+            self._reported = self.dropped
+        try:
+            while data:
+                data = data[os.write(self._descriptor, data) :]
+        except OSError:  # closed by its reader
+            self.dropped += len(lines)
+            self._reported = self.dropped
 
 
 def _is_journal(descriptor: int) -> bool:
