@@ -17,7 +17,6 @@ from agentd.mind.data.inputs import Input, SignalRaised, TooDeep
 from agentd.mind.data.registry import Library
 from agentd.mind.execution.cycle import run_cycles
 from agentd.mind.execution.dropping import fail_too_deep
-from agentd.mind.execution.event_selection import take_event, take_event_recorded
 from agentd.mind.execution.generated_code_api import RUNTIME
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
@@ -78,7 +77,7 @@ class Mind(MindState):
     and restored (`agentd.mind.persistence.change_tracking`).
     """
 
-    __slots__ = ("_cycles", "_queries", "program")
+    __slots__ = ("_queries", "program")
 
     recorder: Decisions | None
 
@@ -127,20 +126,17 @@ class Mind(MindState):
             clock=clock,
             agents=agents,
             on_input=on_input,
-            take_event=take_event,
         )
         self.program = program
         self._queries: dict[int, tuple[Any, Any]] = {}
-        self._cycles: Callable[[MindState, int], None] = run_cycles
         if decisions or on_decision is not None:
             tell = None if on_decision is None else (lambda record: on_decision(view_of(self, record)))
             self.recorder = Decisions(self, max(1, decisions), tell)
-            self.take_event = take_event_recorded
         selectors = selectors_of(self, (select_message, select_event, select_option, select_intention))
         if "select_option" in selectors:
             self.plans.choose_options(by_function(selectors.pop("select_option")))
         if selectors:
-            self._cycles = Chooser(self, selectors).run_cycles
+            self.turns = Chooser(self, selectors)
         if keeper is None:
             load_program(self, program)
         else:
@@ -167,7 +163,7 @@ class Mind(MindState):
         if sleeps:
             wake_up(self)
         try:
-            self._cycles(self, cycles)
+            run_cycles(self, cycles)
         except RecursionError:
             self.effects.append(Log("error", "a term or rule is too deep; what it was needed for is lost"))
         current = self.current

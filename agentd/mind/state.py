@@ -127,16 +127,8 @@ class Drops:
 class Recorder(Protocol):
     """Takes a mind's decisions and failures: `agentd.mind.introspection.decision_log.Decisions`."""
 
-    note: Callable[[Any], None]
-    large_lists: int
-
-    def let_go(self) -> None: ...
     def given(self, cycle: int, item: Input) -> None: ...
     def posted(self, event: Event) -> None: ...
-    def origin_of(self, event: Event) -> Any: ...
-    def select_after(
-        self, trail: Trail, event: Event, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
-    ) -> Frame | None: ...
     def decided(
         self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool
     ) -> None: ...
@@ -146,6 +138,32 @@ class Recorder(Protocol):
     def dropped(self, frames: Sequence[Frame]) -> None: ...
     def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]: ...
     def last_rejected(self) -> Sequence[tuple[Any, Any]]: ...
+
+
+class Turns(Protocol):
+    """Moves what a cycle takes next to the front of its queue. False: nothing is to be taken in this cycle."""
+
+    def message(self) -> bool:
+        """Choose one of the messages, of which there are some."""
+
+    def event(self) -> bool:
+        """Choose one of the events, of which there are some."""
+
+    def intention(self) -> bool:
+        """Choose one of the intentions that can run, if there is any."""
+
+    def over(self) -> bool:
+        """Whether nothing is left to do, after a cycle that has run no intention."""
+
+
+class Origins(Protocol):
+    """Notes where intentions come from: `agentd.mind.persistence.pending_events.Origins`."""
+
+    def take(self, event: Event) -> None:
+        """Note an event that is to get a plan."""
+
+    def taken(self, event: Event) -> None:
+        """Note what has become of it."""
 
 
 @dataclass(slots=True, eq=False, repr=False, kw_only=True)
@@ -245,8 +263,10 @@ class MindState:
     """Takes each message as it is sent, or raises `Failed` for the plan; None: messages are effects like others."""
     recorder: Recorder | None = None
     """Gets each decision and failure, and what may cause them; None: decisions are not recorded."""
-    take_event: Callable[[MindState, Event], bool]
-    """Takes an event: `agentd.mind.execution.event_selection.take_event`, or what records or keeps besides."""
+    origins: Origins | None = None
+    """Is notified before and after each event is given a plan; None: the mind is not kept."""
+    turns: Turns | None = None
+    """Chooses what is next; None: the oldest message, the oldest event, and intentions in turn."""
 
     open_beliefs: OpenBeliefs = field(init=False)
     queues: tuple[
@@ -362,7 +382,7 @@ class MindState:
     def new_intention(self) -> Intention:
         """An intention with the next id, not yet running."""
         self.intention_count += 1
-        return Intention(self.intention_count)
+        return Intention(self.intention_count, [], [])
 
     def all_intentions(self) -> list[Intention]:
         """Every intention once: the current one, running, in events, waiting, suspended; by id."""

@@ -144,12 +144,10 @@ class Intention:
     held: Event | None
     """The event of its next goal, which ``.suspend`` has taken out of the queue; with an empty stack its first one."""
 
-    def __init__(self, number: int) -> None:
-        self.id = number
-        self.stack: list[Frame] = []
+    def __init__(self, number: int, stack: list[Frame], trail: list[Var]) -> None:
+        self.id, self.stack, self.trail = number, stack, trail
         self.last: Step | None = None
         """The formula that was run last: the one that it waits in, while it waits."""
-        self.trail: list[Var] = []
         """The variables bound so far that a failure may have to free again."""
         self.waiting = self.suspended = self.action = self.branch = self.held = None
         self.since = 0.0

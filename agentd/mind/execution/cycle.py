@@ -1,24 +1,31 @@
-"""The reasoning cycle: inputs, due timers, conditions, one message, one event, one formula of one intention."""
+"""The reasoning cycle: inputs, due timers, conditions, one message, one event, one formula of one intention.
+
+What each cycle does is written here in one function: a call of another one for each event and each formula would take a
+tenth of a mind's time.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
+from agentd.mind.beliefs.unification import undo
+from agentd.mind.beliefs.work_limit import MOST_STEPS
+from agentd.mind.data.intention import MARK, PLAN, RELEVANT, STEP, Frame, Intention
 from agentd.mind.execution.dropping import check_goal_conditions
-from agentd.mind.execution.execution import run_intention
+from agentd.mind.execution.event_selection import begin_special, no_plan, of_the_others, take_place
+from agentd.mind.execution.execution import end_frames, formula_failed
 from agentd.mind.execution.input_handling import take_inputs
 from agentd.mind.execution.messages import receive
-from agentd.mind.execution.waiting import check_conditions
+from agentd.mind.execution.waiting import check_conditions, hear
+from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.state import MindState
-
-if TYPE_CHECKING:
-    from agentd.mind.data.inputs import Mail
 
 
 def run_cycles(mind: MindState, cycles: int) -> None:
     """Run at most ``cycles`` cycles; stop after the first that has an effect or leaves nothing to do."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
-    effects, take_event = mind.effects, mind.take_event
+    effects, library, origins, turns = mind.effects, mind.plans, mind.origins, mind.turns
+    atomic: Intention | None = None
     for _ in range(cycles):
         mind.cycle += 1
         if (
@@ -40,59 +47,154 @@ def run_cycles(mind: MindState, cycles: int) -> None:
             mind.changes_seen = mind.changes
             check_conditions(mind)
             check_goal_conditions(mind)
-        if mind.atomic is not None:
-            if not atomic_cycle(mind):
-                return
-            if effects:
+        if mind.atomic is not atomic:
+            atomic = mind.atomic
+            turns = mind.turns if atomic is None else AtomicTurns(mind, atomic)
+        if mailbox and (turns is None or turns.message()):
+            mail = mailbox.popleft()
+            if mind.on_input is not None:
+                mind.on_input(mind.cycle, mail)
+            if mind.recorder is not None:
+                mind.recorder.given(mind.cycle, mail)
+            receive(mind, mail)
+            if atomic is not None and atomic.waiting is not None:
+                if effects:
+                    return
+                continue
+        while events and (turns is None or turns.event()):
+            event = events.popleft()
+            relevant, args, annots, intention = event
+            mind.steps_left = MOST_STEPS
+            if intention is None:
+                trail: list[Any] = []
+                mark = 0
+            else:
+                trail = intention.trail
+                mark = len(trail)
+            if mind.listeners and relevant.goal:
+                hear(mind, relevant, args, annots)
+            if origins is not None:
+                origins.take(event)
+            plan = None
+            frame: Frame | None = None
+            try:
+                if library.select is not None:
+                    frame = library.select(mind, trail, event)
+                else:
+                    for plan in relevant.plans:
+                        frame = plan.select(mind, trail, relevant, args, annots)
+                        if frame is not None:
+                            break
+                        if len(trail) > mark:
+                            undo(trail, mark)
+            except Exception as error:  # an internal action may raise anything; it must not end the mind
+                context_failed(mind, relevant, plan, error)
+                undo(trail, mark)
+                frame = None if plan is None else of_the_others(mind, trail, event, plan)
+            if frame is None:
+                taken = no_plan(mind, event)
+                if origins is not None:
+                    origins.taken(event)
+                if taken:
+                    break
+                continue
+            if trail:
+                frame[MARK] = mark
+            if intention is None:
+                mind.intention_count = number = mind.intention_count + 1
+                stack = [frame]
+                intention = Intention(number, stack, trail)
+            else:
+                stack = intention.stack
+                if not stack:
+                    stack.append(frame)
+                else:
+                    caller = stack[-1]
+                    if caller[STEP] is not None or caller[RELEVANT].tail is not relevant.call or caller[PLAN].special:
+                        stack.append(frame)
+                    elif len(trail) > caller[MARK]:
+                        take_place(intention, frame)
+                    else:
+                        stack[-1] = frame
+            if library.has_meta or frame[PLAN].special:
+                begin_special(mind, intention, frame)
+            if origins is not None:
+                origins.taken(event)
+            if intention.suspended is not None:
+                if stack:
+                    mind.suspended[intention.id] = intention
+            elif stack:
+                running.append(intention)
+            break
+        if turns is None:
+            if not running or mind.atomic is not None:
+                if effects or not (events or inputs or mailbox):
+                    return
+                continue
+        elif not turns.intention():
+            if effects or turns.over():
                 return
             continue
-        if mailbox:
-            mail = mailbox.popleft()
-            if mind.on_input is None and mind.recorder is None:  # nobody to notify: one call less for each message
-                receive(mind, mail)
-            else:
-                take_mail(mind, mail)
-        while events:
-            if take_event(mind, events.popleft()):
-                break
-        if running and mind.atomic is None:
-            run_intention(mind, running.popleft())
-        elif not (events or inputs or mailbox):
-            return
+        intention = running.popleft()
+        stack = intention.stack
+        frame = stack[-1]
+        step = frame[STEP]
+        if step is not None:
+            mind.steps_left = MOST_STEPS
+            frame[STEP] = step.next
+            intention.last = step
+            mind.current = intention
+            try:
+                waits = step.run(mind, intention, frame)
+            except Exception as error:  # an internal action may raise anything; it must not end the mind
+                formula_failed(mind, intention, step, frame, error)
+                waits = True
+            if waits:
+                if effects:
+                    return
+                continue
+            frame = stack[-1]
+        if frame[STEP] is not None or end_frames(mind, intention):
+            running.append(intention)
         if effects:
             return
 
 
-def take_mail(mind: MindState, mail: Mail) -> None:
-    """Handle one message out of the mailbox."""
-    if mind.on_input is not None:
-        mind.on_input(mind.cycle, mail)
-    if mind.recorder is not None:
-        mind.recorder.given(mind.cycle, mail)
-    receive(mind, mail)
+class AtomicTurns:
+    """The turns while an atomic plan runs: messages, and its own events and formulas alone."""
 
+    def __init__(self, mind: MindState, atomic: Intention) -> None:
+        self._mind, self._atomic = mind, atomic
 
-def atomic_cycle(mind: MindState) -> bool:
-    """A cycle while an atomic plan runs: one message, then its own events and formulas alone. False when it waits."""
-    atomic = mind.atomic
-    assert atomic is not None
-    if mind.mailbox and not mind.crowded:  # an event waits for the plan's end and needs room
-        take_mail(mind, mind.mailbox.popleft())
-        if atomic.waiting is not None:
-            return True
-    events, running = mind.events, mind.running
-    if not running or running[-1] is not atomic:
+    def message(self) -> bool:
+        """A message may be taken, unless its event has no room: it waits for the plan's end."""
+        return not self._mind.crowded
+
+    def event(self) -> bool:
+        """Move the plan's own event, if it waits for one, to the front."""
+        atomic, events, running = self._atomic, self._mind.events, self._mind.running
+        if running and running[-1] is atomic:
+            return False
         for place in range(len(events) - 1, -1, -1):  # its own is the last one as a rule
             event = events[place]
             if event[3] is atomic:
                 del events[place]
-                mind.take_event(mind, event)
-                break
-    if running and running[-1] is atomic:  # as a rule
-        running.pop()
-    elif atomic in running:
-        running.remove(atomic)
-    else:
-        return mind.atomic is not atomic or mind.atomic_can_run
-    run_intention(mind, atomic)
-    return True
+                events.appendleft(event)
+                return True
+        return False
+
+    def intention(self) -> bool:
+        """Move the plan's intention to the front, if it can run."""
+        atomic, running = self._atomic, self._mind.running
+        if running and running[-1] is atomic:  # as a rule
+            running.pop()
+        elif atomic in running:
+            running.remove(atomic)
+        else:
+            return False
+        running.appendleft(atomic)
+        return True
+
+    def over(self) -> bool:
+        """Whether the plan waits for something else than a message."""
+        return self._mind.atomic is self._atomic and not self._mind.atomic_can_run

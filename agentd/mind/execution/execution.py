@@ -38,30 +38,6 @@ _MOST_GOALS: Final = 5
 _MOST_NOTED: Final = 1000
 
 
-def run_intention(mind: MindState, intention: Intention) -> None:
-    """One formula of one intention."""
-    frame = intention.stack[-1]
-    step = frame[STEP]
-    if step is not None:
-        mind.steps_left = MOST_STEPS
-        frame[STEP] = step.next
-        intention.last = step
-        mind.current = intention
-        try:
-            if step.run(mind, intention, frame):
-                return
-        except Exception as error:  # an internal action may raise anything; it must not end the mind
-            failed = as_failed(error)
-            if failed.error == "test_goal_failed" and not failed.message:
-                code = code_of(step, frame)
-                failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
-            step_failed(mind, intention, step, frame, failed)
-            return
-    if intention.stack[-1][STEP] is None and not end_frames(mind, intention):
-        return
-    mind.running.append(intention)
-
-
 def end_frames(mind: MindState, intention: Intention) -> bool:
     """Remove the plans that have ended. Return whether there is a formula to run now."""
     stack, has_meta = intention.stack, mind.plans.has_meta
@@ -152,6 +128,15 @@ def fail_parent(mind: MindState, intention: Intention, extra: tuple[Term, ...], 
 
 
 # --- failure ---
+
+
+def formula_failed(mind: MindState, intention: Intention, step: Step, frame: Frame, error: Exception) -> None:
+    """The function of a formula has raised an error."""
+    failed = as_failed(error)
+    if failed.error == "test_goal_failed" and not failed.message:
+        code = code_of(step, frame)
+        failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
+    step_failed(mind, intention, step, frame, failed)
 
 
 def step_failed(mind: MindState, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:

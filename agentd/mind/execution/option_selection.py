@@ -27,12 +27,7 @@ from agentd.language.terms.terms import Code, Literal, Term, Var, atom, deref, m
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.intention import Event, Frame
-from agentd.mind.execution.cycle import atomic_cycle, take_mail
-from agentd.mind.execution.dropping import check_goal_conditions
-from agentd.mind.execution.execution import run_intention
-from agentd.mind.execution.input_handling import take_inputs
 from agentd.mind.execution.intention_terms import stack_of
-from agentd.mind.execution.waiting import check_conditions
 from agentd.mind.introspection.decision_views import PASSED_OVER
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held_all
@@ -67,7 +62,7 @@ class WaitingEvent(Struct, frozen=True):
 
 
 class Chooser:
-    """The selection functions of a mind that has some, and the cycle that asks them."""
+    """The turns of a mind that has selection functions."""
 
     def __init__(self, mind: MindState, selectors: dict[str, Selector]) -> None:
         self._mind = mind
@@ -75,47 +70,43 @@ class Chooser:
         self._intention = selectors.get("select_intention")
         self._idle: dict[str, int] = {}
 
-    def run_cycles(self, mind: MindState, cycles: int) -> None:
-        """As `agentd.mind.execution.cycle.run_cycles`, asking the selection functions."""
-        inputs, mailbox, events, running, effects = mind.inputs, mind.mailbox, mind.events, mind.running, mind.effects
-        while cycles:
-            cycles -= 1
-            begin_cycle(mind)
-            if mind.atomic is not None:
-                if not atomic_cycle(mind) or effects:
-                    return
-                continue
-            if mailbox:
-                mail = self._take(mailbox, self._message, "select_message", _itself)
-                if mail is not None:
-                    take_mail(mind, mail)
-            while events:
-                taken = self._take(events, self._event, "select_event", WaitingEvent.of)
-                if taken is None or mind.take_event(mind, taken):
-                    break
-            if running and mind.atomic is None:
-                intention = self._take(running, self._intention, "select_intention", _itself)
-                if intention is not None:
-                    run_intention(mind, intention)
-            elif not (events or inputs or mailbox):
-                return
-            if effects:
-                return
+    def message(self) -> bool:
+        """Move the message that its function chooses to the front."""
+        return self._move(self._mind.mailbox, self._message, "select_message", _itself)
 
-    def _take(self, queue: deque[Any], selector: Selector | None, name: str, view: Callable[[Any], Any]) -> Any:
-        """Take the item out of a queue that the selection function chooses; None if it chooses nothing."""
+    def event(self) -> bool:
+        """Move the event that its function chooses to the front."""
+        return self._move(self._mind.events, self._event, "select_event", WaitingEvent.of)
+
+    def intention(self) -> bool:
+        """Move the intention that its function chooses to the front, unless an atomic plan has just begun."""
+        mind = self._mind
+        if not mind.running or mind.atomic is not None:
+            return False
+        return self._move(mind.running, self._intention, "select_intention", _itself)
+
+    def over(self) -> bool:
+        """Whether there is nothing to choose from."""
+        mind = self._mind
+        if mind.running and mind.atomic is None:
+            return False
+        return not (mind.events or mind.inputs or mind.mailbox)
+
+    def _move(self, queue: deque[Any], selector: Selector | None, name: str, view: Callable[[Any], Any]) -> bool:
+        """Move the item that a selection function chooses to the front of its queue; False if it chooses nothing."""
         if selector is None:
-            return queue.popleft()
+            return True
         place = choose(self._mind, selector, name, [view(item) for item in queue])
         if place is None:
             self._idle[name] = self._idle.get(name, 0) + 1
             if self._idle[name] == PATIENCE:
                 self._mind.warn_once(f"{name} has chosen none of {len(queue)} for {PATIENCE} cycles")
-            return None
+            return False
         self._idle[name] = 0
         item = queue[place]
         del queue[place]
-        return item
+        queue.appendleft(item)
+        return True
 
 
 def choose(mind: MindState, selector: Selector, name: str, items: Sequence[Any]) -> int | None:
@@ -137,20 +128,6 @@ def choose(mind: MindState, selector: Selector, name: str, items: Sequence[Any])
 
 def _itself(item: Any) -> Any:
     return item
-
-
-def begin_cycle(mind: MindState) -> None:
-    """The part of a cycle before messages and events."""
-    mind.cycle += 1
-    if mind.inputs:
-        take_inputs(mind)
-    timers = mind.timers.heap
-    if timers and timers[0].due <= mind.now:
-        mind.timers.run(mind.now)
-    if (mind.conditions or mind.goal_conditions) and mind.changes != mind.changes_seen:
-        mind.changes_seen = mind.changes
-        check_conditions(mind)
-        check_goal_conditions(mind)
 
 
 NAMES: Final = ("select_message", "select_event", "select_option", "select_intention")

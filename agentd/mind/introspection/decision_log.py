@@ -1,8 +1,8 @@
 """The decision log: the last decisions of a mind with the rejected plans and the reasons, and the last failures.
 
 It is a mode of the compiled mind: plans are compiled to return the literal of their context that failed
-(`agentd.language.compiler.units`), and events are taken by
-`agentd.mind.execution.event_selection.take_event_recorded`. Without it nothing here runs.
+(`agentd.language.compiler.units`), and `Decisions.select_in_order` finds the plans for events. Without it
+nothing here runs.
 
 A record refers to immutable terms, and holds short copies of others (`agentd.mind.introspection.term_snapshot`), so it
 shows the state at the time of the decision. It becomes text on demand only
@@ -135,7 +135,7 @@ class Decisions:
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
             mind.compiler.form = "trace"
-        mind.plans.select_slowly = self.select
+        mind.plans.select, mind.plans.select_slowly = self.select_in_order, self.select
 
     def records(self) -> list[Decision | Failure]:
         """The records, oldest first."""
@@ -204,6 +204,46 @@ class Decisions:
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
+    def select_in_order(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
+        """Find the plan for an event among the relevant ones, and note how; no plan is nested."""
+        relevant, args, annots, intention = event
+        if self.large_lists != LargeLists.made:
+            self.let_go()
+        frame = plan = rejected = None
+        mark, shown = len(trail), args
+        for term in args:
+            if type(term) is not float and type(term) is not str and not (type(term) is Literal and term.ground):
+                shown = held_all(args)
+                break
+        try:
+            for plan in relevant.plans:
+                found = plan.trace(mind, trail, relevant, args, annots)
+                if type(found) is list:
+                    frame = found
+                    break
+                if len(trail) > mark:
+                    undo(trail, mark)
+                if rejected is None:
+                    rejected = [(plan, found)]
+                else:
+                    rejected.append((plan, found))
+        except Exception as error:  # an internal action may raise anything; it must not end the mind
+            undo(trail, mark)
+            return self._select_after(trail, event, plan, rejected or [], error)
+        if frame is None or shown is not args or len(trail) > mark:
+            self.decided(event, shown, rejected, frame, len(trail) > mark)
+            return frame
+        if annots is not SELF and not (len(annots) == 1 and type(annots[0]) is Literal and annots[0].ground):
+            annots = held_all(annots)
+        if intention is not None:
+            stack = intention.stack
+            below = stack[-1] if stack else None
+            self.note((mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots))
+        else:
+            begun, origin = mind.intention_count + 1, self.origin_of(event)
+            self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin))
+        return frame
+
     def select(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
         """Find the plan for an event as `agentd.mind.plans.nested_plans.select`, and note how."""
         mind.plans.taken = event
@@ -212,7 +252,7 @@ class Decisions:
         finally:
             mind.plans.taken = None
 
-    def select_after(
+    def _select_after(
         self, trail: Trail, event: Event, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
     ) -> Frame | None:
         """Go on after a plan whose context could not be computed, and note it all."""
@@ -246,6 +286,8 @@ class Decisions:
 
     def decided(self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool) -> None:
         """Note a decision; ``args`` are the arguments before, ``bound`` is whether selection bound variables."""
+        if self.large_lists != LargeLists.made:
+            self.let_go()
         mind = self._mind
         relevant, given, annots, intention = event
         if annots is not SELF and annots is not PERCEPT:

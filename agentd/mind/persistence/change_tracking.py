@@ -81,7 +81,7 @@ class Keeper:
             self._restore(mind, program, self._stored)
             self._stored = None
         self._origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
-        mind.take_event = self._origins.take_event
+        mind.origins = self._origins
         for event in mind.events:
             self._origins.mark(event, Origin.NEVER)
 

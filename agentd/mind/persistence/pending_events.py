@@ -82,11 +82,11 @@ class _Root(NamedTuple):
 
 
 class Origins:
-    """Tracks the origins of a mind's events and intentions. Its `take_event` replaces the mind's."""
+    """Tracks the origins of a mind's events and intentions."""
 
     def __init__(self, mind: MindState, places: int) -> None:
         """``places`` in the queue were given before, in a former life."""
-        self._mind, self._take = mind, mind.take_event
+        self._mind = mind
         self._marked: dict[int, tuple[Event, Origin]] = {}
         """Queued events whose origin does not follow from their annotations, by identity."""
         self._roots: dict[int, _Root] = {}
@@ -98,17 +98,39 @@ class Origins:
         self._places = places
         self._taken: Event | None = None
         """The event that a plan is being selected for."""
+        self._origin, self._began = Origin.NEVER, 0
+        """Its origin, and how many intentions there were before."""
+        self._args: tuple[Any, ...] = ()
+        """Its arguments as they were, for an event that may be given again."""
 
     def mark(self, event: Event, origin: Origin) -> None:
         """Note the origin of a queued event."""
         self._marked[id(event)] = (event, origin)
 
-    def take_event(self, mind: MindState, event: Event) -> bool:
-        """`agentd.mind.execution.event_selection.take_event`, noting where an intention that begins comes from."""
+    def take(self, event: Event) -> None:
+        """Note an event that is to get a plan."""
         self._taken = event
-        taken = self._take_noted(mind, event) if event[3] is None else bool(self._take(mind, event))
+        if event[3] is None:
+            marked = self._marked.pop(id(event), None)
+            self._origin = origin = self._by_source(event) if marked is None else marked[1]
+            self._began = self._mind.intention_count
+            self._args = detach(event[1]) if origin else event[1]
+
+    def taken(self, event: Event) -> None:
+        """Note the origin of the intention that an event has begun, if it has."""
         self._taken = None
-        return taken
+        if event[3] is not None:
+            return
+        mind, origin = self._mind, self._origin
+        if mind.intention_count != self._began:
+            if origin:
+                if len(self._roots) >= self._most:
+                    self._prune()
+                self._roots[self._began + 1] = _Root(origin, event[1], self._args)
+        elif mind.events and event[0].goal:
+            follows = mind.events[-1]
+            if follows[3] is None and follows[0].operator == "-" and follows[0].sig is event[0].sig:
+                self.mark(follows, origin)  # no plan was applicable: its failure plan is asked
 
     def in_hand(self) -> str:
         """The event that the mind works at, or that of the outermost plan of the intention that does; for people.
@@ -132,23 +154,6 @@ class Origins:
             events.clear()
             events.extend(left)
         return dropped
-
-    def _take_noted(self, mind: MindState, event: Event) -> bool:
-        marked = self._marked.pop(id(event), None)
-        origin = self._by_source(event) if marked is None else marked[1]
-        began, seen = mind.intention_count, event[1]
-        args = detach(seen) if origin else seen
-        taken = bool(self._take(mind, event))
-        if mind.intention_count != began:
-            if origin:
-                if len(self._roots) >= self._most:
-                    self._prune()
-                self._roots[began + 1] = _Root(origin, seen, args)
-        elif mind.events and event[0].goal:
-            follows = mind.events[-1]
-            if follows[3] is None and follows[0].operator == "-" and follows[0].sig is event[0].sig:
-                self.mark(follows, origin)  # no plan was applicable: its failure plan is asked
-        return taken
 
     def _by_source(self, event: Event) -> Origin:
         relevant, _, annots, _ = event

@@ -363,7 +363,7 @@ class PlanLibrary:
 
     def note_formula(self, formula: syntax.Term) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
-        if self.select is None and _asks_for_intention(formula):
+        if _asks_for_intention(formula):
             self._select_slowly()
 
     def choose_by_rule(self) -> None:

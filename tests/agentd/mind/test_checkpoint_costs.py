@@ -9,7 +9,6 @@ import pytest
 
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
-from agentd.mind.execution.event_selection import take_event
 from agentd.persistence.checkpoint import Checkpoint, Saving
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.mind.test_mind_costs import instructions
@@ -94,4 +93,4 @@ def test_a_percept_costs_a_mind_that_is_kept_little_more() -> None:
 def test_a_mind_that_is_not_kept_has_nothing_of_it() -> None:
     mind = mind_of("p(1). !g. +!g <- +q(1).")
     assert all(type(predicate) is Predicate for predicate in mind.beliefs.predicates())
-    assert mind.take_event is take_event
+    assert mind.origins is None

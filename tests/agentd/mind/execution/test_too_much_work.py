@@ -6,7 +6,7 @@ import pytest
 
 from agentd.mind import mind
 from agentd.mind.beliefs import work_limit
-from agentd.mind.execution import event_selection, execution, waiting
+from agentd.mind.execution import cycle, execution, waiting
 from tests.agentd.minds import run
 
 MANY = " ".join(f"q({n})." for n in range(40))
@@ -15,7 +15,7 @@ MANY = " ".join(f"q({n})." for n in range(40))
 @pytest.fixture
 def short_of_breath(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give formulas a tenth of the steps that they have: what is without end takes a tenth of the time."""
-    for module in (execution, mind, event_selection, waiting, work_limit):
+    for module in (cycle, execution, mind, waiting, work_limit):
         monkeypatch.setattr(module, "MOST_STEPS", work_limit.MOST_STEPS // 10)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import inspect
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from agentd.conversion.mind_view import decisions_of
 from agentd.language.terms.terms import List, Literal, Var
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
-from agentd.mind.execution.event_selection import take_event, take_event_recorded
 from agentd.mind.introspection.term_snapshot import held, held_all, short_text
 from agentd.standalone.decision_printer import DecisionPrinter
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView
@@ -315,13 +313,6 @@ def test_agentd_run_why_leaves_stdout_to_the_program(tmp_path: Path) -> None:
     ]
     plain = agentd("run", f"bob={path}", "--exit-when-idle")
     assert (plain.stdout, plain.stderr) == ("[bob] stay\n", "")
-
-
-def test_the_two_functions_that_take_an_event_agree_once_the_plan_is_found() -> None:
-    """They are two for speed; what follows the selection is written twice and must stay the same."""
-    split = "if frame is None:\n        return _no_plan"
-    tails = [inspect.getsource(each).partition(split)[2] for each in (take_event, take_event_recorded)]
-    assert tails[0] == tails[1] != ""
 
 
 def test_records_hold_no_large_terms_of_plans_that_have_ended() -> None:
