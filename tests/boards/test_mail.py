@@ -24,7 +24,7 @@ def _post(each: int) -> Post:
 
 @pytest.mark.parametrize("cut", ["unplug", "down", "part"])
 def test_a_cut_link_heals_and_nothing_is_lost(network: Network, tmp_path: Path, cut: str) -> None:
-    outcome = run(tmp_path, _post(100), [Trouble(2, cut, "pi2", 4)], 120)  # type: ignore[arg-type]
+    outcome = run(tmp_path, _post(20), [Trouble(2, cut, "pi2", 4)], 120)  # type: ignore[arg-type]
     assert outcome.verdict.clean, outcome.verdict.details
     assert (outcome.verdict.taken, outcome.waiting, outcome.dead) == (600, 0, 0)
     assert not outcome.complaints
@@ -32,7 +32,7 @@ def test_a_cut_link_heals_and_nothing_is_lost(network: Network, tmp_path: Path, 
 
 def test_a_board_that_is_killed_wholly_returns_and_has_lost_nothing(network: Network, tmp_path: Path) -> None:
     troubles = [Trouble(2, "kill agentd", "pi3", 4), Trouble(2, "kill commd", "pi3", 3), Trouble(1.9, "down", "pi3", 3)]
-    outcome = run(tmp_path, _post(100), troubles, 120)
+    outcome = run(tmp_path, _post(20), troubles, 120)
     assert outcome.verdict.clean, outcome.verdict.details
     assert (outcome.verdict.taken, outcome.waiting, outcome.dead) == (600, 0, 0)
     assert not outcome.complaints
@@ -40,7 +40,7 @@ def test_a_board_that_is_killed_wholly_returns_and_has_lost_nothing(network: Net
 
 def test_kills_cuts_and_a_full_disk_lose_and_duplicate_nothing(network: Network, tmp_path: Path) -> None:
     """A cut of what `make soak` does with 100,000 messages."""
-    post = _post(some_of(700, 2))
+    post = _post(some_of(140, 2))
     troubles = plan(BOARDS, some_of(60, 2), kills=6, cuts=(3.0, 3.0), full=("pi3", 3.0), seed=4)
     outcome = run(tmp_path, post, troubles, 240)
     assert outcome.verdict.clean, outcome.verdict.details

@@ -25,7 +25,8 @@ from tests.boards.troubles import Course, Trouble, plan
 from tests.soak.report import write_section
 
 BOARDS = ("pi1", "pi2", "pi3")
-AGENTS = dict(zip(("ann", "bob", "cid"), BOARDS, strict=True))
+AGENTS = {"ann": "pi1", "bob": "pi2", "cid": "pi3", "dan": "pi1", "eve": "pi2", "fay": "pi3"}
+"""With their boards: each has a neighbour in its own `agentd`."""
 MESSAGES = 100_000
 KILLS = 30
 CUTS = (5.0, 60.0, 5.0, 5.0, 60.0, 5.0)
@@ -141,7 +142,7 @@ def _complaints(fleet: Fleet) -> list[str]:
 
 def control(say: Callable[[str], None] = print) -> tuple[Post, Outcome]:
     """Run the same with memories switched off (`on_restart: fresh`) and one kill: the judge has to find fault."""
-    post = Post(AGENTS, 60, 100.0, "fresh")
+    post = Post(AGENTS, 12, 500.0, "fresh")
     with tempfile.TemporaryDirectory() as folder:
         return post, run(Path(folder), post, [Trouble(2, "kill agentd", BOARDS[0], 0.5)], 25, say)
 
