@@ -164,37 +164,31 @@ class Outbox:
 
     async def _hand_out(self) -> None:
         """Hand over one batch at a time, the next when commd has the last one on disk; for ever."""
-        while True:
-            try:
-                await self._hand_out_in_turn()
-            except Exception:  # a defect must not stop the mail silently
-                self.counters["defects"] += 1
-                log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
-                await wait_at_most(self._again, RETRY_MOST)
-
-    async def _hand_out_in_turn(self) -> None:
         pause = RETRY_FIRST
         while True:
-            self._news.clear()
-            batch, next_at = self._batch()
-            if not batch:
-                wait = None if next_at is None else max(0.0, next_at - asyncio.get_running_loop().time())
-                await wait_at_most(self._news, wait)
-                continue
-            self._again.clear()
             try:
+                self._news.clear()
+                batch, next_at = self._batch()
+                if not batch:
+                    wait = None if next_at is None else max(0.0, next_at - asyncio.get_running_loop().time())
+                    await wait_at_most(self._news, wait)
+                    continue
+                self._again.clear()
                 async with self._turn:
                     messages = [one.message for one in batch]
                     receipt = await hand_to_commd(self._bus, self._agent, messages, ANSWER_TIMEOUT)
+                pause = RETRY_FIRST
+                self._settle(batch, receipt)
             except BusError as error:
                 self.counters["not_answered"] += 1
                 level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
                 log.log(level, "agent=%s mail_waits messages=%d why=commd: %s", self._agent, len(self), error)
                 await wait_at_most(self._again, pause)
                 pause = RETRY_FIRST if self._again.is_set() else min(pause * 2, RETRY_MOST)
-            else:
-                pause = RETRY_FIRST
-                self._settle(batch, receipt)
+            except Exception:  # a defect must not stop the mail silently
+                self.counters["defects"] += 1
+                log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
+                await wait_at_most(self._again, RETRY_MOST)
 
     def _batch(self) -> tuple[list[Outgoing], float | None]:
         """Return the next batch; if it is empty, with the loop time of the next attempt, if there is one."""

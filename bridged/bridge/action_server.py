@@ -90,9 +90,9 @@ class ActionServer:
         """Whether the operator has paused the robot."""
         return self._pause.lasts
 
-    def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
+    def ask(self, agent: str, name: str, given: Action, follower: Follower) -> None:
         """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one."""
-        asked = self._identified(agent, request)
+        asked = self._identified(agent, given)
         request = replace(asked, agent=agent, name=name[:MAX_ID])
         if len(asked.id) > MAX_ID:
             request = replace(request, id=asked.id[:MAX_ID])
@@ -105,7 +105,7 @@ class ActionServer:
             said = f"{asked.agent or agent}/{asked.name or name}"
             self._refuse(request, _bad(f"the key says {agent}/{name}, the action says {said}"), follower)
         else:
-            self._begin(request, follower)
+            self._begin(request, follower, by_hand=is_by_hand(agent, given))
 
     def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
         """Refuse a request without the right to it; its id is not used up by that."""
@@ -235,10 +235,6 @@ class ActionServer:
         self._by_hand += 1
         return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
-    def _is_by_hand(self, request: Action) -> bool:
-        unsigned = request.id.startswith(f"{request.agent}:{self._boot}:hand")
-        return unsigned or request.header.source not in ("", request.agent)
-
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""
         action, entry = self._running.get(request.id), self._action_log.find(request.id)
@@ -257,7 +253,7 @@ class ActionServer:
             follower(entry.final or self._statuses.ended(request, unknown))
         return True
 
-    def _begin(self, request: Action, follower: Follower) -> None:
+    def _begin(self, request: Action, follower: Follower, *, by_hand: bool) -> None:
         entry = BRIDGE_ACTIONS.get(request.name) or self._manifest.actions.get(request.name)
         if entry is None:
             known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | BRIDGE_ACTIONS).items())
@@ -299,12 +295,11 @@ class ActionServer:
             )  # a way down must stay
         taken = self._take(request, entry) if rival else []
         for other in superseded:
-            by_hand = ", by hand" if self._is_by_hand(request) else ""
-            said = f"superseded by {request.name} of {request.agent}{by_hand}"
+            said = f"superseded by {request.name} of {request.agent}{', by hand' if by_hand else ''}"
             self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
         self.lease.take(request.agent, now)
         if entry.motion or entry.supersedes or entry.confirm == "mode":
-            self.by_hand = self._is_by_hand(request)
+            self.by_hand = by_hand
             self.on_control()
         deadline = min(float(entry.deadline), request.deadline or math.inf)
         accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
@@ -453,6 +448,11 @@ class ActionServer:
             self._action_log.finish(request.agent, status)
         except OSError as error:
             log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
+
+
+def is_by_hand(agent: str, request: Action) -> bool:
+    """Whether a request is not the agent's own: an agent gives its requests an id and its name as source."""
+    return not (request.id and request.header.source == agent)
 
 
 def _bad(reason: str) -> Outcome:

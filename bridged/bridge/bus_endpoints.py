@@ -11,6 +11,7 @@ from functools import partial
 import zenoh
 from msgspec.structs import replace
 
+from bridged.bridge.action_server import is_by_hand
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.safety_orders import by_operator
 from bridged.drivers.api import Outcome as OfOrder
@@ -240,8 +241,3 @@ class _Following:
         with suppress(TimeoutError):
             async with asyncio.timeout(FOLLOW_AT_MOST):
                 await self._ended
-
-
-def is_by_hand(agent: str, request: Action) -> bool:
-    """Whether a request is not the agent's own: an agent gives its requests an id and its name as source."""
-    return not (request.id and request.header.source == agent)

@@ -21,7 +21,7 @@ from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import read_mission
-from schemas.wire.records import Action, ActionStatus, Note, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Note, Perception
 from schemas.wire.terms import Term
 
 HOME = Place(-27.604033, -48.518363, 21.0)
@@ -177,7 +177,7 @@ class Sky:
         """Ask for an action; the list grows with its statuses."""
         self._counter += 1
         heard: list[ActionStatus] = []
-        request = Action(id=f"{agent}:t:{self._counter}", parameters=parameters)
+        request = Action(header=Header(source=agent), id=f"{agent}:t:{self._counter}", parameters=parameters)
         for field, value in fields.items():
             request = type(request)(
                 **{one: getattr(request, one) for one in request.__struct_fields__} | {field: value}

@@ -12,7 +12,7 @@ from bridged.drivers.registry import check_manifest
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, read_manifest
 from schemas.mission.model import read_mission
-from schemas.wire.records import Action, ActionStatus, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Perception
 from schemas.wire.terms import Term
 from tests.support.buses import until
 
@@ -64,7 +64,7 @@ class Workshop:
         """Ask for an action; the list grows with its statuses."""
         self._ids += 1
         heard: list[ActionStatus] = []
-        request = Action(id=f"{self._agent}:t:{self._ids}", parameters=parameters)
+        request = Action(header=Header(source=self._agent), id=f"{self._agent}:t:{self._ids}", parameters=parameters)
         self.bridge.action_server.ask(
             self._agent, name, request, lambda status: heard.append(status) if status else None
         )
