@@ -94,7 +94,7 @@ def escape_lines(text: str) -> str:
 
 def printable(text: str) -> str:
     """Return a text with a blank for each character that is not printable."""
-    return "".join(char if char.isprintable() else " " for char in text)
+    return text if text.isprintable() else "".join(char if char.isprintable() else " " for char in text)
 
 
 def _escaped(text: str, controls: dict[int, str]) -> str:

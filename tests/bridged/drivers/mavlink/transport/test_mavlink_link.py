@@ -153,6 +153,18 @@ def test_unknown_message_ids_and_unknown_flags_are_counted_not_delivered() -> No
     assert (len(found), counters.unknown_packets, counters.unreadable_packets) == (1, 1, 1)
 
 
+@pytest.mark.parametrize("zeros", [False, True])
+def test_each_message_is_read_as_pymavlink_reads_it(zeros: bool) -> None:
+    dice, protocol = Random(1), dialect.MAVLink(None, srcSystem=7, srcComponent=9)
+    for number, kind in dialect.mavlink_map.items():
+        payload = bytes(kind.unpacker.size) if zeros else dice.randbytes(kind.unpacker.size)
+        message = dialect.MAVLink_message(number, kind.msgname)
+        packet = message._pack(protocol, kind.crc_extra, payload)
+        [read], expected = Framer(WireCounters()).feed(packet), dialect.MAVLink(None).decode(bytearray(packet))
+        assert vars(read.get_header()) == vars(expected.get_header())
+        assert repr(read.to_dict()) == repr(expected.to_dict())  # as text: not a number equals itself
+
+
 def test_a_mavlink_1_packet_is_read() -> None:
     packet = heartbeat().pack(dialect.MAVLink(None, srcSystem=7, srcComponent=1), force_mavlink1=True)
     assert [message.get_srcSystem() for message in Framer(WireCounters()).feed(packet)] == [7]
