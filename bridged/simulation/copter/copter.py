@@ -302,24 +302,25 @@ class Copter:
             self.set_mode(Mode.STABILIZE)
 
     def _fly(self, dt: float) -> None:
-        flight = self.flight
-        was_airborne = flight.airborne
+        flight, was_airborne = self.flight, self.flight.airborne
         flight.step(dt)
-        self.battery.step(dt, flying=flight.airborne and flight.armed, effort=self.motion.effort)
-        if flight.armed and self.battery.empty:
+        armed, airborne = flight.armed, flight.airborne
+        self.battery.step(dt, flying=airborne and armed, effort=self.motion.effort)
+        if armed and self.battery.empty:
             flight.disarm()
             self.send_text("SIM battery is empty", Severity.CRITICAL)
-        if was_airborne and not flight.airborne:
+        if was_airborne and not airborne:
             self.send_text(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
-        if flight.airborne and not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
+        if not airborne:
+            self._compass_checked = False
+        elif not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
             self._compass_checked = True
             for unit in (0, 1):
                 self.send_text(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
-        elif not flight.airborne:
-            self._compass_checked = False
         if self.mode is Mode.AUTO and flight.armed:
             self._follow_mission()
-        self._disarm_when_idle()
+        if not airborne:
+            self._disarm_when_idle()
 
     def _disarm_when_idle(self) -> None:
         flight, idle_since = self.flight, self.flight.idle_since

@@ -84,6 +84,11 @@ class Axis:
     integral: float = 0.0
     aimed: float = 0.0  # acceleration that the tilt gives now
 
+    @property
+    def steady(self) -> bool:
+        """Whether neither the copter nor its target accelerates."""
+        return -_STEADY < self.accel < _STEADY and -_STEADY < self.target_accel < _STEADY
+
     def rest(self) -> None:
         """Stop, with the target here."""
         self.velocity = self.accel = self.integral = self.aimed = 0.0
@@ -101,15 +106,19 @@ class Axis:
 
     def follow(self, dt: float, air: float = 0.0) -> None:
         """Move the copter after the target for `dt` seconds: feedback, tilt lag, drag in air of `air` m/s."""
-        off = self.target_velocity + _POSITION_GAIN * (self.target - self.position) - self.velocity
+        position, velocity = self.position, self.velocity
+        off = self.target_velocity + _POSITION_GAIN * (self.target - position) - velocity
         demand = self.target_accel + _VELOCITY_GAIN * off + self.integral
-        if abs(demand) < _LEAN or demand * off < 0:  # one that leans as far as it can does not wind up
+        if -_LEAN < demand < _LEAN:
             self.integral += _INTEGRAL_GAIN * off * dt
-        demand = max(-_LEAN, min(_LEAN, demand))
-        self.aimed += (demand - self.aimed) * min(1.0, dt / _TILT_LAG_S)
-        self.accel = self.aimed - _DRAG * (self.velocity - air)
-        self.velocity += self.accel * dt
-        self.position += self.velocity * dt
+        else:
+            if demand * off < 0:  # one that leans as far as it can does not wind up
+                self.integral += _INTEGRAL_GAIN * off * dt
+            demand = math.copysign(_LEAN, demand)
+        self.aimed = aimed = self.aimed + (demand - self.aimed) * (dt / _TILT_LAG_S if dt < _TILT_LAG_S else 1.0)
+        self.accel = accel = aimed - _DRAG * (velocity - air)
+        self.velocity = velocity = velocity + accel * dt
+        self.position = position + velocity * dt
 
     def track(self) -> None:
         """Put the copter at the target: thrust answers faster than tilt."""
@@ -128,9 +137,7 @@ class Motion:
     @property
     def steady(self) -> bool:
         """Whether it neither turns nor accelerates: a long step moves it as several short ones do."""
-        return abs(self.turn_rate) < _STEADY and all(
-            abs(axis.accel) < _STEADY and abs(axis.target_accel) < _STEADY for axis in (self.up, self.north, self.east)
-        )
+        return -_STEADY < self.turn_rate < _STEADY and self.up.steady and self.north.steady and self.east.steady
 
     @property
     def effort(self) -> float:
@@ -201,22 +208,21 @@ class Motion:
 
     def fly(self, velocity: Vector, limits: Limits, dt: float) -> None:
         """Move for `dt` seconds with this velocity as the wish."""
-        north, east = velocity.north - self.north.target_velocity, velocity.east - self.east.target_velocity
-        speeding_up = north * self.north.target_velocity + east * self.east.target_velocity >= 0
-        response = limits.response if speeding_up else limits.release
+        northward, eastward, upward = self.north, self.east, self.up
+        north, east = velocity.north - northward.target_velocity, velocity.east - eastward.target_velocity
+        speeding_up = north * northward.target_velocity + east * eastward.target_velocity >= 0
+        response, jerk = (limits.response, limits.jerk) if speeding_up else (limits.release, _BRAKE_JERK)
         north, east = _clip(north / response, east / response, limits.accel)
-        most = (limits.jerk if speeding_up else _BRAKE_JERK) * dt
-        more_north, more_east = _clip(north - self.north.target_accel, east - self.east.target_accel, most)
-        up = (velocity.up - self.up.target_velocity) / _CLIMB_RESPONSE_S
+        north, east = _clip(north - northward.target_accel, east - eastward.target_accel, jerk * dt)
+        up = (velocity.up - upward.target_velocity) / _CLIMB_RESPONSE_S
         up = max(-limits.climb_accel, min(limits.climb_accel, up))
-        most = (limits.jerk if up * self.up.target_velocity >= 0 else _BRAKE_JERK) * dt
-        more_up = max(-most, min(most, up - self.up.target_accel))
-        self.north.plan(self.north.target_accel + more_north, dt)
-        self.east.plan(self.east.target_accel + more_east, dt)
-        self.up.plan(self.up.target_accel + more_up, dt)
-        self.north.follow(dt, self.air.north)
-        self.east.follow(dt, self.air.east)
-        self.up.track()
+        most = (limits.jerk if up * upward.target_velocity >= 0 else _BRAKE_JERK) * dt
+        northward.plan(northward.target_accel + north, dt)
+        eastward.plan(eastward.target_accel + east, dt)
+        upward.plan(upward.target_accel + max(-most, min(most, up - upward.target_accel)), dt)
+        northward.follow(dt, self.air.north)
+        eastward.follow(dt, self.air.east)
+        upward.track()
 
     def fall(self, dt: float) -> None:
         """Fall for `dt` seconds, with the motors off in the air."""
