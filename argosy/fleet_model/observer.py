@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from argosy.cli.operator_bus import ANY
 from argosy.fleet_model.model import FleetModel, named
@@ -46,6 +47,8 @@ class Wanted:
     """Wall seconds between two requests for each mind that nobody looks at."""
     beliefs_per_tick: int = 0
     """Minds that are asked for their beliefs, too, per tick: few, so that a large fleet is not loaded by it."""
+    beliefs_about: Mapping[str, str] = field(default_factory=dict)
+    """Minds that are asked for their beliefs each time, and of what functor; empty: of any."""
     whole_fleet: bool = True
     """Activity, messages, mailboxes, directories, the mission and the run."""
 
@@ -154,6 +157,9 @@ class FleetObserver:
             query = "?last=0;beliefs=0"
             if name in self.looked_at:
                 query = f"?plans=true;last={DECISIONS}"
+            elif name in self.wanted.beliefs_about:
+                about = self.wanted.beliefs_about[name]
+                query = f"?last=0;about={about}" if about else "?last=0"
             elif name in with_beliefs:
                 query, self._beliefs_asked[name] = "?last=0", now
             task = self._asking[name] = asyncio.create_task(self._ask_mind(name, query))

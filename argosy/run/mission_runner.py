@@ -5,14 +5,14 @@ from __future__ import annotations
 import asyncio
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
 
 from msgspec.structs import replace
 
 from argosy.cli.journal import Level
-from argosy.fleet_model.observer import AT_ONCE, FleetObserver, Wanted
+from argosy.fleet_model.observer import FleetObserver, Wanted
 from argosy.processes.process_table import Process, plan
 from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.recording.run_recorder import what_became_of_it
@@ -24,6 +24,8 @@ from argosy.run.watchdog import Watchdog
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.manifest.rules import FUNCTOR
+from schemas.mission.model import Ending as Formula
 from schemas.wire import keys, log_lines
 from schemas.wire.log_lines import AnyEvent, LogLine, OrderEnded, RobotLeft, RobotReleased
 from schemas.wire.records import RunPhase
@@ -151,8 +153,7 @@ class MissionRunner:
                 patience=STARTUP_PATIENCE,
             )
         )
-        beliefs = AT_ONCE if self._mission.failed else 0  # they say why it has failed
-        wanted = Wanted(MINDS_EVERY, beliefs, whole_fleet=False)
+        wanted = Wanted(MINDS_EVERY, beliefs_about=_causes(self._mission.failed), whole_fleet=False)
         observer = self._observer = FleetObserver(bus, status.model, self._mission.fleet, wanted)
         await self._until(comm)
         recorders = await start("recorder")
@@ -379,6 +380,15 @@ class MissionRunner:
         if child.process.kind.name == "recorder":
             self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())
         self._wake.set()
+
+
+def _causes(failed: Iterable[Formula]) -> dict[str, str]:
+    """Return the functor of the beliefs by which each agent of some `failed` formulas says why; empty: any beliefs."""
+    causes: dict[str, str] = {}
+    for one in failed:
+        plain = FUNCTOR.fullmatch(one.functor) and causes.get(one.agent, one.functor) == one.functor
+        causes[one.agent] = one.functor if plain else ""
+    return causes
 
 
 class ProcessOutput:

@@ -293,6 +293,11 @@ class Ending:
     agent: str
     formula: str
 
+    @property
+    def functor(self) -> str:
+        """The name of the beliefs that it is about, as far as its text shows it."""
+        return self.formula.partition("(")[0]
+
 
 @dataclass(frozen=True)
 class Mission:
