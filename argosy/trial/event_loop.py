@@ -96,8 +96,10 @@ class VirtualLoop(asyncio.BaseEventLoop):
         else:  # `asyncio.timeout` sets no timer if rounding makes its end the present time
             self._now, self._passes = self._now + CLOCK_RESOLUTION, 0
         while timers and (due := timers[0][0]) < self._now + CLOCK_RESOLUTION:
-            self._now = max(self._now, due)  # none runs before its time
-            ready.append(heappop(timers)[2])
+            if due > self._now:  # none runs before its time
+                self._now = due
+            if (call := heappop(timers)[2]).callback is not None:
+                ready.append(call)
         for _ in range(len(ready)):
             call = ready.popleft()
             if (callback := call.callback) is None or ((of := call.context.get(owner)) is not None and of.dead):

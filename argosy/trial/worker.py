@@ -24,8 +24,17 @@ from typing import Final, NoReturn
 from argosy.processes.launcher import end_with_parent
 from argosy.trial.edges import Authority
 
-IMPORTED: Final = ("agentd.daemon", "bridged.daemon", "bridged.drivers.mavlink.driver", "commd.daemon")
-"""What each run needs."""
+IMPORTED: Final = (
+    "agentd.daemon",
+    "bridged.daemon",
+    "bridged.drivers.mavlink.driver",
+    "bridged.drivers.mavlink.registration",
+    "bridged.simulation.copter.command",
+    "bridged.simulation.turtle.command",
+    "commd.daemon",
+    "encodings.idna",
+)
+"""What runs need."""
 ENOUGH: Final = 600.0
 """Wall seconds after which a run is ended as one that hangs."""
 
@@ -73,13 +82,20 @@ def main() -> None:
 
 @cache
 def read_ahead(mission: str) -> None:
-    """Read a mission and its manifests, as the daemons do: they are kept, and those of a run find them there."""
+    """Read a mission, its manifests and programs, as the daemons do: they are kept, and those of a run find them."""
+    from agentd.runtime.program_loader import prepare
     from argosy.trial.process import read_once
     from bridged.drivers.registry import load_robot_manifest
     from schemas.manifest.loader import load_manifest
+    from schemas.wire.codec import codec
+    from schemas.wire.records import Record
 
+    for record in Record.__subclasses__():
+        codec(record)
     with suppress(Exception):  # a run says what is wrong with them
         read = read_once(mission)
+        for agent in read.agents:
+            prepare(read, agent, 0)
         for robot in read.robots.values():
             load_robot_manifest(robot.manifest, read.path.parent)
             if isinstance(robot.manifest, str):

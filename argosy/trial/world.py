@@ -40,15 +40,16 @@ class Seen:
     """`bridged.simulation.copter.protocol.mavlink_interface.Vehicle`."""
     flown: float = 0.0
     """Metres over ground."""
-    highest: float = 0.0
-    """Metres above home."""
     farthest: float = 0.0
     """Metres from home, horizontally."""
     charge: float = 1.0
     """Least share of its battery that was left by the autopilot's count, 0 to 1."""
     misled: float = 0.0
     """Metres by which its autopilot was wrong about its position at most."""
-    last: tuple[float, float] | None = None
+    place: tuple[float, float] = (0.0, 0.0)
+    """Where it was seen last: latitude and longitude in degrees."""
+    _truth: Any = None
+    """The same, on the vehicle's map."""
 
     @property
     def armed(self) -> bool:
@@ -88,21 +89,16 @@ class Seen:
         where = self.vehicle.copter.place
         return where.lat, where.lon
 
-    def place(self) -> tuple[float, float]:
-        """Latitude and longitude in degrees."""
-        where = self.vehicle.copter.true_place
-        return where.lat, where.lon
-
     def look(self) -> None:
         """Follow its way."""
-        here, copter = self.place(), self.vehicle.copter
-        if here != self.last:
-            if self.last is not None:
-                self.flown += distance(self.last, here)
+        copter = self.vehicle.copter
+        if (truth := copter.truth) != self._truth:
+            here = copter.true_place.lat, copter.true_place.lon
+            if self._truth is not None:
+                self.flown += distance(self.place, here)
             if copter.home is not None:
                 self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
-        self.last = here
-        self.highest = max(self.highest, self.height)
+            self.place, self._truth = here, truth
         self.misled = max(self.misled, copter.estimate.error.flat())
         self.charge = min(self.charge, copter.battery.remaining / 100)
 
@@ -149,9 +145,7 @@ class World:
 
     def _look_who_is_near(self) -> None:
         """Compare the vehicles in the air; those that are farther apart by latitude or longitude alone need no look."""
-        in_air = sorted(
-            (*seen.place(), seen.height) for seen in self.vehicles.values() if seen.armed and seen.height > 1
-        )
+        in_air = sorted((*seen.place, seen.height) for seen in self.vehicles.values() if seen.armed and seen.height > 1)
         for place, (north, east, height) in enumerate(in_air):
             metres = math.radians(math.cos(math.radians(north))) * EARTH_RADIUS * 0.99  # of a degree, at least
             for other in in_air[place + 1 :]:

@@ -29,11 +29,7 @@ class Flying:
     armed = True
 
     def __init__(self, at: tuple[float, float], height: float) -> None:
-        self._at, self.height = at, height
-
-    def place(self) -> tuple[float, float]:
-        """Latitude and longitude in degrees."""
-        return self._at
+        self.place, self.height = at, height
 
 
 def test_the_nearest_approach_is_that_of_all_pairs() -> None:
@@ -43,7 +39,7 @@ def test_the_nearest_approach_is_that_of_all_pairs() -> None:
     for _ in range(5):
         fleet = [Flying((dice.gauss(-27, 1e-4), dice.gauss(-48, 1e-4)), dice.uniform(2, 40)) for _ in range(30)]
         pairs = combinations(fleet, 2)
-        apart = (math.hypot(distance(one.place(), two.place()), one.height - two.height) for one, two in pairs)
+        apart = (math.hypot(distance(one.place, two.place), one.height - two.height) for one, two in pairs)
         nearest = min(nearest, *apart)
         world.vehicles = cast(Any, dict(enumerate(fleet)))
         world._look_who_is_near()
