@@ -25,6 +25,7 @@ import random
 import resource
 import sqlite3
 import sys
+import threading
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -198,7 +199,7 @@ def swap_bus(loop: VirtualLoop) -> Any:
                 present.write(LogLine(text=line, level=output._LEVELS.get(priority, "info"), agent=agent, event=event))
 
     output.Output.write = write  # type: ignore[method-assign]
-    output.threading = SimpleNamespace(Thread=_NoThread)  # type: ignore[assignment, attr-defined]
+    output.threading = SimpleNamespace(Thread=_NoThread, Event=threading.Event)  # type: ignore[assignment, attr-defined]
     poison_inputs._watch = lambda one: None
     operator = Machine("operator")
 
