@@ -130,7 +130,7 @@ async def bind(
             part.manifest,
             clock,
             action_log,
-            service.publish_percepts,
+            service.publish_percept,
             service.publish_status,
             boot=bus.boot,
             bus=bus,

@@ -51,7 +51,7 @@ class Bridge:
         manifest: Manifest,
         clock: Clock,
         action_log_file: Path,
-        publish_percepts: Publish,
+        publish_percept: Publish,
         publish_status: Callable[[str, ActionStatus], None],
         *,
         boot: str,
@@ -71,7 +71,7 @@ class Bridge:
         """Set when something begins that steps are due for soon."""
         agents = mission.agents_of(robot)
         self.percepts = PerceptPublisher(
-            manifest, agents, publish_percepts, robot=robot, boot=boot, clock=clock, wake=self._wake
+            manifest, agents, publish_percept, robot=robot, boot=boot, clock=clock, wake=self._wake
         )
         self.driver = CompositeDriver(
             Setup(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
 from functools import partial
 
@@ -21,6 +21,7 @@ from commd.bus.errors import CannotServe
 from schemas.manifest.loader import ActionDescription
 from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire import keys
+from schemas.wire.codec import codec
 from schemas.wire.records import (
     Action,
     ActionStatus,
@@ -50,7 +51,8 @@ class Service:
         """`inject`: the mission allows actions by hand."""
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
-        self._percepts = {agent: bus.publisher(keys.percepts(bus.fleet, agent), Perceptions) for agent in self._agents}
+        self._percepts = {agent: bus.raw.publisher(keys.percepts(bus.fleet, agent)) for agent in self._agents}
+        self._encoding = codec(Perceptions).encoding(bus.wire)
         self._changes: dict[str, list[Perception]] = {}
         """What was published and is not put yet, by agent."""
         self._observed: set[str] = set()
@@ -64,21 +66,27 @@ class Service:
     def _observe(self, key: str, somebody: bool) -> None:
         (self._observed.add if somebody else self._observed.discard)(key)
 
-    def publish_percepts(self, agent: str, changes: Sequence[Perception]) -> None:
-        """Put changes of what an agent perceives in the next pass of the loop, or before a record that refers to them.
+    def publish_percept(self, agent: str, change: Perception) -> None:
+        """Put a change of what an agent perceives in the next pass of the loop, or before a record that refers to it.
 
         What one pass has read goes out together, for all robots of the process: one wake-up of Zenoh's thread, of the
         router and of the agents' daemon serves all of it.
         """
         if not self._changes:
             asyncio.get_running_loop().call_soon(self.put_percepts)
-        self._changes.setdefault(agent, []).extend(changes)
+        self._changes.setdefault(agent, []).append(change)
 
     def put_percepts(self) -> None:
         """Put all changes so far: those of an agent together, and each by its name while somebody subscribes to it."""
         made, self._changes = self._changes, {}
         for agent, changes in made.items():
-            self._percepts[agent].put(Perceptions(changes=tuple(changes)))
+            key = keys.percepts(self._bus.fleet, agent)
+            if (payload := self._bus.encoded(key, Perceptions(changes=tuple(changes)))) is not None:
+                try:
+                    self._percepts[agent].put(payload, self._encoding)
+                except OSError as error:
+                    self._bus.counters["puts_lost"] += 1
+                    log.debug("put_lost key=%s why=%s", key, error)
             if keys.percept(self._bus.fleet, agent, "*") in self._observed:
                 for perception in changes:
                     self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -40,8 +40,8 @@ _ENCODE = msgspec.msgpack.Encoder().encode
 
 Parameters = tuple[Term, ...]
 Update = Literal["replace", "add", "remove"]
-Publish = Callable[[str, Sequence[Perception]], None]
-"""Called with the agent and the changes of its percepts: all of one reading, one tick or one call together."""
+Publish = Callable[[str, Perception], None]
+"""Called with an agent and a change of its percepts."""
 ToTerm = Callable[[object], Term]
 """Makes a term of a plain value, as the robot's `values` say."""
 Reader = Callable[[Mapping[str, object]], Term]
@@ -91,8 +91,6 @@ class PerceptPublisher:
         self._publish = publish
         self._robot, self._boot, self._clock, self._wake = robot, boot, clock, wake or asyncio.Event()
         self._ttl_scale = max(1.0, clock.speed)
-        self._changes: dict[str, list[Perception]] = {}
-        """What is to be published, by agent."""
         self._slots: dict[tuple[object, ...], _Slot] = {}
         self._last: dict[Source, tuple[Reading, float]] = {}
         """The last reading of each source and when it came: some sources say a thing once."""
@@ -136,7 +134,6 @@ class PerceptPublisher:
         self._use(manifest)
         for reading, at in list(self._last.values()):
             self._read(reading, at, made)
-        self._hand_over()
 
     def take(self, reading: Reading) -> None:
         """Take in a reading of a driver."""
@@ -146,7 +143,6 @@ class PerceptPublisher:
         elif source in self._last or len(self._last) < MAX_SOURCES:
             self._last[source] = (reading, now)
         self._read(reading, now)
-        self._hand_over()
 
     def tick(self) -> float:
         """Publish what the rate held back and is due, and remove what has aged.
@@ -163,7 +159,6 @@ class PerceptPublisher:
             if ttl is not None and now - slot.heard_at > ttl * self._ttl_scale:
                 self.expired += 1
                 self._remove(key)
-        self._hand_over()
         return due - now
 
     def flush(self) -> None:
@@ -172,7 +167,6 @@ class PerceptPublisher:
         for slot in self._slots.values():
             if slot.waiting is not None:
                 self._publish_slot(slot, slot.waiting, now)
-        self._hand_over()
 
     def show(self, agent: str, name: str, parameters: Parameters, key: tuple[int, ...] = ()) -> None:
         """Publish a percept of one agent alone (about its action, or about it), if it has changed.
@@ -181,14 +175,12 @@ class PerceptPublisher:
         """
         if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
             self._send((agent,), name, parameters, "replace", key)
-            self._hand_over()
 
     def withdraw(self, agent: str, name: str, first: Parameters = ()) -> None:
         """Remove the percepts that were shown to one agent under a name and begin with these arguments."""
         for one in self.sets[agent].present():
             if one.name == name and one.parameters[: len(first)] == first:
                 self._send((agent,), name, one.parameters, "remove", tuple(range(len(one.parameters))))
-        self._hand_over()
 
     def _read(self, reading: Reading, now: float, only: Collection[str] | None = None) -> None:
         """Make the percepts of a reading's source, or `only` those."""
@@ -257,14 +249,7 @@ class PerceptPublisher:
             header = Header(seq=present.seq + 1, stamp=self._clock.stamp(), source=self._robot, boot=self._boot)
             perception = Perception(header=header, name=name, parameters=parameters, update=update, key=key)
             present.apply(perception)
-            self._changes.setdefault(agent, []).append(perception)
-
-    def _hand_over(self) -> None:
-        """Publish the changes that were made, those of each agent together."""
-        if self._changes:
-            made, self._changes = self._changes, {}
-            for agent, changes in made.items():
-                self._publish(agent, changes)
+            self._publish(agent, perception)
 
 
 def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:

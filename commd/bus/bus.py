@@ -12,7 +12,7 @@ import os
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
-from typing import Any, Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import zenoh
 
@@ -28,7 +28,7 @@ from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import Header, Record
 
-__all__ = ["Bus", "Publisher", "Query", "Reply", "Token", "boot_id", "open_bus"]
+__all__ = ["Bus", "Query", "Reply", "Token", "boot_id", "open_bus"]
 
 Token: TypeAlias = zenoh.LivelinessToken
 """Shows on the bus that a daemon is alive."""
@@ -130,10 +130,6 @@ class Bus(QuerySession):
         except zenoh.ZError as error:
             self.counters["puts_lost"] += 1
             log.debug("put_lost key=%s why=%s", key, error)
-
-    def publisher(self, key: str, record: type[R]) -> Publisher[R]:
-        """Return a publisher on one key: for records that are put often."""
-        return Publisher(self, key, record)
 
     def encoded(self, key: str, record: Record) -> bytes | None:
         """Return the payload of a record for a key; None, logged and counted, if it cannot be encoded."""
@@ -373,25 +369,6 @@ class Bus(QuerySession):
         self._threads.shutdown(wait=False, cancel_futures=True)
         if not await close_session(self._session):
             log.warning("the router hangs: this session ends without notice to it")
-
-
-class Publisher(Generic[R]):
-    """Publishes records on one key as `Bus.put` does, declared to the router."""
-
-    def __init__(self, bus: Bus, key: str, record: type[R]) -> None:
-        self._bus, self._key = bus, key
-        self._encoding = codec(record).encoding(bus.wire)
-        self._publisher = bus.raw.publisher(key)
-
-    def put(self, record: R) -> None:
-        """Publish a record. It is lost silently while the router is away, logged and counted if it is no JSON."""
-        if (payload := self._bus.encoded(self._key, record)) is None:
-            return
-        try:
-            self._publisher.put(payload, self._encoding)
-        except OSError as error:
-            self._bus.counters["puts_lost"] += 1
-            log.debug("put_lost key=%s why=%s", self._key, error)
 
 
 def boot_id() -> str:

@@ -19,13 +19,15 @@ from bridged.daemon import serve
 from bridged.drivers.api import Reading, Setup
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder
-from commd.bus.bus import Bus
+from commd.bus.bus import Bus, Query
 from commd.bus.errors import AlreadyRunning
+from commd.bus.raw import Publisher
 from commd.common.clock import Clock
 from commd.liveness.presence import Presence
 from schemas.manifest.loader import ActionDescription, load_manifest
 from schemas.mission.model import read_mission
 from schemas.wire import keys
+from schemas.wire.codec import codec
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, Perceptions, StopOrder
 from tests.bridged.airfield import (
@@ -106,6 +108,43 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
         return took
 
     assert kept(lambda: asyncio.run(knowing()), 1.0)
+
+
+@async_test
+async def test_what_is_read_together_is_one_record_and_no_status_or_health_leaves_before_the_percepts_it_refers_to(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records, refers_to_later, last = list[Perceptions](), list[object](), 0
+    put, reply, put_record = Publisher.put, Query.reply, Bus.put
+
+    def note_percepts(publisher: Publisher, payload: bytes, encoding: str) -> None:
+        nonlocal last
+        if str(publisher._publisher.key_expr) == keys.percepts("test", "uav"):
+            records.append(codec(Perceptions).decode(payload, encoding))
+            last = records[-1].changes[-1].header.seq
+        put(publisher, payload, encoding)
+
+    def note_status(query: Query[Any], record: Any, key: str | None = None) -> None:
+        if isinstance(record, ActionStatus) and (record.after or 0) > last:
+            refers_to_later.append(record)
+        reply(query, record, key)
+
+    def note_health(bus: Bus, key: str, record: Any, **how: Any) -> None:
+        if isinstance(record, Health) and "uav" in record.percepts and int(record.percepts["uav"].split(":")[1]) > last:
+            refers_to_later.append(record)
+        put_record(bus, key, record, **how)
+
+    monkeypatch.setattr(Publisher, "put", note_percepts)
+    monkeypatch.setattr(Query, "reply", note_status)
+    monkeypatch.setattr(Bus, "put", note_health)
+    async with serving(endpoint, tmp_path) as (field, agent):
+        await field.take_off(agent)
+        assert (await field.do(agent, "goto", *GOAL)).state == "succeeded"
+        assert refers_to_later == []
+        names = [{one.name for one in record.changes} for record in records]
+        assert {"altitude", "global_pos"} in [of & {"altitude", "global_pos"} for of in names]
+        changes = [one.header.seq for record in records for one in record.changes]
+        assert changes == list(range(1, last + 1))
 
 
 @async_test

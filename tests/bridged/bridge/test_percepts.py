@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -72,8 +72,8 @@ class Board:
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
         self.clock = VirtualClock(speed)
         self.told: list[Perception] = []
-        self.together: list[tuple[str, list[str]]] = []
-        """For each call of `publish`: the agent and the names of its changed percepts."""
+        self.of_each: list[tuple[str, str]] = []
+        """The agents and the names of their changed percepts."""
         self.wake = asyncio.Event()
         self.percepts = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
@@ -85,10 +85,10 @@ class Board:
             wake=self.wake,
         )
 
-    def _publish(self, agent: str, changes: Sequence[Perception]) -> None:
-        self.together.append((agent, [one.name for one in changes]))
+    def _publish(self, agent: str, change: Perception) -> None:
+        self.of_each.append((agent, change.name))
         if agent == "uav":
-            self.told.extend(changes)
+            self.told.append(change)
 
     def hear(self, source: str, **fields: object) -> None:
         self.percepts.take(Reading(source, fields))
@@ -115,20 +115,21 @@ def test_an_unchanged_value_is_told_once(board: Board) -> None:
     assert board.taken() == [("replace", "mode", ("GUIDED", False))]
 
 
-def test_what_one_reading_or_tick_changes_is_published_together_for_each_agent() -> None:
+def test_what_a_reading_or_tick_changes_is_published_to_each_agent_and_nothing_else() -> None:
     fields = {"alt": 5000, "hdg": 90}
     board = Board(
         read_manifest(MANIFEST + '[percepts.heading]\nsource = "POSITION"\nargs = ["hdg"]\nrate = 10\n', "m.toml")
     )
+    both = [(agent, name) for name in ("altitude", "heading") for agent in ("uav", "ground")]
     board.hear("POSITION", **fields)
-    assert board.together == [("uav", ["altitude", "heading"]), ("ground", ["altitude", "heading"])]
-    board.together.clear()
+    assert board.of_each == both
+    board.of_each.clear()
     board.hear("POSITION", **fields)
-    assert board.together == [], "nothing has changed"
+    assert board.of_each == [], "nothing has changed"
     board.hear("POSITION", alt=6000, hdg=91)
-    assert board.together == [], "the rate holds both back"
+    assert board.of_each == [], "the rate holds both back"
     board.wait(0.1)
-    assert board.together == [("uav", ["altitude", "heading"]), ("ground", ["altitude", "heading"])]
+    assert board.of_each == both
 
 
 def test_a_number_within_its_deadband_is_no_change_but_creeping_is(board: Board) -> None:

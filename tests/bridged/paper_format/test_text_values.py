@@ -24,7 +24,7 @@ def perceived(percepts: str, fields: Mapping[str, object]) -> list[tuple[Any, ..
     board = PerceptPublisher(
         pair(percepts=percepts),
         ["uav"],
-        lambda agent, changes: told.extend(one.parameters for one in changes),
+        lambda agent, change: told.append(change.parameters),
         robot="r",
         boot="b",
         clock=VirtualClock(),

@@ -36,7 +36,7 @@ class Replay:
         self.percepts = PerceptPublisher(
             MANIFEST,
             ["uav"],
-            lambda _agent, changes: self.told.extend((self.now, one) for one in changes),
+            lambda _agent, change: self.told.append((self.now, change)),
             robot="r",
             boot="b",
             clock=self.clock,
