@@ -30,6 +30,9 @@ MAX_SOURCES = 256
 JITTER = 0.25
 """Part of the period by which a change may come too soon or too late and count as on time: a 10 Hz source must not be
 halved by its jitter. On average the rate is kept."""
+STEADY = 0.9
+"""Part of the period between two readings that shows a source to be no faster than the rate: the second one is not held
+back although the first was late."""
 DIGITS = 12
 """Significant digits kept after a conversion: -276036830 * 1e-7 is -27.603683 and nothing beyond."""
 LARGEST = 65_536
@@ -215,10 +218,10 @@ class PerceptPublisher:
             slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now)
             self._publish_slot(slot, parameters, now)
             return
-        slot.heard_at = now
+        since, slot.heard_at = now - slot.heard_at, now
         if entry.buf == "update" and not _changed(entry.deadband, slot.published, parameters):
             slot.waiting = None
-        elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
+        elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry) or since >= STEADY * _period(entry):
             self._publish_slot(slot, parameters, now)
         else:
             slot.waiting = parameters
@@ -229,8 +232,8 @@ class PerceptPublisher:
     def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
         period = _period(slot.entry)
         slot.published, slot.waiting = parameters, None
-        on_time = abs(now - slot.due) <= JITTER * period
-        slot.due = (slot.due if on_time else now) + period  # one that came a little late does not hold up the next
+        in_turn = -JITTER * period <= now - slot.due < period
+        slot.due = (slot.due if in_turn else now) + period  # one that came late does not hold up the next
         self._send(self.sets, slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
 
     def _withdraw(self, name: str) -> None:

@@ -151,6 +151,26 @@ def test_the_rate_bounds_what_is_told_and_the_newest_value_is_never_left_out(boa
     assert told[-1] == ("replace", "altitude", (4.9,))
 
 
+@pytest.mark.parametrize(
+    ("late", "held_back"),
+    [(0.02, []), (0.06, []), (0.09, []), (0.15, [400, 500]), (0.26, [400, 500, 600])],
+)
+def test_what_a_late_reading_of_a_source_at_the_rate_holds_back_is_at_most_what_comes_on_its_heels(
+    board: Board, late: float, held_back: list[int]
+) -> None:
+    later = []
+    for step in range(1, 11):
+        sent = step / 10
+        arrives = max(sent, 0.3 + late if step >= 3 else 0.0)
+        while board.clock.time < arrives - 1e-9:
+            board.clock.time = min(arrives, board.clock.time + 0.01)
+            board.percepts.tick()
+        board.hear("POSITION", alt=step * 100)
+        if not ((told := board.taken()) and told[-1][2] == (step / 10,)):
+            later.append(step * 100)
+    assert later == held_back
+
+
 def test_a_tick_returns_how_long_a_value_is_held_back(board: Board) -> None:
     board.hear("POSITION", alt=0)
     assert board.percepts.tick() == math.inf
