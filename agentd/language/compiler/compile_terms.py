@@ -29,6 +29,9 @@ Scope: TypeAlias = dict[str, str]
 _DEEPEST_EXPRESSION = 30
 """Terms nested deeper than this are written as statements."""
 
+_MOST_CHECKED = 2
+"""Arguments of a literal at most that are checked where it is built: it is ground if they are numbers."""
+
 _DIRECT = {"+", "-", "*", "/"}
 """The operators that Python computes alike when both operands are numbers."""
 
@@ -182,11 +185,16 @@ class TermCompiler:
     def _structure(self, node: nodes.Structure, scope: Scope) -> str:
         if self.library.is_function(node.functor, len(node.args)):
             return self._call(node.functor, node.args, scope)
-        args = tuple_of([self.build(a, scope) for a in node.args])
+        built = [self.build(a, scope) for a in node.args]
+        args = tuple_of(built)
         annots = "" if node.annotations is None else ", " + self.annots(node.annotations, scope)
         if isinstance(node.namespace, nodes.Variable):
             sig = self.constant(signature(node.functor, len(node.args), node.negated))
             return f"qualify({self.build(node.namespace, scope)}, Literal({sig}, {args}{annots}))"
+        if not annots:
+            varying = [part for part, arg in zip(built, node.args, strict=True) if not is_constant(arg)]
+            if len(varying) <= _MOST_CHECKED and all(map(str.isidentifier, varying)):
+                annots = f", (), {' and '.join(f'type({part}) is float' for part in varying)}"
         return f"Literal({self.constant(signature_of(node))}, {args}{annots})"
 
     def annots(self, node: nodes.ListTerm | None, scope: Scope) -> str:

@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, ClassVar, Final, TypeAlias, Union
 
+from msgspec import Struct
+
 from agentd.language.syntax_tree.signatures import Signature, signature
 
 Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Code", "Collection", "Open"]
@@ -36,23 +38,18 @@ class Shown:
         return Shown.text(self)
 
 
-class Literal(Shown):
+class Literal(Shown, Struct, eq=False):
     """An atom, structure or literal: a signature, its arguments and its annotations (sorted, without duplicates).
 
-    Equality is that of ``==`` in the language: same signature, equal arguments, equal annotations.
+    Equality is that of ``==`` in the language: same signature, equal arguments, equal annotations. It is a struct, as C
+    code makes those.
     """
 
-    __slots__ = ("annots", "args", "ground", "sig")
-
     sig: Signature
-    args: tuple[Any, ...]
-    annots: tuple[Any, ...]
-    ground: bool
+    args: tuple[Any, ...] = ()
+    annots: tuple[Any, ...] = ()
+    ground: bool = False
     """True once a search has found no variable inside; False means only that there was no search."""
-
-    def __init__(self, sig: Signature, args: tuple[Any, ...] = (), annots: tuple[Any, ...] = ()) -> None:
-        self.sig, self.args, self.annots = sig, args, annots
-        self.ground = False
 
     def __eq__(self, other: object) -> bool:
         if self is other:
@@ -60,6 +57,9 @@ class Literal(Shown):
         if type(other) is not Literal or self.sig is not other.sig:
             return False
         return (not self.sig.arity and self.annots == other.annots) or equal(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other  # a struct's own would compare identities
 
     def __hash__(self) -> int:
         if not self.args:
@@ -241,9 +241,7 @@ class Collection(Shown):
 
 def atom(name: str) -> Literal:
     """An atom of the default namespace, without annotations."""
-    literal = Literal(signature(name))
-    literal.ground = True
-    return literal
+    return Literal(signature(name), ground=True)
 
 
 TRUE: Final = atom("true")

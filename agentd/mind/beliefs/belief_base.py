@@ -179,27 +179,32 @@ class Predicate:
 
     def add(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
         """Believe a fact with resolved arguments. Returns the annotations that are new; None if nothing is."""
-        known = self.entries.get(args)
-        if known is not None:
-            return self._merge(args, known, annots)
-        literal = Literal(self.sig, args, annots)
         for arg in args:
             kind = type(arg)
             if kind is float or kind is str or ((kind is Literal or kind is List) and arg.ground):
                 continue
             if not is_ground(arg):
-                self.open += 1
-                self.plain = False
-                self.opened()
-                args = detach(args)
-                literal = Literal(self.sig, args, annots)
-                break
-        else:
-            literal.ground = True
+                return self._add_open(args, annots, last)
+        literal = Literal(self.sig, args, annots, True)
         if last or self._indexes:
-            self._insert(args, literal, last)
+            known = self.entries.get(args)
+            if known is None:
+                self._insert(args, literal, last)
+                return annots
         else:
-            self.entries[args] = literal
+            known = self.entries.setdefault(args, literal)  # the arguments are hashed only once
+        return annots if known is literal else self._merge(args, known, annots)
+
+    def _add_open(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool) -> tuple[Any, ...] | None:
+        """`add` for a fact with a free variable."""
+        known = self.entries.get(args)
+        if known is not None:
+            return self._merge(args, known, annots)
+        self.open += 1
+        self.plain = False
+        self.opened()
+        args = detach(args)
+        self._insert(args, Literal(self.sig, args, annots), last)
         return annots
 
     def _merge(self, args: tuple[Term, ...], known: Literal, annots: tuple[Term, ...]) -> tuple[Term, ...] | None:
