@@ -20,7 +20,6 @@ from agentd.mail.neighbours import MOST, MOST_BYTES, NearMessage, Neighbours, is
 from agentd.mail.outbox import Outbox
 from agentd.mind import Mind
 from agentd.mind.beliefs.term_copy import detached
-from agentd.mind.data.effects import SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.mind.execution.messages import is_answer, told_annots
@@ -227,7 +226,7 @@ class MailClient:
         waiting = Counter(near_waiting=self.inbox.near)
         return self.outbox.counters + self.inbox.counters + self._bad + self._near + waiting
 
-    def send(self, mail: SendMail) -> None:
+    def send(self, mail: Mail) -> None:
         """Send a message or broadcast when it is on disk, or the mind rests. Raises Failed for its plan."""
         if mail.receiver is not None:
             receivers = [mail.receiver]
@@ -259,7 +258,7 @@ class MailClient:
 
     # --- to and from agents of the same daemon ---
 
-    def _near_message(self, other: MailClient, receiver: str, mail: SendMail, identity: str) -> NearMessage | None:
+    def _near_message(self, other: MailClient, receiver: str, mail: Mail, identity: str) -> NearMessage | None:
         """Return a message to an agent of this daemon; None if it has to go by `commd`.
 
         Raises BadTerm and Unsendable.

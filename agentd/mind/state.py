@@ -22,7 +22,7 @@ from agentd.language.terms.terms import Term, Var
 from agentd.mind.beliefs.belief_base import BeliefBase, OpenBeliefs, Predicate
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked
-from agentd.mind.data.effects import Effect, Log, SendMail
+from agentd.mind.data.effects import Effect, Log
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Input, Mail, TimeRead
 from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Step, Timer, Timers, Wait
@@ -66,17 +66,19 @@ class Perceived:
     def put(self, args: tuple[Term, ...]) -> None:
         """Note a percept that was not there."""
         self.args[args] = None
-        for key, index in self.by_key.items() if self.by_key else ():
-            index.setdefault(_at(key, args), {})[args] = None
+        if self.by_key:
+            for key, index in self.by_key.items():
+                index.setdefault(_at(key, args), {})[args] = None
 
     def drop(self, args: tuple[Term, ...]) -> None:
         """Forget a percept that is there."""
         del self.args[args]
-        for key, index in self.by_key.items() if self.by_key else ():
-            found = index[_at(key, args)]
-            del found[args]
-            if not found:
-                del index[_at(key, args)]
+        if self.by_key:
+            for key, index in self.by_key.items():
+                found = index[_at(key, args)]
+                del found[args]
+                if not found:
+                    del index[_at(key, args)]
 
 
 def _at(key: tuple[int, ...], args: tuple[Term, ...]) -> Any:
@@ -259,7 +261,7 @@ class MindState:
     """Names of the agents that can be sent to; None: no receiver is checked."""
     on_input: Callable[[int, Input], None] | None = None
     """Gets each input with the number of the cycle that takes it."""
-    post_office: Callable[[SendMail], None] | None = None
+    post_office: Callable[[Mail], None] | None = None
     """Takes each message as it is sent, or raises `Failed` for the plan; None: messages are effects like others."""
     recorder: Recorder | None = None
     """Gets each decision and failure, and what may cause them; None: decisions are not recorded."""
@@ -334,11 +336,13 @@ class MindState:
         """Whether a cycle would do something now."""
         if self.inputs or self.effects:
             return True
+        if self.atomic is None and (self.mailbox or self.events or self.running):
+            return True
         if (self.conditions or self.goal_conditions) and self.changes != self.changes_seen:
             return True
         if self.atomic is not None:
             return self.atomic_can_run
-        return bool(self.events or self.running or self.mailbox) or (self.plans.sleeps and self.asleep is False)
+        return self.plans.sleeps and self.asleep is False
 
     @property
     def crowded(self) -> bool:
@@ -357,15 +361,16 @@ class MindState:
 
     def post(self, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
         """Queue an event that starts an intention of its own; arguments and annotations are resolved."""
-        focuses = len(self.events) + len(self.running) + len(self.waiting) + len(self.suspended)
+        events = self.events
+        focuses = len(events) + len(self.running) + len(self.waiting) + len(self.suspended)
         if focuses >= MOST_FOCUSES and (focuses >= MOST_FOCUSES + FOR_OTHERS or not told_by_others(annots)):
             event = f"{relevant.text}{relevant.sig.indicator}"
             text = f"more than {MOST_FOCUSES} events and intentions; events such as {event} are dropped"
             self.drop("events", text, event)
             return
-        self.events.append((relevant, args, annots, None))
+        events.append((relevant, args, annots, None))
         if self.recorder is not None:
-            self.recorder.posted(self.events[-1])
+            self.recorder.posted(events[-1])
 
     def all_events(self) -> list[Event]:
         """Every event that waits to be given a plan: those of the queue, then those held by ``.suspend``."""

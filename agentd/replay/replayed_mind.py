@@ -12,9 +12,9 @@ from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Goal, Program
 from agentd.mind import Mind
-from agentd.mind.data.effects import Effect, SendMail
+from agentd.mind.data.effects import Effect
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.inputs import TimeRead, TooDeep
+from agentd.mind.data.inputs import Mail, TimeRead, TooDeep
 from agentd.mind.execution.dropping import fail_too_deep
 from agentd.mind.introspection.decision_log import Decision, Failure
 from agentd.mind.introspection.decision_views import view_of
@@ -128,7 +128,7 @@ class ReplayedMind:
     def _clock(self) -> float:
         return self._times.popleft() if self._times else self.mind.now if hasattr(self, "mind") else self.now
 
-    def _send(self, mail: SendMail) -> None:
+    def _send(self, mail: Mail) -> None:
         assert self.mind.recorder is not None
         self.mind.recorder.settle()
         if refused := self._refused.pop(mail.msg_id, None):

@@ -23,7 +23,6 @@ from agentd.mind.data.effects import (
     Log,
     PerformAction,
     Print,
-    SendMail,
     StopTeam,
     TeamRequest,
     TeamRequestRefused,
@@ -125,6 +124,8 @@ class Team:
         self._wanted: list[tuple[str, str]] = []
         """Agents and the services that they subscribe to."""
         self.minds: dict[str, Mind] = {}
+        self._in_turn: tuple[Mind, ...] = ()
+        """The same, for a turn: those that one of them creates have none in it."""
         self.failures = 0
         """Intentions that have ended by an unhandled failure, or waited in vain when the run ended."""
         try:
@@ -150,6 +151,7 @@ class Team:
             decisions=self._decisions,
             on_decision=None if self._narrator is None else self._narrator.listener(name),
         )
+        self._in_turn = tuple(self.minds.values())
         mind.verbose = self._verbosity.get(name, 1)
         if self._world is not None:
             self._world.join(mind)
@@ -222,38 +224,42 @@ class Team:
     def turns(self) -> bool:
         """Give each mind that has something to do a turn. Return whether there was one."""
         busy = False
-        if self._world is not None:
-            self._world.deliver()
-        for mind in tuple(self.minds.values()):
-            if not self._lives(mind):
+        world, minds, now = self._world, self.minds, self.clock.now
+        if world is not None:
+            world.deliver()
+        in_turn = self._in_turn
+        for mind in in_turn:
+            if self._in_turn is not in_turn and minds.get(mind.name) is not mind:
                 continue  # killed by another agent in this turn
             if not mind.ready:
                 due = mind.wake_at
-                if due is None or due > self.clock.now():
+                if due is None or due > now():
                     continue
             busy = True
             for _ in range(RUNS_A_TURN):
-                for effect in mind.run(self.clock.now(), CYCLES_A_TURN):
-                    if type(effect) is SendMail:
-                        self._send(mind, effect)
-                    elif type(effect) is PerformAction and self._world is not None:
-                        self._world.perform(mind, effect)
+                for effect in mind.run(now(), CYCLES_A_TURN):
+                    if type(effect) is Mail:
+                        if effect.receiver is None:
+                            for other in minds.values():
+                                if other is not mind:
+                                    other.feed(effect)
+                        elif effect.receiver in minds:
+                            minds[effect.receiver].feed(effect)
+                    elif type(effect) is PerformAction and world is not None:
+                        world.perform(mind, effect)
                     else:
                         self._carry_out(mind, effect)
-                        if not self._lives(mind):
+                        if minds.get(mind.name) is not mind:
                             break  # it has killed itself
-                    if self._stop is not None and self._stop[0] <= self.clock.now():
+                    if self._stop is not None and self._stop[0] <= now():
                         return True
-                if not mind.inputs or not self._lives(mind):
+                if not mind.inputs or minds.get(mind.name) is not mind:
                     break
         if self._kills:  # as a rule there are none, and a turn is short
             for due, name in [kill for kill in self._kills if kill[0] <= self.clock.now()]:
                 self._kills.remove((due, name))
                 self._kill(name)
         return busy
-
-    def _lives(self, mind: Mind) -> bool:
-        return self.minds.get(mind.name) is mind
 
     def due(self, timeout: float | None) -> Iterator[float]:
         """Return the times at which something is due, in seconds of the clock; ``timeout`` is one of them."""
@@ -299,17 +305,6 @@ class Team:
                         other.feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
             case TeamRequest():
                 mind.feed(self._answer(mind, effect))
-
-    def _send(self, mind: Mind, mail: SendMail) -> None:
-        sent = Mail(mind.name, mail.performative, mail.content, mail.msg_id, mail.in_reply_to)
-        if mail.receiver is None:
-            for receiver in self.minds.values():
-                if receiver is not mind:
-                    receiver.feed(sent)
-        else:
-            addressee = self.minds.get(mail.receiver)
-            if addressee is not None:
-                addressee.feed(sent)
 
     # --- requests ---
 
@@ -360,6 +355,7 @@ class Team:
 
     def _kill(self, name: str) -> None:
         self.minds.pop(name, None)
+        self._in_turn = tuple(self.minds.values())
         if self._world is not None:
             self._world.leave(name)
         self._offered = [entry for entry in self._offered if entry[0] != name]

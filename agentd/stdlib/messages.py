@@ -51,11 +51,9 @@ def send_message(mind: MindState, trail: Trail, to: Term, performative: Term, co
     """
     if type(performative) is not str:
         performative = name_of(performative)
-    content = detached(content)
-    if type(to) is str:
-        send(mind, _present(mind, to), performative, content)
-        return
-    for receiver in _receivers(deref(to)):
+    if type(content) is not Literal or not content.ground:
+        content = detached(content)
+    for receiver in (to,) if type(to) is str else _receivers(deref(to)):
         send(mind, _present(mind, receiver), performative, content)
 
 

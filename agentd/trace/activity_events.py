@@ -8,7 +8,7 @@ from typing import Final
 from agentd.conversion.log_format import line_of
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal
-from agentd.mind.data.effects import Effect, Log, PerformAction, Print, SendMail, StopTeam
+from agentd.mind.data.effects import Effect, Log, PerformAction, Print, StopTeam
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.trace.decision_digest import called
@@ -68,7 +68,7 @@ class ActivityEvents:
             case _:
                 pass
 
-    def sent(self, cycle: int, mail: SendMail, receivers: list[str]) -> None:
+    def sent(self, cycle: int, mail: Mail, receivers: list[str]) -> None:
         """Note a message that the outbox has accepted, once for each receiver."""
         if self._is_full():
             self._left_out += len(receivers)

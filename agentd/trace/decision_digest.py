@@ -16,10 +16,10 @@ from agentd.mind.data.effects import (
     Log,
     PerformAction,
     Print,
-    SendMail,
     StopTeam,
     TeamRequest,
 )
+from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
@@ -141,7 +141,7 @@ def effect_text(effect: Effect) -> str:
             return f"action {called(name, parameters)} #{number}"
         case CancelAction(id=number):
             return f"cancel #{number}"
-        case SendMail():
+        case Mail():
             answers = f" in reply to {effect.in_reply_to}" if effect.in_reply_to else ""
             to = "all" if effect.receiver is None else effect.receiver
             return f"send {effect.performative} {short_text(effect.content)} to {to}{answers} ({effect.msg_id})"

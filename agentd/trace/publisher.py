@@ -14,7 +14,7 @@ import msgspec
 from agentd.conversion.introspection import Look
 from agentd.conversion.mind_view import decisions_of
 from agentd.mind import Mind
-from agentd.mind.data.effects import Effect, SendMail
+from agentd.mind.data.effects import Effect
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.runtime.agent_directory import AgentDirectory
@@ -126,14 +126,14 @@ class Tracing:
         """Take an operator's order, as text."""
         self.activity.add(ActivityEvent(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
 
-    def sent(self, mail: SendMail, receivers: list[str]) -> None:
+    def sent(self, mail: Mail, receivers: list[str]) -> None:
         """Take a message that the outbox has accepted."""
         if self.inputs.listened:
             self.inputs.did(self._mind.cycle, mail)
         if self.activity.listened:
             self.activity.sent(self._mind.cycle, mail, receivers)
 
-    def refused(self, mail: SendMail, failed: Failed) -> None:
+    def refused(self, mail: Mail, failed: Failed) -> None:
         """Take a message that the outbox has refused; its plan fails."""
         if self.inputs.on:
             self.inputs.given(self._mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))

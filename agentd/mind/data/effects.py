@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 from msgspec import Struct
 
 from agentd.language.syntax_tree.nodes import Position
+from agentd.mind.data.inputs import Mail
 
 
 class PerformAction(Struct, frozen=True):
@@ -21,16 +22,6 @@ class CancelAction(Struct, frozen=True):
     """The intention that waited for this action has ended."""
 
     id: int
-
-
-class SendMail(Struct, frozen=True):
-    """A message to send. ``receiver`` is a name, or None for all others; ``msg_id`` is new for each message."""
-
-    receiver: str | None
-    performative: str
-    content: Any
-    msg_id: str
-    in_reply_to: str = ""
 
 
 class Print(Struct, frozen=True):
@@ -84,4 +75,4 @@ class AskPercepts(Struct, frozen=True):
     """``.perceive``: bring the percepts up to date before the program continues."""
 
 
-Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam | TeamRequest | AskPercepts
+Effect: TypeAlias = PerformAction | CancelAction | Mail | Print | Log | StopTeam | TeamRequest | AskPercepts

@@ -49,13 +49,18 @@ class PerceptsChanged(Struct, frozen=True):
 
 
 class Mail(Struct, frozen=True):
-    """A message from another agent. ``in_reply_to`` is the id of the question that it answers, or ``""``."""
+    """A message from one agent to another: an effect of the one, an input of the other.
+
+    ``msg_id`` is new for each message of a sender, ``in_reply_to`` the id of the question that it answers, or ``""``.
+    ``receiver`` is a name, or None for all others; ``""`` where the message is one for the agent in hand.
+    """
 
     sender: str
     performative: str
     content: Any
     msg_id: str = ""
     in_reply_to: str = ""
+    receiver: str | None = ""
 
 
 class ActionDone(Struct, frozen=True):

@@ -82,7 +82,8 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                     frame = library.select(mind, trail, event)
                 else:
                     for plan in relevant.plans:
-                        frame = plan.select(mind, trail, relevant, args, annots)
+                        select = plan.select
+                        frame = select(mind, trail, relevant, args, annots)
                         if frame is not None:
                             break
                         if len(trail) > mark:
@@ -144,8 +145,9 @@ def run_cycles(mind: MindState, cycles: int) -> None:
             frame[STEP] = step.next
             intention.last = step
             mind.current = intention
+            run = step.run
             try:
-                waits = step.run(mind, intention, frame)
+                waits = run(mind, intention, frame)
             except Exception as error:  # an internal action may raise anything; it must not end the mind
                 formula_failed(mind, intention, step, frame, error)
                 waits = True

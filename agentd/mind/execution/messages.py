@@ -12,14 +12,14 @@ from typing import Any, Final
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
-from agentd.language.terms.source_annotations import SELF, SOURCE_SELF
+from agentd.language.terms.source_annotations import SELF, SOURCE_SELF, told_by
 from agentd.language.terms.terms import FALSE, Literal, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import Copier, detach, nested_source, resolve, resolve_all
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked, QueryRefused, TooMuchWork
-from agentd.mind.data.effects import Log, SendMail
+from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed, argument, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import Frame, Intention, Step
@@ -45,7 +45,7 @@ def send(
     """
     mind.message_count += 1
     msg_id = f"{kind}{mind.message_count}.{mind.name}"
-    mail = SendMail(receiver, performative, content, msg_id, in_reply_to)
+    mail = Mail(mind.name, performative, content, msg_id, in_reply_to, receiver)
     if mind.post_office is None:
         mind.effects.append(mail)
     else:
@@ -266,20 +266,22 @@ def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
 
 def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Term, ...]:
     """The annotations of a literal in a message of ``sender``: former sources are nested inside the new one."""
-    return nested_source(literal.annots, "self" if sender == mind.name else sender)
+    if sender == mind.name:
+        sender = "self"
+    elif not literal.annots:
+        return told_by(sender)
+    return nested_source(literal.annots, sender)
 
 
 def _each(content: Term) -> Iterable[Any]:
     if type(content) is Literal:
         return (content,)
     members = proper(content)
-    return [content] if members is None else members
+    return map(deref, [content] if members is None else members)
 
 
 def _tell(mind: MindState, mail: Mail) -> None:
     for content in _each(mail.content):
-        if type(content) is not Literal:
-            content = deref(content)
         if type(content) is Literal:
             args = content.args if content.ground else detach(resolve_all(content.args))
             predicate = mind.beliefs.predicate(content.sig)
@@ -298,23 +300,15 @@ def _untell(mind: MindState, mail: Mail) -> None:
 
 
 def _achieve(mind: MindState, mail: Mail) -> None:
-    if type(mail.content) is Literal:
-        _achieve_literal(mind, mail.content, mail.sender)
-        return
-    for content in _each(mail.content):
-        content = deref(content)
-        if type(content) is Literal:
-            _achieve_literal(mind, content, mail.sender)
-        elif content is mail.content:
-            raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
-
-
-def _achieve_literal(mind: MindState, goal: Literal, sender: str) -> None:
-    relevant = mind.plans.relevant("+", "!", goal.sig)
-    annots = told_annots(mind, goal, sender)
-    if mind.plans.has_meta:
-        raise_state(mind, relevant, goal.args, annots, "pending")
-    mind.post(relevant, goal.args if goal.ground else detach(goal.args), annots)
+    for goal in _each(mail.content):
+        if type(goal) is Literal:
+            relevant = mind.plans.relevant("+", "!", goal.sig)
+            annots = told_annots(mind, goal, mail.sender)
+            if mind.plans.has_meta:
+                raise_state(mind, relevant, goal.args, annots, "pending")
+            mind.post(relevant, goal.args if goal.ground else detach(goal.args), annots)
+        elif goal is mail.content:
+            raise Failed("body_var_not_literal", f"{text(goal)} is no goal to achieve")
 
 
 def _unachieve(mind: MindState, mail: Mail) -> None:

@@ -16,7 +16,6 @@ from agentd.language.parse import parse_plan
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Collection, Literal, Var, atom
-from agentd.mind.data.effects import SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.execution.belief_updates import add_belief
@@ -334,7 +333,7 @@ def test_ids_of_messages_and_actions_go_on_where_they_ended() -> None:
     life = begun(source).feed(GoalAdded(term("tell")), GoalAdded(term("act")))
     life.save()
     again = life.next(own=False).feed(GoalAdded(term("tell")))
-    ids = [mail.msg_id for each in (life, again) for mail in each.of(SendMail)]
+    ids = [mail.msg_id for each in (life, again) for mail in each.of(Mail)]
     assert len(set(ids)) == 2
     assert again.mind.action_count == 1
 

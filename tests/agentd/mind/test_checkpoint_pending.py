@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from agentd.language.terms.terms import Literal
-from agentd.mind.data.effects import SendMail
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded, SignalRaised
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.minds import term
@@ -242,7 +241,7 @@ def test_a_question_that_a_plan_answers_is_answered_in_the_next_life() -> None:
     life.save()
     assert others(life) == ['+!kqml_received(ann,askOne,x(V),"sync7.ann")']
     again = life.next(own=False).at(2.0)
-    (reply,) = again.of(SendMail)
+    (reply,) = again.of(Mail)
     assert (reply.receiver, reply.in_reply_to) == ("ann", "sync7.ann")
     assert str(reply.content) == "x(5)[source(bob)]"
     again.save()
@@ -262,7 +261,7 @@ def test_a_question_that_falls_to_a_plan_behind_own_plans_for_messages_is_given_
     life = begun(source).feed(told("askOne", "x(V)", msg_id="sync7.ann"))
     life.save()
     assert others(life) == ['+!kqml_received(ann,askOne,x(V),"sync7.ann")']
-    assert len(life.next().at(2.0).of(SendMail)) == 1
+    assert len(life.next().at(2.0).of(Mail)) == 1
 
 
 def test_pending_events_are_given_again_in_the_order_in_which_they_came() -> None:

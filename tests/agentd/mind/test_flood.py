@@ -7,7 +7,7 @@ import pytest
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parse import parse_program
 from agentd.mind import Mind
-from agentd.mind.data.effects import Log, Print, SendMail
+from agentd.mind.data.effects import Log, Print
 from agentd.mind.data.inputs import Mail, PerceptAdded
 from agentd.standalone.standalone_team import Team, VirtualClock
 from tests.agentd.minds import mind_of, run, term
@@ -56,9 +56,9 @@ def test_messages_and_percepts_are_still_handled() -> None:
     mind.feed(PerceptAdded(term("ball(7)")))
     for _ in range(20_000):
         effects += mind.run(0.0, 10)
-        if any(isinstance(e, SendMail) for e in effects) and any(isinstance(e, Print) for e in effects):
+        if any(isinstance(e, Mail) for e in effects) and any(isinstance(e, Print) for e in effects):
             break
-    assert [e.content for e in effects if isinstance(e, SendMail)] == [term("heard(1)")]
+    assert [e.content for e in effects if isinstance(e, Mail)] == [term("heard(1)")]
     assert [e.text for e in effects if isinstance(e, Print)] == ["ball 7"]
 
 

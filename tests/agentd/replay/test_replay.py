@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from agentd.conversion.term_conversion import perceived
 from agentd.language.parse import parse_formula
 from agentd.language.terms.terms import EMPTY, Literal, atom, make_list
-from agentd.mind.data.effects import Effect, PerformAction, SendMail, TeamRequest
+from agentd.mind.data.effects import Effect, PerformAction, TeamRequest
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import (
     ActionDone,
@@ -134,7 +134,7 @@ class World:
                     self._answers.append(TeamReply(number, EMPTY))
         return effects
 
-    def post(self, mail: SendMail) -> None:
+    def post(self, mail: Mail) -> None:
         self._count += 1
         course, cycle = self.traced.course, self.traced.mind.cycle
         if self._count % 4 == 0:

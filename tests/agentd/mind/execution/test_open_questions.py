@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agentd.language.terms.format import text
-from agentd.mind.data.effects import Log, Print, SendMail
+from agentd.mind.data.effects import Log, Print
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.registry import ACTIONS, FUNCTIONS, function, internal_action
 from tests.agentd.minds import World, mind_of, term
@@ -29,7 +29,7 @@ def asked(performative: str, question: str, msg_id: str = "sync1.amy") -> tuple[
     world = World(mind_of(BOB, agents=lambda: ["bob", "amy"], has_team=True)).settle()
     world.effects.clear()
     world.feed(Mail("amy", performative, term(question), msg_id))
-    answers = [text(e.content) for e in world.of(SendMail) if e.in_reply_to == msg_id]
+    answers = [text(e.content) for e in world.of(Mail) if e.in_reply_to == msg_id]
     warnings = [e.text for e in world.of(Log) if e.level == "warning"]
     return world, answers, warnings
 
@@ -76,7 +76,7 @@ def test_a_question_that_names_an_action_with_an_effect_does_nothing_and_is_answ
     assert len(warnings) == 1
     assert "amy" in warnings[0]
     assert WITH_EFFECTS[question] in warnings[0]
-    assert {type(e) for e in world.effects} == {Log, SendMail}
+    assert {type(e) for e in world.effects} == {Log, Mail}
     assert "secret(42)[source(self)]" in [text(b) for known in world.mind.beliefs.predicates() for b in known.facts()]
 
 
@@ -118,7 +118,7 @@ def test_a_refused_question_that_nobody_waits_for_gets_no_answer() -> None:
 @pytest.mark.parametrize("question", ["many(X)", "(many(X) & X > 0)", "(.range(X, 1, 1000000000000) & X > 0)"])
 def test_more_answers_than_ten_thousand_are_left_out_and_reported(question: str) -> None:
     world, _, warnings = asked("askAll", question)
-    [sent] = world.of(SendMail)
+    [sent] = world.of(Mail)
     assert len(sent.content.items) == 10_000
     assert len(warnings) == 1
     assert "amy" in warnings[0]
@@ -182,5 +182,5 @@ def test_an_agent_goes_on_after_a_question_that_was_refused() -> None:
     world, _, _ = asked("askAll", "(p(X) & .stopMAS)")
     world.effects.clear()
     world.feed(Mail("amy", "askAll", term("(p(X) & X > 0)"), "sync2.amy"))
-    assert text(world.of(SendMail)[0].content) == "[(p(1) & (1 > 0)),(p(2) & (2 > 0))]"
+    assert text(world.of(Mail)[0].content) == "[(p(1) & (1 > 0)),(p(2) & (2 > 0))]"
     assert world.mind.asked is None
