@@ -46,12 +46,16 @@ def term_of(value: Any) -> Any:
 
 def literal(functor: str, *arguments: Any) -> Literal:
     """Make a structure, or an atom if there are no arguments; arguments are Python values (`term_of`) or terms."""
-    made = Literal(plain_signature(functor, len(arguments)), tuple(map(term_of, arguments)) if arguments else ())
-    for argument in made.args:
-        if type(argument) is not float and type(argument) is not str:
-            return made
-    made.ground = True
-    return made
+    args, ground = [], True
+    for argument in arguments:
+        kind = type(argument)
+        if kind is int:
+            argument = float(argument)
+        elif kind is not float and kind is not str:
+            argument = term_of(argument)
+            ground = ground and (type(argument) is float or type(argument) is str)
+        args.append(argument)
+    return Literal(plain_signature(functor, len(args)), tuple(args), (), ground)
 
 
 @lru_cache(maxsize=4096)

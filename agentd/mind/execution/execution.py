@@ -40,7 +40,7 @@ _MOST_NOTED: Final = 1000
 
 def end_frames(mind: MindState, intention: Intention) -> bool:
     """Remove the plans that have ended. Return whether there is a formula to run now."""
-    stack, has_meta = intention.stack, mind.plans.has_meta
+    stack, trail, has_meta = intention.stack, intention.trail, mind.plans.has_meta
     while stack:
         top = stack[-1]
         if top[STEP] is not None:
@@ -50,10 +50,10 @@ def end_frames(mind: MindState, intention: Intention) -> bool:
                 return False
         else:
             stack.pop()
-        if len(intention.trail) > top[MARK]:
+        if trail and len(trail) > top[MARK]:
             intention.trim(top[MARK])
     if mind.atomic is intention:
-        mind.gone(intention)
+        mind.atomic = None
     return False
 
 

@@ -37,21 +37,22 @@ def take_inputs(mind: MindState) -> bool:
 
     Return whether there were only percepts.
     """
-    batch = list(mind.inputs)
-    mind.inputs.clear()
+    inputs, on_input = mind.inputs, mind.on_input
     added: list[Addition] = []
     percepts_only = True
-    for item in batch:
-        if mind.on_input is not None:
-            mind.on_input(mind.cycle, item)
-        perceive = _PERCEPTS.get(type(item))
-        if perceive is not None:
-            perceive(mind, item, added)
-            continue
-        percepts_only = False
-        if mind.recorder is not None:
-            mind.recorder.given(mind.cycle, item)
-        _OTHERS[type(item)](mind, item)
+    for _ in range(len(inputs)):
+        item = inputs.popleft()
+        if on_input is not None:
+            on_input(mind.cycle, item)
+        if type(item) is PerceptsChanged:
+            _change(mind, item, added)
+        elif isinstance(item, _PERCEPTS):
+            _update(mind, item, added)
+        else:
+            percepts_only = False
+            if mind.recorder is not None:
+                mind.recorder.given(mind.cycle, item)
+            _OTHERS[type(item)](mind, item)
     if added:
         listening = mind.listeners or mind.plans.has_nested
         for place, args, annots in added:
@@ -106,12 +107,14 @@ def _change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> No
     """Remove and add percepts. Deletion events are raised here; the additions are collected in ``added``."""
     known = mind.percepts
     for (sig, args), literal in item.percepts.items():
-        place = known.get(sig) or perceived(mind, sig)
-        if literal is None:
-            if args in place.args:
-                _remove(mind, place, args)
-        elif args not in place.args:
-            _add(mind, place, literal, args, added)
+        place = known.get(sig)
+        if place is None:
+            place = perceived(mind, sig)
+        if literal is not None:
+            if args not in place.args:
+                _add(mind, place, literal, args, added)
+        elif args in place.args:
+            _remove(mind, place, args)
 
 
 def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
@@ -150,8 +153,7 @@ def _of_percept(annots: tuple[Term, ...]) -> tuple[Term, ...]:
 
 def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Term, ...], added: list[Addition]) -> None:
     place.put(args)
-    annots = _of_percept(literal.annots)
-    new = place.predicate.add(args, annots)
+    new = place.predicate.add(args, _of_percept(literal.annots) if literal.annots else PERCEPT)
     if new is not None:
         mind.changes += 1
         added.append((place, args, new))
@@ -183,12 +185,7 @@ def _raise_signal(mind: MindState, signal: SignalRaised) -> None:
     mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
 
 
-_PERCEPTS: Final[dict[type, Callable[[MindState, Any, list[Addition]], None]]] = {
-    PerceptsChanged: _change,
-    PerceptReplaced: _update,
-    PerceptAdded: _update,
-    PerceptRemoved: _update,
-}
+_PERCEPTS: Final = (PerceptReplaced, PerceptAdded, PerceptRemoved)
 _OTHERS: Final[dict[type, Callable[[MindState, Any], None]]] = {
     ActionDone: _end_action,
     TeamReply: take_reply,
