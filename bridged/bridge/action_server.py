@@ -303,7 +303,6 @@ class ActionServer:
             self.on_control()
         deadline = min(float(entry.deadline), request.deadline or math.inf)
         accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
-        follower(accepted)
         self._publish(request.agent, accepted)
         until, held = self._pause.elapsed + deadline, _held(request.name)
         action = RunningAction(request, entry, held, until, deadline, accepted, now, arguments, held=True)
@@ -312,6 +311,8 @@ class ActionServer:
         self._wake.set()
         if not self.paused:
             self._perform(action)
+        if request.id in self._running:  # one that is over has sent its last status
+            follower(accepted)
         if action.execution.outcome is not None and action.execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()

@@ -213,9 +213,6 @@ class _Following:
     def __init__(self, query: Query[Action], put_percepts: Callable[[], None]) -> None:
         """`put_percepts` puts those that a status refers to."""
         self._query, self._put_percepts = query, put_percepts
-        self._first: ActionStatus | None = None
-        """A status from within the request itself; not sent if the action is over when the request returns."""
-        self._asked = False
         self._ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def hear(self, status: ActionStatus | None) -> None:
@@ -223,9 +220,6 @@ class _Following:
         if self._ended.done():
             return
         try:
-            if status is not None and not status.final and not self._asked:
-                self._first = status
-                return
             if status is not None:
                 self._put_percepts()
                 self._query.reply(status)
@@ -236,9 +230,6 @@ class _Following:
 
     def to_its_end(self) -> Awaitable[None] | None:
         """Return the wait for the end of the action, None if it has ended. Raises what was wrong with a status."""
-        self._asked = True
-        if self._first is not None:
-            self.hear(self._first)
         if self._ended.done():
             self._ended.result()
             return None
