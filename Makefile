@@ -60,10 +60,11 @@ docs: $(VENV)/docs.stamp  ## the pages as a site in site/; a broken link fails i
 	@! grep -rnoE '<(script|link|img|iframe)[^>]* (src|href)="?(https?:)?//[^">]*' site --include='*.html' \
 	  || { echo "error: the site loads this from elsewhere"; exit 1; }
 
-reference: $(VENV)/test.stamp  ## write docs/reference from docstrings and parsers, and the grammar for editors
+reference: $(VENV)/test.stamp  ## write docs/reference from docstrings and parsers, the overview's lines, and the grammar for editors
 	$(BIN)/python -m tests.docs.stdlib_page
 	$(BIN)/python -m tests.docs.commands_page
 	$(BIN)/python -m tests.docs.records_page
+	$(BIN)/python -m tests.docs.overview_page
 	$(BIN)/python -m tests.agentd.mind_format_page
 	$(BIN)/python -m agentd.editor.textmate
 	$(BIN)/python -m tests.support.texts
