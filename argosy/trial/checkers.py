@@ -293,8 +293,9 @@ class Checkers:
                     self.mail.healthy(one, daemon)
                     if daemon == "agentd":
                         self._idle[one] = its.idle is True
-            case ("percepts",):
-                for percept in codec(Perceptions).decode(sample.payload.to_bytes(), sample.encoding).changes:
+            # Others are not looked at: most percepts tell neither who holds a robot nor the mode of its pilot.
+            case ("percepts",) if b"holder" in (payload := sample.payload.to_bytes()) or self._pilots_mode(name):
+                for percept in codec(Perceptions).decode(payload, sample.encoding).changes:
                     self._percept(name, percept)
             case _:
                 pass

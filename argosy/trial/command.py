@@ -22,6 +22,7 @@ from argosy.trial.refusals import refusals
 from argosy.trial.report import Comparison, Trial, text, write
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.statistics import cause_of, causes, same_cause
+from argosy.trial.worker import ENOUGH
 from argosy.trial.workers import workers
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
@@ -53,6 +54,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=SECONDS,
         metavar="T",
         help="with --replay: stop after T virtual seconds; exit code 1 if it failed before",
+    )
+    parser.add_argument(
+        "--run-timeout",
+        type=SECONDS,
+        default=ENOUGH,
+        metavar="S",
+        help=f"wall seconds after which a run is ended as one that hangs (default: {ENOUGH:g})",
     )
     parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it fails alike")
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
@@ -125,7 +133,8 @@ def _run_all(mission: Mission, args: Namespace, trial: Trial) -> None:
     """Run all seeds, and put the outcomes into the trial by their seeds. Ctrl-C ends all runs that are under way."""
     progress = Progress(args.runs)
     try:
-        with workers(min(args.jobs or len(os.sched_getaffinity(0)), args.runs)) as run_all:
+        jobs = min(args.jobs or len(os.sched_getaffinity(0)), args.runs)
+        with workers(jobs, args.run_timeout) as run_all:
             for outcome in run_all(_requests(mission, args)):
                 _refuse(outcome)
                 trial.outcomes.append(outcome)
@@ -179,7 +188,7 @@ class Progress:
 def _replay(mission: Mission, args: Namespace) -> int:
     recording = _recording(args)
     faults = _faults(mission, args, args.replay)
-    with workers(1) as run_all:
+    with workers(1, args.run_timeout) as run_all:
 
         def again(tried: tuple[Fault, ...], record: str = "", journal: bool = False) -> Outcome:
             path = str(mission.path.resolve())

@@ -153,7 +153,7 @@ def main_of(argv: Sequence[str]) -> Coroutine[Any, Any, int]:
     if (module, command) != ("bridged", "simulate") or vehicle not in SIMULATED:
         raise ValueError(f"{' '.join(argv[:3])} cannot run in a trial")
     simulator = import_module(f"bridged.simulation.{vehicle}.command")
-    return _simulate(simulator, vehicle, _parsed(simulator, rest))
+    return _simulate(simulator, _parsed(simulator, rest))
 
 
 def _parsed(module: Any, words: Sequence[str]) -> Namespace:
@@ -172,11 +172,8 @@ async def _serve(daemon: Any, args: Namespace) -> int:
     return int(await daemon.serve(read_once(args.mission), args, _stop()))
 
 
-async def _simulate(simulator: Any, vehicle: str, args: Namespace) -> int:
-    if vehicle == "turtle":
-        await simulator.simulation(args, simulator.Turtle(), _stop())
-    else:
-        await simulator.simulation(args)  # it handles its signals
+async def _simulate(simulator: Any, args: Namespace) -> int:
+    await simulator.simulation(args, _stop())
     return 0
 
 

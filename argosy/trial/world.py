@@ -76,7 +76,7 @@ class Seen:
     def height(self) -> float:
         """Metres above home."""
         copter = self.vehicle.copter
-        return float(copter.motion.position.up - copter.home_on_chart.up)
+        return float(copter.motion.up.position - copter.home_on_chart.up)
 
     @property
     def mode(self) -> str:

@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import math
+import signal
 import sys
 import time
 from collections.abc import Callable, Coroutine
@@ -133,8 +134,15 @@ def run(args: argparse.Namespace) -> int:
     if (args.camera is None) != (args.victims is None):
         print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)
         return 2
+
+    async def main() -> None:
+        stop = asyncio.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        await simulation(args, stop)
+
     try:
-        asyncio.run(simulation(args))
+        asyncio.run(main())
     except OSError as error:
         where = f"--servo-log {error.filename}: {error.strerror}" if error.filename else error
         print(f"bridged simulate: error: {where}", file=sys.stderr)
@@ -145,8 +153,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-async def simulation(args: argparse.Namespace) -> None:
-    """Simulate until SIGTERM or SIGINT. Raises OSError (a link or the servo log) and ValueError (an argument)."""
+async def simulation(args: argparse.Namespace, stop: asyncio.Event) -> None:
+    """Simulate until `stop` is set. Raises OSError (a link or the servo log) and ValueError (an argument)."""
     from bridged.drivers.mavlink.transport.address import LinkAddress
     from bridged.drivers.mavlink.transport.signing import read_key
     from bridged.simulation.copter.battery import battery_parameters
@@ -181,7 +189,7 @@ async def simulation(args: argparse.Namespace) -> None:
         print(started, file=sys.stderr, flush=True)
 
     beside = _camera(args, vehicle, faults) if args.camera is not None else None
-    await simulate(vehicle, addresses, args.speed, announce, faults, beside)
+    await simulate(vehicle, addresses, args.speed, stop, announce, faults, beside)
 
 
 def _camera(

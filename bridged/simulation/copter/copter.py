@@ -80,6 +80,8 @@ class Copter:
         self.hindrance = ""
         """An arming check that fails by a fault, in the vehicle's words."""
         self.home: Place | None = None
+        self.home_on_chart = Vector()
+        """Home on the map; the place of power on before home is set."""
         self.events: list[Event] = []
         self.next_guard = 0.0
         """When the failsafes are checked next, in vehicle seconds."""
@@ -125,11 +127,6 @@ class Copter:
         if gps is None or not self.passed(Milestone.GPS_FIX):
             return None
         return self.chart.place(Vector(truth.north + gps.north, truth.east + gps.east, truth.up))
-
-    @property
-    def home_on_chart(self) -> Vector:
-        """Home on the map; the place of power on before home is set."""
-        return self.chart.vector(self.home) if self.home is not None else Vector()
 
     def passed(self, milestone: Milestone) -> bool:
         """Return whether the boot sequence has passed a milestone."""
@@ -234,7 +231,7 @@ class Copter:
 
     def set_home(self, place: Place) -> None:
         """Set home."""
-        self.home = place
+        self.home, self.home_on_chart = place, self.chart.vector(place)
         self.events.append(HomeChanged())
         if isinstance(self.flight.task, Return):
             self.flight.begin(Return(self.home_on_chart))

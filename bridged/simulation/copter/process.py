@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
@@ -174,20 +173,17 @@ async def simulate(
     vehicle: Vehicle,
     addresses: Sequence[LinkAddress],
     speed: float,
+    stop: asyncio.Event,
     started: Callable[[], None] = lambda: None,
     faults: Faults | None = None,
     beside: Callable[[asyncio.Event], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Run the vehicle at `speed` times real time until SIGTERM or SIGINT. Raises LinkError.
+    """Run the vehicle at `speed` times real time until `stop` is set. Raises LinkError.
 
     `started` is called when the links are open.
 
     `beside` is what else the process does, until the event is set; the vehicle flies on if it ends.
     """
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
     other = asyncio.create_task(beside(stop)) if beside is not None else None
     try:
         await Simulation(vehicle, speed, addresses, faults or Faults()).run(stop, started)

@@ -169,31 +169,30 @@ def run(args: argparse.Namespace) -> int:
     if problem := key_problem(_prefix(args)):
         print(f"bridged simulate: error: {problem}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    turtle = Turtle()
 
     async def main(stop: asyncio.Event) -> int:
-        await simulation(args, turtle, stop)
+        turtle = await simulation(args, stop)
+        if args.draw is not None:
+            try:
+                args.draw.write_text(svg(turtle))
+            except OSError as error:
+                print(f"bridged simulate: error: cannot write {args.draw}: {error.strerror}", file=sys.stderr)
+                return EXIT_BAD_INPUT
         return EXIT_DONE
 
-    code = run_daemon("turtle", main)
-    if args.draw is not None:
-        try:
-            args.draw.write_text(svg(turtle))
-        except OSError as error:
-            print(f"bridged simulate: error: cannot write {args.draw}: {error.strerror}", file=sys.stderr)
-            return EXIT_BAD_INPUT
-    return code
+    return run_daemon("turtle", main)
 
 
-async def simulation(args: argparse.Namespace, turtle: Turtle, stop: asyncio.Event) -> None:
-    """Simulate a turtle until `stop` is set. Raises BusClosed if the router does not come before that."""
-    endpoint, prefix = args.router or DEFAULT_ROUTER, _prefix(args)
+async def simulation(args: argparse.Namespace, stop: asyncio.Event) -> Turtle:
+    """Simulate a turtle until `stop` is set. Returns it; raises BusClosed if the router does not come before that."""
+    turtle, endpoint, prefix = Turtle(), args.router or DEFAULT_ROUTER, _prefix(args)
     line = f"simulated turtle on {prefix}/*, router {endpoint}, speed {args.speed:g}"
 
     def announce() -> None:
         print(line, file=sys.stderr, flush=True)
 
     await simulate(turtle, endpoint, f"{prefix}/", args.speed, stop, announce)
+    return turtle
 
 
 def _prefix(args: argparse.Namespace) -> str:

@@ -56,8 +56,12 @@ class Copter:
     battery: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(remaining=100))
 
     @property
+    def truth(self) -> tuple[float, float]:
+        return self.true_place.lat, self.true_place.lon
+
+    @property
     def motion(self) -> SimpleNamespace:
-        return SimpleNamespace(position=SimpleNamespace(up=self.up))
+        return SimpleNamespace(up=SimpleNamespace(position=self.up))
 
     @property
     def home_on_chart(self) -> SimpleNamespace:

@@ -252,10 +252,9 @@ def test_recording_a_run_does_not_change_it(tmp_path: Path) -> None:
     assert (recorded.digest, recorded.messages) == (plain.digest, plain.messages)
 
 
-def test_a_run_that_hangs_is_ended_and_counted() -> None:
-    with workers(1, patience=0.05) as run_all:
-        (outcome,) = run_all([Request(SINGLE, 7)])
-    assert (outcome.seed, outcome.success, outcome.why) == (7, False, "hung: it was ended after 0.05 s")
+def test_a_run_that_hangs_is_ended_and_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["trial", SINGLE, "--runs", "1", "--seed", "7", "--run-timeout", "0.05"]) == 0
+    assert "1 x hung: it was ended after 0.05 s (seed 7)" in capsys.readouterr().out
 
 
 def test_a_worker_or_a_run_that_is_killed_fails_its_seed_alone() -> None:
