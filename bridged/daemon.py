@@ -56,13 +56,13 @@ def run(args: Namespace) -> int:
     """Run the daemon until SIGTERM or SIGINT. Returns the exit code."""
 
     async def main(stop: asyncio.Event) -> int:
-        asyncio.get_running_loop().call_later(SETTLED, _settle)
+        asyncio.get_running_loop().call_later(SETTLED, settle)
         return await serve(load_mission(args.mission), args, stop)
 
     return run_daemon("bridged", main)
 
 
-def _settle() -> None:
+def settle() -> None:
     """Exempt what is loaded from garbage collection: looking through it delays percepts by milliseconds."""
     gc.collect()
     gc.freeze()

@@ -10,9 +10,6 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final, NamedTuple
 
-from agentd.language.compiler.plan_patterns import PATTERNS
-from agentd.language.parser.parse_tables import Tables
-
 
 class Look(NamedTuple):
     """How something is shown: a token type of Pygments, and a scope of TextMate without the language at its end."""
@@ -77,16 +74,7 @@ OF_SIGN: Final = {
 }
 DIRECTIVES: Final = ("begin", "end", "include", "register_function")
 """The words that begin a directive: `{ include("flying.asl") }`."""
-BLOCKS: Final = ("namespace", *sorted(PATTERNS))
-"""What `{ begin ... }` may enclose."""
 BLANK: Final = "BLANK"
-
-
-def unclassed(tables: Tables) -> list[str]:
-    """The tokens of a grammar that have no class here, and what is here but is no token."""
-    kinds = set(tables.patterns) - {BLANK}
-    pairs = ((kinds, set(OF_TYPE)), (set(tables.keywords), set(OF_WORD)), (set(tables.fixed), set(OF_SIGN)))
-    return sorted(name for its, mine in pairs for name in its ^ mine)
 
 
 def library_names() -> list[str]:

@@ -6,7 +6,6 @@ Code, names, tokens and keys on the bus are those of the three daemons. A failur
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable, Mapping
@@ -30,8 +29,6 @@ LEAVE = 60.0
 """Wall seconds for the parts to end: a bridge may try three orders of 10 s each to make its robot safe."""
 LOOK = 0.05
 """Wall seconds between two checks whether the router serves."""
-SETTLED = 3.0
-"""Wall seconds after the start when all modules are loaded."""
 log = logging.getLogger("board")
 
 Serve = Callable[[Mission, Namespace, asyncio.Event, Member], Awaitable[int]]
@@ -70,16 +67,10 @@ def run(args: Namespace) -> int:
         hear_refusals()
 
     async def main(stop: asyncio.Event) -> int:
-        asyncio.get_running_loop().call_later(SETTLED, _settle)
+        asyncio.get_running_loop().call_later(bridged.daemon.SETTLED, bridged.daemon.settle)
         return await serve(load_mission(args.mission), args, stop)
 
     return run_daemon("board", main)
-
-
-def _settle() -> None:
-    """Exclude the loaded modules from garbage collection; see `bridged.daemon`."""
-    gc.collect()
-    gc.freeze()
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:

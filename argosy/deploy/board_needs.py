@@ -28,8 +28,6 @@ _DEVICE = re.compile(r"/dev/[A-Za-z0-9_./:@,+=-]+")
 """Device names that need no quoting in a unit."""
 _PLUGGED = "/dev/serial/"
 """Folder of persistent names of USB adapters."""
-_ON_THE_BUS = "zenoh"
-"""The driver whose robots are reached by the board's socket."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pygments.token import Error, Name, Text
 
 from agentd.editor import textmate
 from agentd.editor.lexer import AgentSpeakLexer, ProjectLexer, classed
-from agentd.editor.token_classes import Class, library_names, unclassed
+from agentd.editor.token_classes import BLANK, OF_SIGN, OF_TYPE, OF_WORD, Class, library_names
 from agentd.language.parse import parse_program
 from agentd.language.parser.lexer import BROKEN
 from agentd.language.parser.parse_tables import load
@@ -58,7 +58,10 @@ def parses(text: str) -> bool:
 
 
 def test_each_token_of_the_grammar_has_a_class() -> None:
-    assert unclassed(load()) == []
+    tables = load()
+    assert set(tables.patterns) - {BLANK} == set(OF_TYPE)
+    assert set(tables.keywords) == set(OF_WORD)
+    assert set(tables.fixed) == set(OF_SIGN)
 
 
 def test_every_program_comes_out_as_it_went_in_and_what_parses_has_no_error_tokens() -> None:
