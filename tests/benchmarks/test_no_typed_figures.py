@@ -30,7 +30,7 @@ _PAUSES: Final = "pauses, and times that are waited"
 ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/reference/actions.md": ("1.5 s", _PAUSES),
     "docs/guides/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
-    "docs/architecture/decisions.md": ("10 times, 0.3 s, 0.1 s, 100 ms", "pauses, and Zenoh's own"),
+    "docs/architecture/decisions.md": ("10 times, 0.3 s, 0.1 s, 100 ms, 10 ms", "pauses, and Zenoh's own"),
     "docs/guides/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
     "docs/guides/fleets.md": ("0.2 s", _PAUSES),
     "docs/guides/monitoring.md": (
