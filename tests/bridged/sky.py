@@ -118,7 +118,7 @@ class Sky:
             manifest or load_manifest("arducopter"),
             self.clock,
             state / "uav1.actions",
-            lambda agent, changes: self.percepts.extend((agent, one) for one in changes),
+            lambda agent, change: self.percepts.append((agent, change)),
             lambda agent, status: self.statuses.append(status),
             boot=f"b{id(self):x}",
         )

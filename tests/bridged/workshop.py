@@ -53,7 +53,7 @@ class Workshop:
             manifest,
             self.clock,
             state / "bench.actions",
-            lambda agent, changes: self.percepts.extend(changes),
+            lambda agent, change: self.percepts.append(change),
             lambda agent, status: None,
             boot="w",
             simulated=simulated,
