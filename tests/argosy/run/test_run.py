@@ -290,7 +290,7 @@ def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: 
     running.until("commd: started")
     running.process.send_signal(signal.SIGINT)
     code, _, err = ended(running, 20)
-    assert code == 130
+    assert code == 130, err
     assert "Traceback" not in err
 
 
