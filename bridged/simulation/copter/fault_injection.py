@@ -330,7 +330,7 @@ class Character:
         self.switch: Mode | None = None
         """The mode that the pilot who has it has set; None: no pilot has it."""
         self.landed = False
-        """Whether a pilot has landed it."""
+        """Whether a pilot has landed it: not where a failsafe did, out of his mode."""
 
     def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
         """Return a lying vehicle's answer to a message that it ignores; None if it accepts the message."""
@@ -367,8 +367,8 @@ class Character:
             if pilot.lands and airborne:
                 self.switch = Mode.LAND
                 return Mode.LAND
+            self.landed |= self.switch is Mode.LAND
             self._has_it = self.switch = None
-            self.landed |= pilot.lands
             return None if pilot.lands else before
         taking = next((one for one in self._faults.pilots if one.covers(now)), None)
         if taking is None or not airborne:

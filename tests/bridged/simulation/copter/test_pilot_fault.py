@@ -29,6 +29,16 @@ def test_a_pilot_leaves_a_vehicle_on_the_ground() -> None:
     assert switched("pilot=5+10", 6, airborne=False) == [Mode.GUIDED]
 
 
+def test_a_vehicle_that_a_failsafe_puts_down_was_not_landed_by_the_pilot_who_had_it() -> None:
+    for flies_to_the_end in (True, False):
+        character = Character(Faults.parse(["pilot=5+10:lands"]))
+        character.switched_mode(6, Mode.GUIDED, airborne=True)
+        character.switched_mode(16, Mode.LAND, airborne=flies_to_the_end)
+        character.switched_mode(26, Mode.LAND, airborne=False)
+        assert character.switch is None
+        assert character.landed is flies_to_the_end
+
+
 @pytest.mark.parametrize("fault", ["pilot=5", "pilot=5+x", "pilot=5+3:crashes"])
 def test_a_pilot_fault_that_is_none_is_refused(fault: str) -> None:
     with pytest.raises(ValueError, match="expected pilot="):
