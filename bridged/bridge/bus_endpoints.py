@@ -56,15 +56,15 @@ class Service:
         self._changes: dict[str, list[Perception]] = {}
         """What was published and is not put yet, by agent."""
         self._observed: set[str] = set()
-        """Keys, with `*` for the name, of the percepts and statuses that somebody subscribes to by their names."""
+        """Agents whose percepts somebody subscribes to by their names."""
         for agent in self._agents:
-            for key in (keys.percept(bus.fleet, agent, "*"), keys.status(bus.fleet, agent, "*")):
-                bus.listened(key, partial(self._observe, key))
+            bus.listened(keys.percept(bus.fleet, agent, "*"), partial(self._observe, agent))
+        self._statuses = {agent: bus.raw.publisher(keys.status(bus.fleet, agent, "*")) for agent in self._agents}
         self._stops = 0
         """Orders that have arrived and are not begun."""
 
-    def _observe(self, key: str, somebody: bool) -> None:
-        (self._observed.add if somebody else self._observed.discard)(key)
+    def _observe(self, agent: str, somebody: bool) -> None:
+        (self._observed.add if somebody else self._observed.discard)(agent)
 
     def publish_percept(self, agent: str, change: Perception) -> None:
         """Put a change of what an agent perceives in the next pass of the loop, or before a record that refers to it.
@@ -87,7 +87,7 @@ class Service:
                 except OSError as error:
                     self._bus.counters["puts_lost"] += 1
                     log.debug("put_lost key=%s why=%s", key, error)
-            if keys.percept(self._bus.fleet, agent, "*") in self._observed:
+            if agent in self._observed:
                 for perception in changes:
                     self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
 
@@ -97,8 +97,11 @@ class Service:
         return self._bridge.health()
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
-        """Put a status for observers, if there are any, after the agent's own answer has been sent."""
-        if keys.status(self._bus.fleet, agent, "*") in self._observed:
+        """Put a status for observers, if there are any, after the agent's own answer has been sent.
+
+        Zenoh is asked each time: it tells of a new subscriber later than of the action that this one asks for next.
+        """
+        if self._statuses[agent].matching:
             key = keys.status(self._bus.fleet, agent, status.name)
             asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
