@@ -138,7 +138,7 @@ def _namespaces() -> list[str]:
 def _delete(name: str) -> None:
     """Kill what runs in a namespace, by process id, and remove it."""
     until = time.monotonic() + _END_PATIENCE
-    while (pids := _run("ip", "netns", "pids", name).split()) and time.monotonic() < until:
+    while (pids := _pids(name)) and time.monotonic() < until:
         for pid in pids:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(int(pid), signal.SIGKILL)
@@ -148,6 +148,16 @@ def _delete(name: str) -> None:
             _run("ip", "netns", "del", name)
         with contextlib.suppress(subprocess.CalledProcessError):
             _run("ip", "netns", "del", name)
+
+
+def _pids(name: str) -> list[str]:
+    """Return the processes of a namespace; none if another run that tidies up has deleted it."""
+    try:
+        return _run("ip", "netns", "pids", name).split()
+    except subprocess.CalledProcessError:
+        if name in _namespaces():
+            raise
+        return []
 
 
 def _run(*command: str) -> str:
