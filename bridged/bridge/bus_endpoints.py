@@ -21,7 +21,6 @@ from commd.bus.errors import CannotServe
 from schemas.manifest.loader import ActionDescription
 from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire import keys
-from schemas.wire.codec import codec
 from schemas.wire.records import (
     Action,
     ActionStatus,
@@ -52,7 +51,6 @@ class Service:
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
         self._percepts = {agent: bus.raw.publisher(keys.percepts(bus.fleet, agent)) for agent in self._agents}
-        self._encoding = codec(Perceptions).encoding(bus.wire)
         self._changes: dict[str, list[Perception]] = {}
         """What was published and is not put yet, by agent."""
         self._observed: set[str] = set()
@@ -81,12 +79,7 @@ class Service:
         made, self._changes = self._changes, {}
         for agent, changes in made.items():
             key = keys.percepts(self._bus.fleet, agent)
-            if (payload := self._bus.encoded(key, Perceptions(changes=tuple(changes)))) is not None:
-                try:
-                    self._percepts[agent].put(payload, self._encoding)
-                except OSError as error:
-                    self._bus.counters["puts_lost"] += 1
-                    log.debug("put_lost key=%s why=%s", key, error)
+            self._bus.put(key, Perceptions(changes=tuple(changes)), publisher=self._percepts[agent])
             if agent in self._observed:
                 for perception in changes:
                     self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)

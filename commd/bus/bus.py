@@ -19,7 +19,7 @@ import zenoh
 from commd.bus import access_probe
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed
 from commd.bus.queries import ROUTER_LOST, Query, QuerySession, Reply
-from commd.bus.raw import RawBus, matching
+from commd.bus.raw import Publisher, RawBus, matching
 from commd.bus.router_endpoints import missing_addresses
 from commd.bus.session import Declaration, close_session, open_client, open_session, session_config, set_id
 from commd.bus.tls import Tls
@@ -111,34 +111,31 @@ class Bus(QuerySession):
         self._seq[source, stream] += 1
         return Header(seq=self._seq[source, stream], stamp=self.stamp(), source=source, boot=self.boot)
 
-    def put(self, key: str, record: Record, *, urgent: bool = False) -> None:
+    def put(self, key: str, record: Record, *, urgent: bool = False, publisher: Publisher | None = None) -> None:
         """Publish a record. It is lost silently while the router is away: only for what is repaired or repeated.
 
         A record that cannot be encoded is logged and counted. An `urgent` one neither waits behind all others on a slow
-        link nor is dropped with them.
+        link nor is dropped with them. `publisher` is one of `raw` on this key, for records that are put often.
         """
-        if (payload := self.encoded(key, record)) is None:
-            return
+        made, wire = codec(type(record)), self.wire
         try:
+            payload, encoding = made.encode(record, wire), made.encoding(wire)
+            if publisher is not None:
+                publisher.put(payload, encoding)
+                return
             self._session.put(
                 self._known.of(key),
                 payload,
-                encoding=codec(type(record)).encoding(self.wire),
+                encoding=encoding,
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=zenoh.Priority.INTERACTIVE_HIGH if urgent else zenoh.Priority.DATA,
             )
-        except zenoh.ZError as error:
-            self.counters["puts_lost"] += 1
-            log.debug("put_lost key=%s why=%s", key, error)
-
-    def encoded(self, key: str, record: Record) -> bytes | None:
-        """Return the payload of a record for a key; None, logged and counted, if it cannot be encoded."""
-        try:
-            return codec(type(record)).encode(record, self.wire)
         except BadRecord as bad:
             self.counters["unsendable"] += 1
             log.error("unsendable key=%s count=%d %s", key, self.counters["unsendable"], bad)
-            return None
+        except (zenoh.ZError, OSError) as error:
+            self.counters["puts_lost"] += 1
+            log.debug("put_lost key=%s why=%s", key, error)
 
     def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
         """Call `handler(key, record)` on the event loop for every record put on a matching key, in order.
