@@ -16,7 +16,7 @@ _COMMANDS = {
     "run": ("agentd.standalone.command", "run agents in this process, without a bus", "hello.asl --exit-when-idle"),
     "serve": ("agentd.daemon", "run the agents of a mission's board as a daemon", "missions/single_uav.yaml uav"),
     "test": ("agentd.testing.command", "run the test plans of programs", "tests --filter greets"),
-    "check": ("agentd.check.command", "check programs for mistakes; start nothing", "uav.asl --manifest arducopter"),
+    "check": ("agentd.check.command", "check programs for mistakes; start nothing", "uav.asl --manifest copter"),
 }
 """Module, help and the arguments of an example."""
 

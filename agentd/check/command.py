@@ -147,7 +147,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", metavar="FILE", help="program, or project file of Jason (.mas2j)")
     parser.add_argument(
         "--manifest",
-        help="manifest of the robot, by its name or file, such as arducopter (default: all actions and percepts are "
+        help="manifest of the robot, by its name or file, such as copter (default: all actions and percepts are "
         "taken as known)",
     )
     parser.add_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argosy.cli.arguments import Command, run_subcommand
 
 COMMANDS = {
-    "check": ("check manifests and print every mistake", "arducopter manifests/turtle.toml"),
+    "check": ("check manifests and print every mistake", "copter manifests/turtle.toml"),
     "schema": ("print the JSON Schema of manifests, for editors", ""),
     "convert": (
         "convert the paper's pair of INI files to one TOML manifest",

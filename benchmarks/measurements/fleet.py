@@ -80,7 +80,7 @@ def write_mission(folder: Path, size: int, *, own_links: bool) -> Field:
     beliefs = f'beliefs: ["pause({ASK_EVERY})", "every({every})"]'
     agents = [f"  agent{one}: {{program: watcher.asl, robot: uav{one}, {beliefs}}}" for one in range(1, size + 1)]
     robots = [
-        f"  uav{one}: {{manifest: arducopter, link: 'udpin:127.0.0.1:{port}', sysid: {one}}}"
+        f"  uav{one}: {{manifest: copter, link: 'udpin:127.0.0.1:{port}', sysid: {one}}}"
         for one, port in enumerate(ports, 1)
     ]
     lines = [f"mission: {FLEET}", "agents:", *agents, "robots:", *robots, f"router: {{endpoint: {router}}}", ""]

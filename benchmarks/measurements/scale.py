@@ -290,7 +290,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 def _sizes(row: list[Run]) -> str:
     sizes = ", ".join(str(one.size) for one in row[:-1]) + f" and {row[-1].size}"
     return (
-        f"{sizes} UAVs, each a robot with the manifest `arducopter`, and its agent, on one board: one `commd` (the "
+        f"{sizes} UAVs, each a robot with the manifest `copter`, and its agent, on one board: one `commd` (the "
         f"router), one `agentd`. A UAV that only talks flies a circle and sends {sum(RATES.values())} MAVLink messages "
         f"a second, its position {POSITIONS} times. Every agent asks its vehicle for a parameter "
         f"{ASK_EVERY / 1000:g} s after it has had the last answer: an action with a status and a percept. Each size "

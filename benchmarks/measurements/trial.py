@@ -99,7 +99,7 @@ def write_fleet(folder: Path, size: int, rounds: int) -> Path:
     for one, lat, lon in posts:
         simulate = f"{{vehicle: copter, home: [{lat:.4f}, {lon:.4f}, 21.0]}}"
         link = f"udpin:127.0.0.1:{15_000 + one}"
-        lines.append(f"  uav{one}: {{manifest: arducopter, link: '{link}', sysid: {one}, simulate: {simulate}}}")
+        lines.append(f"  uav{one}: {{manifest: copter, link: '{link}', sysid: {one}, simulate: {simulate}}}")
     done = ", ".join(f'"agent{one}: home_again"' for one, _, _ in posts)
     (path := folder / "fleet.yaml").write_text("\n".join([*lines, f"done: [{done}]", "timeout: 30min", ""]))
     return path

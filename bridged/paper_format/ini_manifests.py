@@ -15,7 +15,7 @@ from schemas.manifest.ini import IniAction, IniPercept, read_actions, read_perce
 from schemas.manifest.loader import ActionEntry, Field, FieldValue, Manifest, Parameter, PerceptEntry, RobotEntry, Value
 from schemas.manifest.rules import default_problem
 
-VEHICLE = "arducopter"
+VEHICLE = "copter"
 """Of a pair with names of mavros: the paper's own; another vehicle needs the TOML form."""
 FITS: Mapping[str, frozenset[str]] = {
     "float": frozenset({"float", "int"}),

@@ -2,7 +2,7 @@
 
 Names, units and frames are those of mavros (its plugins sys_status, command, setpoint_position, setpoint_velocity,
 global_position, home_position, waypoint, param): degrees, metres, m/s, shares of 1, local coordinates east-north-up.
-Where ROS hears of an acknowledgement at most, an action is confirmed as those of manifests/arducopter.toml are.
+Where ROS hears of an acknowledgement at most, an action is confirmed as those of manifests/copter.toml are.
 """
 
 from __future__ import annotations

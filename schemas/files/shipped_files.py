@@ -12,7 +12,7 @@ _BASES = (_PACKAGE / "shipped", _PACKAGE.parent)
 
 
 def shipped(kind: Kind, name: str) -> Path | None:
-    """Return the path of the shipped file `name` (`arducopter.toml`), or None if none ships under that name."""
+    """Return the path of the shipped file `name` (`copter.toml`), or None if none ships under that name."""
     for base in _BASES:
         path = base / kind / name
         if path.is_file():

@@ -224,7 +224,7 @@ class RobotEntry(_Entry, frozen=True, kw_only=True):
     driver: str
     """Driver: `mavlink`, `zenoh`, `python`, or that of another package (docs/guides/drivers.md)."""
     vehicle: str = ""
-    """Vehicle table of the driver, such as `arducopter`."""
+    """Vehicle table of the driver, such as `copter`."""
     link_loss: Duration = Duration(5)
     """Silence after which the robot counts as disconnected; wall seconds at least."""
     values: Values = "typed"

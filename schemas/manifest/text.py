@@ -1,6 +1,6 @@
 """A manifest as plain data and as TOML text.
 
-`tomli_w` is not used: it writes each element of a list on its own line, 410 lines for `arducopter` instead of 265.
+`tomli_w` is not used: it writes each element of a list on its own line, 410 lines for `copter` instead of 265.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ agents:
   thinker: {program: thinker.asl, robot: uav1}
 clients: {somebody: {}}
 robots:
-  uav1: {manifest: arducopter, link: "udpin:127.0.0.1:PORT"}
+  uav1: {manifest: copter, link: "udpin:127.0.0.1:PORT"}
 done: "thinker: over"
 """
 THINKER = """\

@@ -34,7 +34,7 @@ agents:
 robots:
   r1:
     board: pi1
-    manifest: arducopter
+    manifest: copter
     agent_silence: SILENCEs
     link: udpin:127.0.0.1:PORT
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}

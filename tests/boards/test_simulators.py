@@ -21,7 +21,7 @@ agents:
 robots:
   uav1:
     board: pi2
-    manifest: arducopter
+    manifest: copter
     link: udpin:0.0.0.0:14550
     simulate: {board: ground, home: [-27.604033, -48.518363, 21.0]}
 """

@@ -20,7 +20,7 @@ from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Robot, read_mission
 from tests.support.buses import until
 
-COPTER = load_manifest("arducopter")
+COPTER = load_manifest("copter")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
 STATION_BEAT = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
@@ -90,7 +90,7 @@ def spoken_as(message: dialect.MAVLink_message) -> tuple[int, int]:
 
 def robot_of(fields: str) -> Robot:
     """A robot of a mission file, by its fields in YAML's flow style."""
-    text = f"mission: test\nagents: {{a: {{program: a.asl}}}}\nrobots:\n  uav: {{manifest: arducopter, {fields}}}\n"
+    text = f"mission: test\nagents: {{a: {{program: a.asl}}}}\nrobots:\n  uav: {{manifest: copter, {fields}}}\n"
     return read_mission(text, Path("test.yaml")).robots["uav"]
 
 

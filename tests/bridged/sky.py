@@ -34,7 +34,7 @@ agents:
   other: {program: uav.asl, robot: uav1}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:0
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}
 """
@@ -115,7 +115,7 @@ class Sky:
         self.bridge = Bridge(
             read_mission(mission, Path("test.yaml")),
             "uav1",
-            manifest or load_manifest("arducopter"),
+            manifest or load_manifest("copter"),
             self.clock,
             state / "uav1.actions",
             lambda agent, change: self.percepts.append((agent, change)),

@@ -240,7 +240,7 @@ async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_veh
         beats = [reading.fields for reading in readings if reading.source == "HEARTBEAT"]
         return [fields["connected"] for fields in beats if fields]
 
-    copter, robot = load_manifest("arducopter"), mission.robots["uav1"]
+    copter, robot = load_manifest("copter"), mission.robots["uav1"]
     driver = MavlinkDriver(Setup("uav1", copter, robot, Path(), Clock(), readings.append, lambda: None))
     driving = asyncio.create_task(driver.run())
     await until(lambda: "bad_checksums" in driver.counters(), "the link is open")

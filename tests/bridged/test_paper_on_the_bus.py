@@ -57,7 +57,7 @@ async def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str
     (tmp_path / "actions").write_text(ACTIONS)
     (tmp_path / "percepts").write_text(PERCEPTS)
     pair = f"[{tmp_path / 'actions'}, {tmp_path / 'percepts'}]"
-    mission = MISSION.replace("manifest: arducopter", f"manifest: {pair}\n    prefix: house")
+    mission = MISSION.replace("manifest: copter", f"manifest: {pair}\n    prefix: house")
     told: list[object] = []
     async with (
         on_the_airfield(endpoint, tmp_path, mission=mission) as field,

@@ -248,8 +248,8 @@ boards: {pi1: {}, pi2: {}}
 agents: {uav: {program: u.asl, board: pi1}}
 clients: {near: {board: pi1, robot: uav1}, distant: {board: pi2, robot: uav2}}
 robots:
-  uav1: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi1, simulate: {home: [0, 0, 0]}}
-  uav2: {manifest: arducopter, link: "udpin:127.0.0.1:2", board: pi2, simulate: {home: [0, 0, 0]}}
+  uav1: {manifest: copter, link: "udpin:127.0.0.1:1", board: pi1, simulate: {home: [0, 0, 0]}}
+  uav2: {manifest: copter, link: "udpin:127.0.0.1:2", board: pi2, simulate: {home: [0, 0, 0]}}
 radio: {range: 300m}
 """
 

@@ -58,7 +58,7 @@ agents:
   uav: {program: uav.asl, robot: uav1}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:PORT
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}
 """

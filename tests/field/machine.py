@@ -23,7 +23,7 @@ _MISSION = """\
 mission: field
 agents: {uav: {program: uav.asl, robot: uav1}}
 robots:
-  uav1: {manifest: arducopter, link: "udpin:127.0.0.1:14550", GCSon_agent_loss: [hold 5s, rtl]}
+  uav1: {manifest: copter, link: "udpin:127.0.0.1:14550", GCSon_agent_loss: [hold 5s, rtl]}
 """
 _PROGRAM = """\
 !go.

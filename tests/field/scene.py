@@ -27,7 +27,7 @@ mission: field
 robots:
   uav1:
     board: {robot}
-    manifest: arducopter
+    manifest: copter
     link: udpin:{at}:{port}
     failsafe: {{gcs: {gcs}}}
     on_agent_loss: {on_agent_loss}

@@ -334,7 +334,7 @@ class _Vehicle:
         self.clock = VirtualClock()
         self.framer = Framer(WireCounters())
         self.vehicle_session = VehicleSession(
-            load_manifest("arducopter"), Identity(255, 190, 1), lambda message: None, lambda reading: None, self.clock
+            load_manifest("copter"), Identity(255, 190, 1), lambda message: None, lambda reading: None, self.clock
         )
 
     def read(self, data: bytes, rng: random.Random) -> None:

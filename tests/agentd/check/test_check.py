@@ -286,7 +286,7 @@ def test_the_command_prints_json(check: Check) -> None:
 
 def test_the_command_checks_against_a_shipped_manifest(check: Check) -> None:
     program = "+!g : state(_,_,_,_) & bridge(up) <- take_off(5).\n"
-    told = check(program, "--manifest", "arducopter")
+    told = check(program, "--manifest", "copter")
     assert told.code == 1
     assert "the percept state has 3 arguments, not 4" in told.err
     assert "did you mean takeoff?" in told.err
@@ -297,7 +297,7 @@ def test_the_command_checks_against_a_shipped_manifest(check: Check) -> None:
 
 
 def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_ranges(check: Check) -> None:
-    manifest = shipped("manifests", "arducopter.toml")
+    manifest = shipped("manifests", "copter.toml")
     assert manifest is not None
     text = manifest.read_text().replace('driver = "mavlink"', 'driver = "mavlink"\nvalues = "text"', 1)
     program = '!g.\n+!g <- arm_motors(True); takeoff("5"); takeoff(500); .print(Alone).\n'
@@ -307,7 +307,7 @@ def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_range
     assert '"5"' not in told.err
     assert "takeoff takes altitude: float 1..120 m, not 500" in told.err
     assert "the variable Alone occurs only once" in told.err
-    told = check(program, "--manifest", "arducopter")
+    told = check(program, "--manifest", "copter")
     assert told.code == 1
     assert "the variable True occurs only once" in told.err
     assert 'takeoff takes altitude: float 1..120 m, not "5"' in told.err
@@ -315,8 +315,8 @@ def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_range
 
 def test_a_list_may_be_the_argument_of_an_action_that_takes_lists_and_of_no_other(check: Check) -> None:
     upload = '!g.\n+!g <- upload_mission([["takeoff", 0, 0, 10], [-27.6, -48.5, 20], ["rtl"]]).\n'
-    assert check(upload, "--manifest", "arducopter").code == 0
-    told = check("!g.\n+!g <- takeoff([5]).\n", "--manifest", "arducopter")
+    assert check(upload, "--manifest", "copter").code == 0
+    told = check("!g.\n+!g <- takeoff([5]).\n", "--manifest", "copter")
     assert told.code == 1
     assert "takeoff takes altitude: float 1..120 m, not [5]" in told.err
 

@@ -33,7 +33,7 @@ def kinds_promised(name: str) -> set[tuple[str, int, str]]:
 
 
 def test_the_program_has_the_findings_that_its_comments_promise_and_every_kind_is_among_them(check: Check) -> None:
-    told = check({}, "--json", "--manifest", "arducopter", PROGRAM).kinds
+    told = check({}, "--json", "--manifest", "copter", PROGRAM).kinds
     assert told == kinds_promised("every_finding.asl")
     assert {kind for _, _, kind in told} == KINDS - ONLY_ELSEWHERE
     others = (PROGRAM, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j")
@@ -49,7 +49,7 @@ def test_what_hides_other_findings_is_reported_where_it_stands(check: Check) -> 
 
 
 def test_the_findings_read_as_written_down(check: Check) -> None:
-    told = check({}, "--manifest", "arducopter", PROGRAM)
+    told = check({}, "--manifest", "copter", PROGRAM)
     assert (told.code, told.err) == (1, (FOLDER / "every_finding.out").read_text(encoding="utf-8"))
 
 

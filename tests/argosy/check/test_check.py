@@ -24,7 +24,7 @@ agents:
     beliefs: ["sector(2)"]
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:14550
     simulate: {vehicle: copter, home: [-27.6, -48.5, 21.0]}
 done: "scout: surveyed(S)"

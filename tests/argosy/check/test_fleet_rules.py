@@ -20,7 +20,7 @@ gateway: {board: pi1, listen: "10.0.0.11:9000", nodes: {old: "10.0.0.9:9000"}}
 robots:
   uav1:
     board: pi1
-    manifest: arducopter
+    manifest: copter
     link: udpin:0.0.0.0:14550
     simulate: {board: sim, home: [-27.6, -48.5, 21.0]}
 done: "one: enough"
@@ -116,7 +116,7 @@ def test_a_program_with_a_robot_says_what_it_does_when_it_is_started_again(
     path = tmp_path / "m.yaml"
     path.write_text(
         f"{mission}mission: m\nagents:\n  uav: {{program: uav.asl, robot: uav1{agent}}}\ndone: 'uav: done'\nrobots:\n"
-        "  uav1: {manifest: arducopter, link: udpin:127.0.0.1:14550, simulate: {home: [-27.6, -48.5, 21.0]}}\n"
+        "  uav1: {manifest: copter, link: udpin:127.0.0.1:14550, simulate: {home: [-27.6, -48.5, 21.0]}}\n"
     )
     text = (
         "agents.uav: the program has no plan for `+restarted(N)`, and the agent no `on_restart`: "

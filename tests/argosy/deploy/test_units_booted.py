@@ -14,7 +14,7 @@ from tests.support.booted import Machine, NoMachine, booted
 MISSION = """\
 mission: survey
 agents: {scout: {program: scout.asl, robot: uav1}}
-robots: {uav1: {manifest: arducopter, link: "udpin:127.0.0.1:14550"}}
+robots: {uav1: {manifest: copter, link: "udpin:127.0.0.1:14550"}}
 done: "scout: over"
 """
 UNITS = {daemon: f"{daemon}@survey.service" for daemon in ("commd", "bridged", "agentd")}

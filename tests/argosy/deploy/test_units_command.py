@@ -32,7 +32,7 @@ agents:
   scout: {board: pi1, program: code/scout.asl, robot: uav1}
   diver: {board: pi2, program: code/diver.asl}
 robots:
-  uav1: {board: pi1, manifest: arducopter, link: "LINK"}
+  uav1: {board: pi1, manifest: copter, link: "LINK"}
 done: "scout: over"
 """
 TEMPLATES = [shipped("deploy", f"systemd/{name}@.service") for name in ("commd", "bridged", "agentd", "board")]

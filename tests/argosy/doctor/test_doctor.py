@@ -40,7 +40,7 @@ agents:
   a: {program: a.asl, board: pi1}
   b: {program: a.asl, board: pi2, robot: uav}
 robots:
-  uav: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi2}
+  uav: {manifest: copter, link: "udpin:127.0.0.1:1", board: pi2}
 """
 WELL = Health(version=RELEASE, restarts=0, uptime=100.0, header=Header(boot="x"))
 
@@ -128,7 +128,7 @@ def test_a_robot_that_nobody_attends_is_an_error_and_told_once(facts: Facts) -> 
 
 def test_vehicles_without_a_declared_failsafe_are_told_of_once(facts: Facts, tmp_path: Path) -> None:
     path = tmp_path / "watched.yaml"
-    robot = "{manifest: arducopter, link: 'udpin:127.0.0.1:%d'%s}"
+    robot = "{manifest: copter, link: 'udpin:127.0.0.1:%d'%s}"
     declared = {"a": "", "b": ", failsafe: {gcs: bridge}", "c": ", failsafe: {gcs: none}", "d": ""}
     robots = "".join(f"  {name}: {robot % (number, said)}\n" for number, (name, said) in enumerate(declared.items(), 1))
     path.write_text(f"mission: m\nagents: {{x: {{program: x.asl, robot: a}}}}\nrobots:\n{robots}")

@@ -16,7 +16,7 @@ TEXT = """
 mission: {name}
 fleet: sar
 agents: {{scout: {{program: scout.asl, robot: uav1}}{more}}}
-robots: {{uav1: {{manifest: arducopter, link: "udpin:127.0.0.1:14550", limits: {{radius: 500}}}}}}
+robots: {{uav1: {{manifest: copter, link: "udpin:127.0.0.1:14550", limits: {{radius: 500}}}}}}
 timeout: 9min
 speed: 2
 """

@@ -148,7 +148,7 @@ def test_all_problems_of_all_files_are_told_with_exit_code_2(tmp_path: Path, cap
         f"{one}:4: error: percepts.p.rate: expected `float` > 0.0, got `0`",
         f"{two}:2: error: robot.driver: no driver `zenho`, there is mavlink, zenoh, python",
         f"{two}:5: error: actions.a.cancel: expected `hold` or `none`, got `stop`",
-        "boat: error: no such manifest; expected a file or one of: arducopter, arduplane, ardurover, turtle",
+        "boat: error: no such manifest; expected a file or one of: copter, plane, rover, turtle",
     ]
 
 

@@ -25,12 +25,12 @@ agents:
 robots:
   uav1:
     board: pi1
-    manifest: arducopter
+    manifest: copter
     link: udpin:0.0.0.0:14550
     simulate: {home: [-27.6, -48.5, 21]}
   uav2:
     board: pi2
-    manifest: arducopter
+    manifest: copter
     link: tcp:127.0.0.1:5760
     sysid: 2
     simulate: {home: [1.5, 2.5, 0]}

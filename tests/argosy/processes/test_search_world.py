@@ -18,12 +18,12 @@ mission: search
 agents: {scout: {program: scout.asl, robot: uav1}}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     prefix: uav1
     link: udpin:127.0.0.1:14550
     simulate: {home: [-27.604033, -48.518363, 21.0], camera: 16m, recharge: 60s}
   uav2:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:14560
     simulate: {home: [-27.604033, -48.518363, 21.0]}
 """

@@ -21,12 +21,12 @@ agents:
 robots:
   uav1:
     board: pi1
-    manifest: arducopter
+    manifest: copter
     link: udpin:0.0.0.0:PORT1
     simulate: {board: sim, home: [-27.6, -48.5, 21.0]}
   uav2:
     board: pi2
-    manifest: arducopter
+    manifest: copter
     link: udpin:0.0.0.0:PORT2
     simulate: {home: [-27.6, -48.5, 21.0]}
 done: "one: enough"

@@ -32,7 +32,7 @@ agents:
   a: {program: a.asl, board: pi1}
   b: {program: a.asl, board: pi2, robot: uav}
 robots:
-  uav: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi2}
+  uav: {manifest: copter, link: "udpin:127.0.0.1:1", board: pi2}
 clients:
   tool: {board: pi1}
 """

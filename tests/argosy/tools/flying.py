@@ -14,7 +14,7 @@ mission: trial
 agents: {{uav: {{program: uav.asl, robot: uav1}}, base: {{program: uav.asl}}}}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:{port}
     simulate: {{vehicle: copter, home: [-27.604033, -48.518363, 21.0]}}
 router: {{endpoint: "{endpoint}"}}

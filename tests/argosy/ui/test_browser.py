@@ -43,7 +43,7 @@ clients: {ghost: {}}                                  # who never comes
 mail: {ttl: 2s}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:PORT
     limits: {altitude: 30, radius: 100}
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}

@@ -21,7 +21,7 @@ from tests.bridged.sky import GOAL, Sky
 
 def copter(action: str, **fields: Any) -> Manifest:
     """The copter's manifest with one action declared otherwise."""
-    manifest = load_manifest("arducopter")
+    manifest = load_manifest("copter")
     return replace(manifest, actions=manifest.actions | {action: replace(manifest.actions[action], **fields)})
 
 

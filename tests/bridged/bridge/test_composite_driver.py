@@ -51,7 +51,7 @@ class Rigged:
     """The sky, with the gripper at the copter; time passes for both while the event loop runs."""
 
     def __init__(self, state: Path) -> None:
-        file = find_manifest("arducopter")
+        file = find_manifest("copter")
         assert file is not None
         manifest = read_manifest(file.read_text() + ENTRIES, "rigged.toml")
         assert check_manifest(manifest) == []

@@ -182,12 +182,12 @@ async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are
 async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_of_it_fails(
     endpoint: str, sonar: Any, tmp_path: Path
 ) -> None:
-    copter = find_manifest("arducopter")
+    copter = find_manifest("copter")
     assert copter is not None
     rigged = tmp_path / "rigged.toml"
     rigged.write_text(copter.read_text() + PERCEPT)
     async with (
-        on_the_airfield(endpoint, tmp_path, mission=MISSION.replace("arducopter", str(rigged))) as field,
+        on_the_airfield(endpoint, tmp_path, mission=MISSION.replace("copter", str(rigged))) as field,
         field.router(),
         field.client() as agent,
     ):
@@ -211,7 +211,7 @@ async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_d
 WATCHFUL = """
 [robot]
 driver = "mavlink"
-vehicle = "arducopter"
+vehicle = "copter"
 link_loss = "1s"
 [percepts.link]
 source = "LINK"

@@ -208,7 +208,7 @@ async def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str
         await field.take_off(bus)
         before = await ask(bus, None)
         assert (before.version, before.robot) == (1, "uav1")
-        assert before.file.endswith("arducopter.toml")
+        assert before.file.endswith("copter.toml")
         flying = asyncio.create_task(field.do(bus, "goto", *FAR))
 
         refused = await ask(

@@ -69,7 +69,7 @@ def is_at(sky: Sky, before: tuple[float, float, float]) -> bool:
 
 def quick(deadline: float) -> Manifest:
     """The copter's manifest with a `goto` that has so many seconds."""
-    manifest = load_manifest("arducopter")
+    manifest = load_manifest("copter")
     manifest.actions["goto"] = type(manifest.actions["goto"])(
         **{name: getattr(manifest.actions["goto"], name) for name in manifest.actions["goto"].__struct_fields__}
         | {"deadline": type(manifest.actions["goto"].deadline)(deadline)}
@@ -349,7 +349,7 @@ async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
 
 @async_test
 async def test_a_planes_takeoff_goes_on(tmp_path: Path) -> None:
-    sky = sky_of(tmp_path, "arduplane", PLANE, ARDUPLANE)
+    sky = sky_of(tmp_path, "plane", PLANE, ARDUPLANE)
     assert sky.do("arm_motors", True).state == "succeeded"
     climbing = sky.begin("takeoff", 60)
     while climbing[-1].feedback.get("altitude", 0) < 10:

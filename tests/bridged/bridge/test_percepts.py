@@ -23,7 +23,7 @@ from tests.bridged.sky import VirtualClock
 MANIFEST = """
 [robot]
 driver = "mavlink"
-vehicle = "arducopter"
+vehicle = "copter"
 [percepts.altitude]
 source = "POSITION"
 args = [{field = "alt", scale = 0.001}]

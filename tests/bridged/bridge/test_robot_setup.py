@@ -44,12 +44,12 @@ def test_people_are_told_where_a_robot_is_by_its_link_its_prefix_or_its_driver(t
 def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text('[robot]\ndriver = "mavlink"\nvehicle = "boat"\n')
     text = (
-        MISSION.replace("manifest: arducopter", "manifest: bad.toml")
+        MISSION.replace("manifest: copter", "manifest: bad.toml")
         .replace("udpin:127.0.0.1:0", "udp:1")
         .replace("    simulate:", "    on_agent_loss: [hover, land 3 parsecs]\n    simulate:")
     )
     assert problems(text, tmp_path) == [
-        "bad.toml:3: error: robot.vehicle: the mavlink driver has no `boat`, it has arducopter, arduplane, ardurover",
+        "bad.toml:3: error: robot.vehicle: the mavlink driver has no `boat`, it has copter, plane, rover",
         "m.yaml:9:11: error: link 'udp:1': expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT "
         "or serial:DEVICE:BAUD",
         "m.yaml:10:21: error: on_agent_loss: Expected hold, land or rtl, got `hover`",
@@ -90,7 +90,7 @@ def test_a_port_that_is_taken_ends_the_daemon_with_one_line(tmp_path: Path, endp
 
 def test_a_wrong_file_ends_the_daemon_with_exit_2_and_one_line(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
-    file.write_text(MISSION.replace("arducopter", "px4"))
+    file.write_text(MISSION.replace("copter", "px4"))
     (tmp_path / "uav.asl").write_text("")
     with running("bridged", "serve", str(file), "uav1", "--speed", "1") as daemon:
         assert daemon.ends() == 2
@@ -99,7 +99,7 @@ def test_a_wrong_file_ends_the_daemon_with_exit_2_and_one_line(tmp_path: Path) -
 
 
 def test_an_order_that_a_robot_does_not_have_is_told_where_the_mission_declares_it(tmp_path: Path) -> None:
-    text = MISSION.replace("manifest: arducopter", "manifest: turtle\n    on_agent_loss: [hold 5s, land]")
+    text = MISSION.replace("manifest: copter", "manifest: turtle\n    on_agent_loss: [hold 5s, land]")
     text = text.replace("    link: udpin:127.0.0.1:0\n", "    on_shutdown: rtl\n")
     assert sorted(problems(text, tmp_path)) == [
         "m.yaml:10:18: error: on_shutdown: the robot has no order `rtl`, it has hold",

@@ -47,7 +47,7 @@ def problems(actions: str = "", percepts: str = "") -> list[str]:
 
 
 def test_calls_of_mavros_are_carried_out_as_the_copters_own_manifest_says() -> None:
-    toml = load_manifest("arducopter")
+    toml = load_manifest("copter")
     same = ("command", "message", "call", "confirm", "deadline", "retry", "cancel", "motion", "supersedes", "tolerance")
     for below, name in SAME.items():
         for field in same:
@@ -55,8 +55,8 @@ def test_calls_of_mavros_are_carried_out_as_the_copters_own_manifest_says() -> N
 
 
 def test_the_shipped_pair_is_that_of_a_copter_whose_setpoints_count_from_the_sea() -> None:
-    ini, toml = of_the_uav(), load_manifest("arducopter")
-    assert (ini.robot.driver, ini.robot.vehicle, ini.robot.values) == ("mavlink", "arducopter", "text")
+    ini, toml = of_the_uav(), load_manifest("copter")
+    assert (ini.robot.driver, ini.robot.vehicle, ini.robot.values) == ("mavlink", "copter", "text")
     assert check_manifest(ini) == []
     assert (ini.actions["setpoint"].frame, toml.actions["setpoint"].frame) == ("amsl", "relative")
     assert {name: ini.percept_arities()[name] for name in ("state", "altitude", "global_pos", "home_pos")} == {
@@ -83,7 +83,7 @@ def test_a_pair_with_names_of_both_is_a_vehicle_with_entries_of_the_zenoh_driver
         "[height]\nname = /uav1/mavros/global_position/rel_alt\nargs = data\n[sonar]\nname = /sonar\nargs = ranges.0\n",
     )
     assert manifest.drivers() == ["mavlink", "zenoh"]
-    assert manifest.robot.vehicle == "arducopter"
+    assert manifest.robot.vehicle == "copter"
     assert manifest.actions["lamp"].driver == manifest.percepts["sonar"].driver == "zenoh"
     assert manifest.actions["go"].driver == manifest.percepts["height"].driver == ""
     assert (manifest.actions["lamp"].topic, manifest.actions["lamp"].latch) == ("lamp", False)

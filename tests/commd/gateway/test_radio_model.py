@@ -28,8 +28,8 @@ agents:
   rescuer: {program: r.asl, robot: uav2, board: pi2}
   chief: {program: c.asl, board: base}
 robots:
-  uav1: {manifest: arducopter, link: "udpin:127.0.0.1:1", board: pi1, simulate: {home: [-27.604033, -48.518363, 21]}}
-  uav2: {manifest: arducopter, link: "udpin:127.0.0.1:2", board: pi2, simulate: {home: [-27.604033, -48.518363, 21]}}
+  uav1: {manifest: copter, link: "udpin:127.0.0.1:1", board: pi1, simulate: {home: [-27.604033, -48.518363, 21]}}
+  uav2: {manifest: copter, link: "udpin:127.0.0.1:2", board: pi2, simulate: {home: [-27.604033, -48.518363, 21]}}
 radio: {range: 300m}
 """
 

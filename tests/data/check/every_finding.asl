@@ -1,6 +1,6 @@
 /* Every finding of `agentd check` that can stand in a program; tests/agentd/check/test_every_finding.py says where each is told.
 
-       agentd check --manifest arducopter tests/data/check/every_finding.asl
+       agentd check --manifest copter tests/data/check/every_finding.asl
 
    Without the manifest other findings come in place of those against it. incomplete.asl holds the two that hide others. */
 

@@ -34,7 +34,7 @@ documents = st.fixed_dictionaries(
 
 
 def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
-    manifest = load_manifest("arducopter")
+    manifest = load_manifest("copter")
     assert check_manifest(manifest) == []
     arities = {"state": 3, "altitude": 1, "global_pos": 2, "home_pos": 2, "battery": 3, "gps": 2}
     assert manifest.percept_arities().items() >= arities.items()
@@ -57,7 +57,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         '[actions.go]\nmessage = "SET_MODE"\nconfirm = "landed"\n'
     )
     assert problems(text) == [
-        "3: robot.vehicle: the mavlink driver has no `submarine`, it has arducopter, arduplane, ardurover",
+        "3: robot.vehicle: the mavlink driver has no `submarine`, it has copter, plane, rover",
         "5: percepts.altitude.source: MAVLink has no message `ALTIMETER`, and the driver has HEARTBEAT, OVERRIDE, "
         "LINK, PARAM, VEHICLE_TEXT, MISSION, MISSION_LIST of its own",
         "9: percepts.gps.args: GPS_RAW_INT has no field `fix`, it has time_usec, fix_type, lat, lon, alt, eph, epv, "
@@ -94,7 +94,7 @@ def test_a_file_that_is_no_manifest_is_one_clear_line(tmp_path: Path, content: b
 
 
 def test_a_manifest_that_is_not_there_is_told_with_those_that_ship() -> None:
-    with pytest.raises(Findings, match=r"px4: error: no such manifest; expected a file or one of: .*arducopter"):
+    with pytest.raises(Findings, match=r"px4: error: no such manifest; expected a file or one of: .*copter"):
         load_manifest("px4")
 
 
@@ -105,7 +105,7 @@ def test_any_text_is_a_manifest_or_findings(text: str) -> None:
 
 @given(st.integers(0, 200), st.integers(0, 200), st.sampled_from(["", "=", "[", '"', "3", "{}", "nan", "-1", "[]"]))
 def test_the_shipped_manifest_with_any_damage_is_a_manifest_or_findings(at: int, size: int, put: str) -> None:
-    path = shipped("manifests", "arducopter.toml")
+    path = shipped("manifests", "copter.toml")
     assert path is not None
     text = path.read_text()
     lines = text.splitlines(keepends=True)
@@ -176,13 +176,13 @@ def test_everything_in_a_document_is_found_on_its_line() -> None:
 
 def test_a_manifest_is_read_once_for_all_robots_of_a_fleet_and_anew_when_its_text_changes(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text('[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\nlink_loss = "5s"\n')
+    path.write_text('[robot]\ndriver = "mavlink"\nvehicle = "copter"\nlink_loss = "5s"\n')
     first = load_manifest("mine.toml", tmp_path)
     assert load_manifest("mine.toml", tmp_path) is first
     path.write_text(path.read_text().replace("5s", "7s"))
     assert (first.robot.link_loss, load_manifest("mine.toml", tmp_path).robot.link_loss) == (5.0, 7.0)
 
 
-@pytest.mark.parametrize("name", ["arducopter", "arduplane", "ardurover"])
+@pytest.mark.parametrize("name", ["copter", "plane", "rover"])
 def test_each_shipped_manifest_of_an_autopilot_has_the_vehicles_own_warnings(name: str) -> None:
     assert load_manifest(name).percepts["vehicle_text"].args == ("severity", "text")

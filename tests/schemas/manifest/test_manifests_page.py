@@ -15,7 +15,7 @@ from schemas.manifest.rules import RESERVED
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/manifests.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-COPTER = '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n'
+COPTER = '[robot]\ndriver = "mavlink"\nvehicle = "copter"\n'
 
 
 def test_the_page_has_examples() -> None:

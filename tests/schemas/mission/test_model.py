@@ -21,7 +21,7 @@ agents:
     robot: uav1
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:14550
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}
 done: "uav: mission_done"
@@ -126,7 +126,7 @@ def test_a_fleet_reads() -> None:
 
 
 def test_robots_share_a_link_if_they_are_different_systems() -> None:
-    robot = "  uav2:\n    manifest: arducopter\n    link: udpin:127.0.0.1:14550\n"
+    robot = "  uav2:\n    manifest: copter\n    link: udpin:127.0.0.1:14550\n"
     assert findings(GOOD.replace("done:", robot + "done:")) == [
         "m.yaml:13:11: error: system 1 on `udpin:127.0.0.1:14550` is robot `uav1` already: "
         "give each vehicle its own sysid"
@@ -136,7 +136,7 @@ def test_robots_share_a_link_if_they_are_different_systems() -> None:
 
 
 def test_a_mission_may_have_programs_alone() -> None:
-    mission = read("mission: m\nagents: {}\nclients: {pilot: {robot: uav1}}\nrobots: {uav1: {manifest: arducopter}}\n")
+    mission = read("mission: m\nagents: {}\nclients: {pilot: {robot: uav1}}\nrobots: {uav1: {manifest: copter}}\n")
     assert mission.agents_of("uav1") == ["pilot"]
     assert mission.mailboxes == {"pilot": "local"}
 

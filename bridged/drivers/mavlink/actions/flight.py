@@ -192,7 +192,7 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
         return SUCCEEDED
     if not modes.lands:
         hint = "" if modes.ground else "; end a mission with an item `land`"
-        return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{hint}")
+        return Outcome("refused", f"a {modes.vehicle} of this kind has no mode that lands where it is{hint}")
     yield from enter(flight, run, action, modes.land)
     yield from down(flight, run)
     return SUCCEEDED

@@ -93,7 +93,7 @@ def _names(enum: str, otherwise: Mapping[int, str]) -> Mapping[int, str]:
 
 
 ARDUCOPTER = ModeTable(
-    vehicle="arducopter",
+    vehicle="copter",
     types=frozenset({2, 3, 4, 13, 14, 15, 29, 35}),
     names=_names("COPTER_MODE", {}),
     guided=4,
@@ -108,7 +108,7 @@ ARDUCOPTER = ModeTable(
 """ArduPilot ArduCopter/mode.h of 2025-10."""
 
 ARDUPLANE = ModeTable(
-    vehicle="arduplane",
+    vehicle="plane",
     types=frozenset({1}),
     names=_names("PLANE_MODE", {5: "FBWA", 6: "FBWB", 16: "INITIALISING", 25: "LOITERALTQLAND"}),
     guided=15,
@@ -132,7 +132,7 @@ ARDUPLANE_VTOL = replace(ARDUPLANE, types=frozenset(range(19, 26)), land=20, lan
 """A plane that reports vertical takeoff: the order `land` is QLAND."""
 
 ARDUROVER = ModeTable(
-    vehicle="ardurover",
+    vehicle="rover",
     types=frozenset({10, 11}),
     names=_names("ROVER_MODE", {16: "INITIALISING"}),
     guided=15,

@@ -27,7 +27,7 @@ agents:
   wing: {program: wing.asl, robot: uav1}
 robots:
   uav1:
-    manifest: arducopter
+    manifest: copter
     link: udpin:127.0.0.1:PORT
     failsafe: {gcs: bridge}
     simulate: {vehicle: copter, home: [-27.604033, -48.518363, 21.0]}

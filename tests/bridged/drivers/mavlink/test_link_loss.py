@@ -82,7 +82,7 @@ def test_a_transport_that_is_not_open_yet_is_no_loss_before_the_vehicle_was_miss
 
 
 WATCHFUL = read_manifest(
-    '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\nlink_loss = "1s"\n'
+    '[robot]\ndriver = "mavlink"\nvehicle = "copter"\nlink_loss = "1s"\n'
     '[percepts.link]\nsource = "LINK"\nargs = ["state"]\n',
     "watchful.toml",
 )

@@ -9,7 +9,7 @@ from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 
-ROBOT = '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n'
+ROBOT = '[robot]\ndriver = "mavlink"\nvehicle = "copter"\n'
 CALL_NAMES, COMMAND_NAMES = ", ".join(CALLS), ", ".join(COMMANDS)
 
 

@@ -21,7 +21,7 @@ from schemas.wire.term_text import write
 from tests.bridged.recorded import DATA, RECORDINGS, moments, packet_count, packets
 from tests.bridged.sky import VirtualClock
 
-MANIFEST = load_manifest("arducopter")
+MANIFEST = load_manifest("copter")
 GROUND = Identity(255, 190, 1)
 
 

@@ -87,7 +87,7 @@ deadline = "60s"
 
 
 def manifest() -> Manifest:
-    file = Path(load_manifest("arducopter").file)
+    file = Path(load_manifest("copter").file)
     return read_manifest(file.read_text() + MORE, str(file))
 
 

@@ -158,7 +158,7 @@ async def test_a_link_that_cannot_be_opened_is_an_error_for_each_of_its_robots()
 
 
 TURNED = read_manifest(
-    '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n[percepts.roll]\nsource = "ATTITUDE"\nargs = ["roll"]\n',
+    '[robot]\ndriver = "mavlink"\nvehicle = "copter"\n[percepts.roll]\nsource = "ATTITUDE"\nargs = ["roll"]\n',
     "turned.toml",
 )
 

@@ -26,7 +26,7 @@ from tests.bridged.sky import MISSION
 from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 
-MANIFEST = load_manifest("arducopter")
+MANIFEST = load_manifest("copter")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
 
 
@@ -228,7 +228,7 @@ def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_b
     asyncio.run(body())
 
 
-@pytest.mark.parametrize("manifest", ["arduplane", "ardurover"])
+@pytest.mark.parametrize("manifest", ["plane", "rover"])
 def test_a_return_that_does_not_land_is_a_way_down_too(manifest: str) -> None:
     entry = load_manifest(manifest).actions["return_to_launch"]
     assert entry.confirm == "at_home"

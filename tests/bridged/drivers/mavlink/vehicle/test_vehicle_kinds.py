@@ -36,12 +36,12 @@ def sky_of(tmp_path: Path, vehicle: str, kind: int, modes: ModeTable, mission: s
 
 @pytest.fixture
 def plane(tmp_path: Path) -> Sky:
-    return sky_of(tmp_path, "arduplane", PLANE, ARDUPLANE)
+    return sky_of(tmp_path, "plane", PLANE, ARDUPLANE)
 
 
 @pytest.fixture
 def rover(tmp_path: Path) -> Sky:
-    return sky_of(tmp_path, "ardurover", ROVER, ARDUROVER, grounded=True)
+    return sky_of(tmp_path, "rover", ROVER, ARDUROVER, grounded=True)
 
 
 @pytest.mark.parametrize(
@@ -75,11 +75,10 @@ def test_every_vehicle_has_a_manifest_that_nothing_is_wrong_with(name: str) -> N
 
 
 def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed(tmp_path: Path) -> None:
-    sky = sky_of(tmp_path, "arducopter", PLANE, ARDUPLANE)
+    sky = sky_of(tmp_path, "copter", PLANE, ARDUPLANE)
     sky.wait(3)
     said = (
-        "the vehicle reports that it is a MAV_TYPE_FIXED_WING, the manifest says arducopter; "
-        '`vehicle = "arduplane"` would fit'
+        'the vehicle reports that it is a MAV_TYPE_FIXED_WING, the manifest says copter; `vehicle = "plane"` would fit'
     )
     assert Note("other_vehicle_kind", said) in sky.driver.notes()
     final = sky.do("arm_motors", True)
@@ -101,14 +100,14 @@ def test_a_vehicle_that_does_not_say_what_it_is_contradicts_nothing() -> None:
 @pytest.mark.parametrize(
     ("kind", "modes", "vehicle", "order", "mode"),
     [
-        (PLANE, ARDUPLANE, "arduplane", "hold", "LOITER"),
-        (PLANE, ARDUPLANE, "arduplane", "land", "RTL"),
-        (PLANE, ARDUPLANE, "arduplane", "rtl", "RTL"),
-        (dialect.MAV_TYPE_VTOL_TILTROTOR, ARDUPLANE, "arduplane", "land", "QLAND"),
-        (ROVER, ARDUROVER, "ardurover", "hold", "HOLD"),
-        (ROVER, ARDUROVER, "ardurover", "land", "HOLD"),
-        (ROVER, ARDUROVER, "ardurover", "rtl", "RTL"),
-        (PLANE, ARDUPLANE, "arducopter", "rtl", "RTL"),
+        (PLANE, ARDUPLANE, "plane", "hold", "LOITER"),
+        (PLANE, ARDUPLANE, "plane", "land", "RTL"),
+        (PLANE, ARDUPLANE, "plane", "rtl", "RTL"),
+        (dialect.MAV_TYPE_VTOL_TILTROTOR, ARDUPLANE, "plane", "land", "QLAND"),
+        (ROVER, ARDUROVER, "rover", "hold", "HOLD"),
+        (ROVER, ARDUROVER, "rover", "land", "HOLD"),
+        (ROVER, ARDUROVER, "rover", "rtl", "RTL"),
+        (PLANE, ARDUPLANE, "copter", "rtl", "RTL"),
     ],
 )
 def test_orders_from_above_mean_what_they_can_mean_for_the_vehicle(
@@ -169,7 +168,7 @@ def test_a_takeoff_by_mode_is_refused_in_the_air_and_to_vehicles_without_one(pla
 
 def test_limits_hold_for_planes_too(tmp_path: Path) -> None:
     mission = MISSION + "    limits: {altitude: 50, radius: 400}\n"
-    sky = sky_of(tmp_path, "arduplane", PLANE, ARDUPLANE, mission)
+    sky = sky_of(tmp_path, "plane", PLANE, ARDUPLANE, mission)
     sky.do("arm_motors", True)
     assert sky.do("takeoff", 60).reason == "altitude 60 m is above the mission's limit of 50 m"
     assert sky.do("takeoff", 40).state == "succeeded"
