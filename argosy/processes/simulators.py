@@ -12,9 +12,9 @@ from pathlib import Path
 from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.python.plugins import TWINS, has_plugin, names
-from bridged.simulation.copter.fault_injection import Faults
-from bridged.simulation.copter.protocol.parameters import Parameters
-from bridged.simulation.copter.world import Area, Victim, victims_of
+from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.fault_injection import Faults
+from bridged.simulation.vehicle.world import Area, Victim, victims_of
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Mission, Robot, World

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from argosy.cli.errors import BadInput
 from argosy.processes.simulators import servo_log, vehicle_of, victims
 from bridged.drivers.registry import load_robot_manifest
-from bridged.simulation.copter.world import ServoMove, Victim, read_moves
+from bridged.simulation.vehicle.world import ServoMove, Victim, read_moves
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.geo import distance
 from schemas.manifest.ini import truth

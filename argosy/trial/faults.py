@@ -16,7 +16,7 @@ import msgspec
 
 from argosy.processes.process_table import Process
 from argosy.processes.simulators import vehicle_of
-from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.files.findings import Finding, Findings
 from schemas.files.text_files import read_text
 from schemas.files.yaml_positions import read_yaml

@@ -25,6 +25,7 @@ from argosy.processes.process_table import Process
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.trial.event_loop import Datagrams
 from argosy.trial.network import Network
+from bridged.simulation.command import VEHICLES
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
@@ -37,7 +38,7 @@ FIRST_PID: Final = 1 << 30
 START: Final = 0.3
 """Virtual seconds from the start of a process to its first line: of the interpreter and the imports of a daemon, whose
 byte code is there (docs/measurements/benchmarks.md, Start)."""
-SIMULATED: Final = ("copter", "turtle")
+SIMULATED: Final = tuple(VEHICLES)
 """Vehicles of `bridged simulate` that a trial has in virtual time."""
 _LEVELS: Final[dict[str, Level]] = {"CRITICAL": "error", "ERROR": "error", "WARNING": "warning"}
 _DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd": "agentd.daemon"}
@@ -152,7 +153,7 @@ def main_of(argv: Sequence[str]) -> Coroutine[Any, Any, int]:
     vehicle, *rest = rest
     if (module, command) != ("bridged", "simulate") or vehicle not in SIMULATED:
         raise ValueError(f"{' '.join(argv[:3])} cannot run in a trial")
-    simulator = import_module(f"bridged.simulation.{vehicle}.command")
+    simulator = import_module(VEHICLES[vehicle][0])
     return _simulate(simulator, _parsed(simulator, rest))
 
 

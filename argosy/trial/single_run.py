@@ -32,9 +32,9 @@ from argosy.trial.faults import Battery, Fault, Vehicle
 from argosy.trial.network import Network, Sample, Session
 from argosy.trial.process import ProcessLog, VirtualSupervisor, read_once
 from argosy.trial.world import Seen, World
-from bridged.simulation.copter import process as copter_process
 from bridged.simulation.turtle import command as turtle_command
 from bridged.simulation.turtle.turtle import Turtle
+from bridged.simulation.vehicle import process as copter_process
 from commd.common.clock import Clock
 from schemas.files.units import Duration
 from schemas.mission.model import Mission

@@ -29,7 +29,7 @@ IMPORTED: Final = (
     "bridged.daemon",
     "bridged.drivers.mavlink.driver",
     "bridged.drivers.mavlink.registration",
-    "bridged.simulation.copter.command",
+    "bridged.simulation.vehicle.command",
     "bridged.simulation.turtle.command",
     "commd.daemon",
     "encodings.idna",

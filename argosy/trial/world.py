@@ -37,7 +37,7 @@ class Seen:
     """What is known of a vehicle in truth."""
 
     vehicle: Any
-    """`bridged.simulation.copter.protocol.mavlink_interface.Vehicle`."""
+    """`bridged.simulation.vehicle.vehicle.Vehicle`."""
     flown: float = 0.0
     """Metres over ground."""
     farthest: float = 0.0
@@ -54,7 +54,7 @@ class Seen:
     @property
     def armed(self) -> bool:
         """Whether its motors turn."""
-        return bool(self.vehicle.copter.armed)
+        return bool(self.vehicle.autopilot.armed)
 
     @property
     def pilots_mode(self) -> str:
@@ -75,23 +75,23 @@ class Seen:
     @property
     def height(self) -> float:
         """Metres above home."""
-        copter = self.vehicle.copter
+        copter = self.vehicle.autopilot
         return float(copter.motion.up.position - copter.home_on_chart.up)
 
     @property
     def mode(self) -> str:
         """Flight mode."""
-        return str(self.vehicle.copter.mode.name)
+        return str(self.vehicle.autopilot.mode.name)
 
     @property
     def estimated(self) -> tuple[float, float]:
         """Latitude and longitude in degrees as its autopilot estimates them."""
-        where = self.vehicle.copter.place
+        where = self.vehicle.autopilot.place
         return where.lat, where.lon
 
     def look(self) -> None:
         """Follow its way."""
-        copter = self.vehicle.copter
+        copter = self.vehicle.autopilot
         if (truth := copter.truth) != self._truth:
             here = copter.true_place.lat, copter.true_place.lon
             if self._truth is not None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from bridged.daemon import serve
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.link import open_link
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.vehicle import Vehicle
 from commd.bus.bus import Bus, Reply, open_bus
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
@@ -35,7 +35,7 @@ class Airfield:
         self.link = f"udpin:127.0.0.1:{free_port()}"
         self.mission: Mission = read_mission(mission, Path("test.yaml"))
         self.vehicle = Vehicle(HOME)
-        self.vehicle.copter.parameters.set("DISARM_DELAY", 127)  # s: its 10 s pass too soon on a busy machine
+        self.vehicle.autopilot.parameters.set("DISARM_DELAY", 127)  # s: its 10 s pass too soon on a busy machine
         self.stop = asyncio.Event()
         self.silent = False
         """Nothing gets through, either way."""

@@ -17,9 +17,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.copter.copter import STEP_S
-from bridged.simulation.copter.geodesy import METRES_PER_DEGREE, Place
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.ardupilot.copter import STEP_S
+from bridged.simulation.vehicle.geodesy import METRES_PER_DEGREE, Place
+from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.recorded import DATA, packets
 
 FIELD = Place(-27.604033, -48.518363, 21.1)

@@ -15,9 +15,9 @@ from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.shared_links import SharedLink
-from bridged.simulation.copter.fault_injection import Air, Faults
-from bridged.simulation.copter.geodesy import Place
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.fault_injection import Air, Faults
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.vehicle import Vehicle
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import read_mission

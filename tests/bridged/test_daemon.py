@@ -215,7 +215,7 @@ async def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_a
             assert await daemon == 0
             heard = await backfill
             assert (heard[-1].state, heard[-1].reason) == ("failed", "the bridge stops: rtl")
-        assert field.vehicle.copter.mode.name == "RTL"
+        assert field.vehicle.autopilot.mode.name == "RTL"
 
 
 @async_test
@@ -278,7 +278,7 @@ async def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released
         backfill, _ = await beginning(field, bus, "goto", *FAR)
         outcome = await order(bus, "hold")
         assert outcome.ok, outcome.reason
-        assert field.vehicle.copter.mode.name == "BRAKE"
+        assert field.vehicle.autopilot.mode.name == "BRAKE"
         heard = await backfill
         assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
         refused = await field.do(bus, "set_mode", "GUIDED")
@@ -296,7 +296,7 @@ async def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, 
         backfill, _ = await beginning(field, bus, "goto", *FAR)
         outcome = await order(bus, "pause")
         assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
-        assert field.vehicle.copter.mode.name == "BRAKE"
+        assert field.vehicle.autopilot.mode.name == "BRAKE"
         await until(lambda: bool(health) and health[-1].paused, "health says that it is paused")
         assert (await order(bus, "pause")).ok
         outcome = await order(bus, "continue")
@@ -315,8 +315,8 @@ async def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_pat
         async with field.client() as agent:
             await agent.claim("uav")
             await field.take_off(agent)
-        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
-        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
+        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold")
+        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl after it")
 
 
 @async_test
@@ -348,7 +348,7 @@ async def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_return
             daemon = field.start()
             await until_served(watcher)
             await until(lambda: len(lives) == 2 and lives[-1].there() == {"uav"}, "its new life sees the agent")
-        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, although the agent asked for nothing")
+        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl, although the agent asked for nothing")
         field.stop.set()
         await daemon
 
@@ -375,7 +375,7 @@ async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_
             await daemon
         field.stop.clear()
         daemon = field.start()
-        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl for the agent that has not come back")
+        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl for the agent that has not come back")
 
         async def taken() -> bool:
             status = await field.do(other, "set_mode", "GUIDED", agent="other")
@@ -400,7 +400,7 @@ async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_hea
         await until(lambda: "hold (agent uav is lost: hold): timed_out" in caplog.text, "the order is not heard")
         await until(lambda: "system 1 is lost: no heartbeat" in caplog.text, "nor is the vehicle")
         field.silent = False
-        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, which was not heard at first")
+        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl, which was not heard at first")
 
 
 @pytest.mark.parametrize("deaf", [0.0, 2.5], ids=["heard", "several HEARTBEATs are lost"])
@@ -414,11 +414,11 @@ async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
         assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
         field.withheld.add("HEARTBEAT")
         arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
-        await until(lambda: field.vehicle.copter.armed, "armed, before a HEARTBEAT says so")
+        await until(lambda: field.vehicle.autopilot.armed, "armed, before a HEARTBEAT says so")
         field.stop.set()
         asyncio.get_running_loop().call_later(deaf, field.withheld.clear)
         assert await daemon == 0
-        assert not field.vehicle.copter.armed
+        assert not field.vehicle.autopilot.armed
         assert not (await arming)[-1].result
 
 
@@ -435,12 +435,12 @@ async def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(end
         async with field.client() as agent:
             await agent.claim("uav")
             await field.take_off(agent)
-        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
+        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold")
         async with field.client() as agent:
             await agent.claim("uav")
             assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
             await asyncio.sleep(9)  # the pause of 80 s takes 8 here
-            assert field.vehicle.copter.mode.name == "GUIDED", "the steps that were to come are called off"
+            assert field.vehicle.autopilot.mode.name == "GUIDED", "the steps that were to come are called off"
             field.stop.set()
             await daemon
 
@@ -496,7 +496,7 @@ async def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(en
         assert "expected a Action, got a Cancel" in bad[0].problem
         large = bus.query(keys.action("test", "uav", "land"), Action(parameters=("x" * 200_000,)), ActionStatus, 5)
         assert ["expected at most 131072" in reply.error async for reply in large] == [True]
-        assert not field.vehicle.copter.armed
+        assert not field.vehicle.autopilot.armed
 
 
 @async_test
@@ -553,7 +553,7 @@ async def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoi
             assert await asyncio.to_thread(daemon.ends) == 0
             assert "speed 10: for simulated vehicles only" in daemon.text
             assert "leaving uav1: rtl: the vehicle is in RTL" in daemon.text
-            assert field.vehicle.copter.mode.name == "RTL"
+            assert field.vehicle.autopilot.mode.name == "RTL"
         finally:
             daemon.kill()
 

@@ -50,9 +50,9 @@ async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_
             assert await perceived(uav, "uav") == Atom("other")
             assert (await field.do(uav, "land")).reason.startswith("held by other for ")
             assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
-        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that has died")
+        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold, for the agent that has died")
         assert (await field.do(uav, "land")).reason == LOST
-        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
+        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl after it")
 
         async def taken() -> bool:
             status = await field.do(uav, "set_mode", "GUIDED")
@@ -83,9 +83,9 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
         await until_served(uav)
         await field.take_off(uav)
         await asyncio.sleep(3.5)
-        assert field.vehicle.copter.mode.name == "GUIDED", "an agent that speaks has its robot"
+        assert field.vehicle.autopilot.mode.name == "GUIDED", "an agent that speaks has its robot"
         speaking.cancel()
-        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that hangs")
+        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold, for the agent that hangs")
         refused = await field.do(uav, "land", agent="other")
         assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
         speaking = asyncio.create_task(report_agents(uav))
@@ -96,7 +96,7 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
             return status.state == "succeeded"
 
         await until(taken, "the agent takes the robot again")
-        assert field.vehicle.copter.mode.name == "GUIDED", "the agent is back: rtl is left out"
+        assert field.vehicle.autopilot.mode.name == "GUIDED", "the agent is back: rtl is left out"
         speaking.cancel()
         field.stop.set()
         await daemon

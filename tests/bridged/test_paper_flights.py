@@ -188,7 +188,7 @@ def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky
     home: list[Term] = [0, 16, True, True, -27.604033, -48.518363, 21.0]
     point: list[Term] = [3, 16, False, True, -27.6038, -48.5182, 15.0]
     succeeds(full, "set_mode", "GUIDED")
-    full.forward(lambda: full.vehicle.copter.home is not None, "the vehicle to know its home")
+    full.forward(lambda: full.vehicle.autopilot.home is not None, "the vehicle to know its home")
     succeeds(full, "push", [home, point])
     succeeds(full, "pull")
     told = full.belief("waypoints")
@@ -202,7 +202,7 @@ def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky
     pulled = full.do("pull_parameters")
     assert (pulled.state, pulled.feedback["params"]) == ("succeeded", pulled.feedback["of"])
     succeeds(full, "command", dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
-    assert full.vehicle.copter.armed, "a raw command too is proved by the vehicle's state where it can be"
+    assert full.vehicle.autopilot.armed, "a raw command too is proved by the vehicle's state where it can be"
 
 
 def test_parameters_that_are_lost_on_the_way_are_asked_for_again(full: Sky) -> None:

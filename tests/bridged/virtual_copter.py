@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.copter.boot import BootKind
-from bridged.simulation.copter.dynamics import Vector
-from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.ardupilot.boot import BootKind
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME
 
 STEP = 0.1
@@ -22,7 +22,7 @@ class Station:
 
     def __init__(self, boot: BootKind = "quick", system: int = 1, ready: bool = True) -> None:
         self.vehicle = Vehicle(HOME, system=system, boot=boot)
-        self.copter = self.vehicle.copter
+        self.copter = self.vehicle.autopilot
         self.heard: list[dialect.MAVLink_message] = []
         self._encoder, self._framer = Encoder(255, 190), Framer(WireCounters())
         self._vehicle_encoder, self._ear = Encoder(system, 1), Framer(WireCounters())
@@ -33,11 +33,11 @@ class Station:
 
     @property
     def now(self) -> float:
-        return self.vehicle.copter.now
+        return self.vehicle.autopilot.now
 
     @property
     def at(self) -> Vector:
-        return self.vehicle.copter.motion.position
+        return self.vehicle.autopilot.motion.position
 
     def say(self, message: dialect.MAVLink_message) -> list[dialect.MAVLink_message]:
         """Sends a message over the wire; returns what comes back at once."""
@@ -97,7 +97,7 @@ class Station:
 
     @property
     def speed(self) -> float:
-        velocity = self.vehicle.copter.motion.velocity
+        velocity = self.vehicle.autopilot.motion.velocity
         return math.hypot(velocity.north, velocity.east, velocity.up)
 
     def guided(self) -> None:
@@ -109,7 +109,7 @@ class Station:
         assert self.command(400, 1) == 0
         self.wait(pause)
         assert self.command(22, 0, 0, 0, 0, 0, 0, height) == 0
-        home = self.vehicle.copter.home_on_chart.up
+        home = self.vehicle.autopilot.home_on_chart.up
         took = self.until(lambda: self.at.up - home > height - 0.1, f"takeoff to {height} m")
-        self.until(lambda: self.vehicle.copter.flight.landed == 2 and self.speed < 0.05, "hover")
+        self.until(lambda: self.vehicle.autopilot.flight.landed == 2 and self.speed < 0.05, "hover")
         return took

@@ -7,8 +7,8 @@ import resource
 from collections.abc import Callable
 from pathlib import Path
 
-from bridged.simulation.copter.fault_injection import Air, Character, Faults
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.fault_injection import Air, Character, Faults
+from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.wire.term_text import write
 from schemas.wire.terms import Term
 from tests.bridged.sky import Message, Sky
@@ -69,7 +69,7 @@ class BadAir(Sky):
 
     def holds(self, name: str, *parameters: Term) -> bool:
         """Whether the vehicle's own state shows what an action wants."""
-        copter = self.vehicle.copter
+        copter = self.vehicle.autopilot
         place, home = copter.place, copter.home_on_chart
         at = copter.motion.position
         up, away = at.up - home.up, math.hypot(at.north - home.north, at.east - home.east)

@@ -13,7 +13,7 @@ import time
 
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.link import open_link
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME
 
 STEP = 0.01
@@ -24,7 +24,7 @@ async def main(link_to: str, speed: float, parameters: dict[str, float]) -> None
     """Fly until killed."""
     vehicle, told = Vehicle(HOME), ("", False)
     for name, value in parameters.items():
-        vehicle.copter.parameters.set(name, value)
+        vehicle.autopilot.parameters.set(name, value)
 
     def hear(message: object, _: object) -> None:
         for answer in vehicle.receive(message):
@@ -36,7 +36,7 @@ async def main(link_to: str, speed: float, parameters: dict[str, float]) -> None
         now = time.monotonic()
         for message in vehicle.advance((now - before) * speed):
             link.send(message)
-        before, copter = now, vehicle.copter
+        before, copter = now, vehicle.autopilot
         if told != (seen := (copter.mode.name, copter.armed)):
             told, altitude = seen, round(copter.motion.up.position, 1)
             line = {"at": time.monotonic(), "mode": seen[0], "armed": seen[1], "altitude": altitude}

@@ -11,7 +11,7 @@ import pytest
 from argosy.__main__ import main
 from argosy.processes.simulators import servo_log, victims
 from argosy.simulate.referee import drops_of, judge
-from bridged.simulation.copter.world import ServoMove, Victim
+from bridged.simulation.vehicle.world import ServoMove, Victim
 from commd.bus.bus import Bus
 from schemas.mission.model import World, load_mission
 from schemas.wire import keys

@@ -13,10 +13,10 @@ from argosy.trial.event_loop import VirtualLoop
 from argosy.trial.faults import Fault, Kill, StopOrder
 from argosy.trial.network import Network, Query
 from argosy.trial.world import SAMPLED, Seen, World
-from bridged.simulation.copter.dynamics import Vector
-from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.position_estimate import PositionEstimate
 from bridged.simulation.turtle.turtle import Turtle
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.position_estimate import PositionEstimate
 from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -86,7 +86,7 @@ class Run:
         self.copters = {name: Copter() for name in mission.robots}
         self.pilot: SimpleNamespace = SimpleNamespace(switch=None, landed=False)
         self.world.vehicles = {
-            name: Seen(SimpleNamespace(copter=one, character=self.pilot)) for name, one in self.copters.items()
+            name: Seen(SimpleNamespace(autopilot=one, character=self.pilot)) for name, one in self.copters.items()
         }
         self.served = True
         self.checkers = Checkers(mission, self.world, lambda robot: self.served, separation=separation)

@@ -27,7 +27,7 @@ from argosy.trial.faults import (
     last,
     read,
 )
-from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.files.findings import Findings
 from schemas.files.units import Duration
 from schemas.mission.model import Mission, load_mission

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.bridge.running_action import MAX_FOLLOWERS
 from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
 from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
-from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
@@ -122,7 +122,7 @@ def test_a_change_that_is_acknowledged_before_a_silence_is_judged_by_the_heartbe
 ) -> None:
     sky.do("set_mode", "GUIDED")
     arming = sky.begin("arm_motors", True)
-    sky.forward(lambda: sky.vehicle.copter.armed, "the motors turn")
+    sky.forward(lambda: sky.vehicle.autopilot.armed, "the motors turn")
     sky.forward(lambda: sky.driver.vehicle.armed or not heartbeats, "the first heartbeat")
     sky.we_hear = is_ack_of(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
     sky.wait(4.5)
@@ -173,7 +173,9 @@ def test_a_takeoff_goes_on_in_the_air_after_a_restart_of_the_bridge(sky: Sky, tm
     sky.do("set_mode", "GUIDED")
     sky.do("arm_motors", True)
     sky.begin("takeoff", 20)
-    sky.forward(lambda: sky.vehicle.copter.motion.position.up > sky.vehicle.copter.home_on_chart.up + 1, "lift-off")
+    sky.forward(
+        lambda: sky.vehicle.autopilot.motion.position.up > sky.vehicle.autopilot.home_on_chart.up + 1, "lift-off"
+    )
     again = Sky(tmp_path / "again", vehicle=sky.vehicle, clock=sky.clock)
     again.forward(lambda: again.belief("altitude"), "its altitude")
     assert again.do("takeoff", 20).state == "succeeded"
@@ -436,7 +438,7 @@ def test_an_order_to_a_silent_vehicle_does_not_take_it_from_a_pilot_who_has_it_w
     sky.forward(lambda: asked[-1].final, "the end of the order", 5)
     assert (asked[-1].state, asked[-1].cause) == ("failed", "pilot")
     sky.forward(lambda: sky.belief("override") == ("LOITER",), "the pilot's mode, once a restart is ruled out", 3)
-    assert sky.vehicle.copter.mode is Mode.LOITER
+    assert sky.vehicle.autopilot.mode is Mode.LOITER
 
 
 def test_an_order_does_not_take_a_vehicle_whose_pilot_the_agents_do_not_perceive_yet(sky: Sky) -> None:
@@ -452,7 +454,7 @@ def test_an_order_does_not_take_a_vehicle_whose_pilot_the_agents_do_not_perceive
     sky.forward(lambda: asked[-1].final, "the end of the order", 5)
     assert (asked[-1].state, asked[-1].cause) == ("failed", "pilot")
     sky.forward(lambda: sky.belief("override") == ("LOITER",), "the pilot's mode", 3)
-    assert sky.vehicle.copter.mode is Mode.LOITER
+    assert sky.vehicle.autopilot.mode is Mode.LOITER
 
 
 def test_a_pilot_who_takes_a_vehicle_after_its_bridge_was_restarted_in_flight_is_perceived(
@@ -480,7 +482,7 @@ def test_who_sets_guided_while_the_vehicle_is_silent_hands_it_over(sky: Sky) -> 
 def test_guided_that_a_ground_station_sets_while_an_agent_flies_home_is_its_own(sky: Sky) -> None:
     sky.flying()
     going = sky.begin("return_to_launch")
-    sky.forward(lambda: sky.vehicle.copter.mode is Mode.RTL, "RTL", 3)
+    sky.forward(lambda: sky.vehicle.autopilot.mode is Mode.RTL, "RTL", 3)
     sky.wait(2)
     sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, Mode.GUIDED)))
     sky.forward(lambda: going[-1].final, "the end of the way home", 3)
@@ -501,8 +503,8 @@ def test_while_a_pilot_has_the_vehicle_no_action_is_taken_until_the_agent_takes_
         "override: others have set LOITER (pilot, ground station or failsafe); "
         "an agent takes control again by setting the mode"
     )
-    assert sky.vehicle.copter.mode.name == "LOITER"
-    assert sky.vehicle.copter.armed
+    assert sky.vehicle.autopilot.mode.name == "LOITER"
+    assert sky.vehicle.autopilot.armed
     assert sky.do("set_mode", "GUIDED").state == "succeeded"
     assert sky.do("land").state == "succeeded"
 

@@ -205,7 +205,7 @@ async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_d
         assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
         field.stop.set()
         assert await daemon == 0
-        assert field.vehicle.copter.mode.name == "RTL"
+        assert field.vehicle.autopilot.mode.name == "RTL"
 
 
 WATCHFUL = """

@@ -50,7 +50,7 @@ async def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_name
         assert (refused["state"], refused["result"], refused["reason"]) == ("refused", False, BY_HAND)
         assert "inject: true" in BY_HAND
         await until(lambda: [one.reason for one in told] == [BY_HAND], "observers are told, too")
-        assert not field.vehicle.copter.armed
+        assert not field.vehicle.autopilot.armed
         assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded", "the agent acts as ever"
 
 

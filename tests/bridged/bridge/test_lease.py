@@ -150,7 +150,7 @@ async def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys
         await asyncio.sleep(0)
         if not sky.bridge.lease.closed:
             break
-    assert sky.vehicle.copter.mode.name == "RTL"
+    assert sky.vehicle.autopilot.mode.name == "RTL"
     assert holder(sky) == (None, None)
     assert sky.begin("set_mode", "GUIDED", agent="other")[0].state == "accepted"
 

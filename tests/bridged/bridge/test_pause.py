@@ -162,7 +162,7 @@ async def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> No
     assert place(sky)[2] > 3
     await resume(sky)
     assert (await ended(sky, going)).state == "succeeded"
-    assert not sky.vehicle.copter.armed
+    assert not sky.vehicle.autopilot.armed
 
 
 @async_test
@@ -321,7 +321,7 @@ async def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> 
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
         assert sky.do(name, argument).state == "succeeded"
     assert (await pause(sky)).state == "succeeded"
-    assert sky.vehicle.copter.armed
+    assert sky.vehicle.autopilot.armed
     await resume(sky)
     assert (await ended(sky, sky.begin("takeoff", 5))).state == "succeeded"
 

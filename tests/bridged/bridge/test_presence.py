@@ -53,7 +53,7 @@ def test_with_failsafe_bridge_we_are_the_ground_station_and_read_its_parameter_b
     beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
     assert {(one.get_srcSystem(), one.get_srcComponent()) for one in beats} == {(255, 190)}
     assert identities(sky.driver.notes()) == [("failsafe_off", "")]
-    sky.vehicle.copter.parameters.set("FS_GCS_ENABLE", 1)
+    sky.vehicle.autopilot.parameters.set("FS_GCS_ENABLE", 1)
     again = Sky(
         tmp_path / "2",
         mission=MISSION.replace("    link:", "    failsafe: {gcs: bridge}\n    link:"),
@@ -65,10 +65,10 @@ def test_with_failsafe_bridge_we_are_the_ground_station_and_read_its_parameter_b
 
 def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path) -> None:
     sky = watched(tmp_path)
-    sky.vehicle.copter.parameters.set("FS_GCS_ENABLE", 1)
+    sky.vehicle.autopilot.parameters.set("FS_GCS_ENABLE", 1)
     sky.flying(10)
     sky.driver.speak_for_agent(False)
-    sky.forward(lambda: sky.vehicle.copter.mode.name == "RTL", "the vehicle's own failsafe", 10)
+    sky.forward(lambda: sky.vehicle.autopilot.mode.name == "RTL", "the vehicle's own failsafe", 10)
     sky.forward(lambda: sky.belief("override") == ("RTL",), "the percept of it", 3)
 
 
@@ -86,7 +86,7 @@ async def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that
     await asyncio.sleep(0.1)
     sky.hears_us = lambda message: True
     sky.wait(10)
-    assert sky.vehicle.copter.mode.name == "GUIDED"
+    assert sky.vehicle.autopilot.mode.name == "GUIDED"
 
 
 def test_a_vehicle_that_does_not_tell_its_failsafe_is_a_warning(tmp_path: Path) -> None:

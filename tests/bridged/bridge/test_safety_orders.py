@@ -49,7 +49,7 @@ async def leaving(sky: Sky, left: Awaitable[RobotLeft]) -> RobotLeft:
 
 
 def mode_of(sky: Sky) -> str:
-    return sky.vehicle.copter.mode.name
+    return sky.vehicle.autopilot.mode.name
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ async def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_
     assert mode_of(sky) == "BRAKE", "it has 10 s to take control"
     while mode_of(sky) != "RTL":
         await passing(sky, 0.5)
-    while sky.vehicle.copter.armed:
+    while sky.vehicle.autopilot.armed:
         await passing(sky, 1)
 
 
@@ -182,7 +182,7 @@ async def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is
     assert alarm.value is not None
     assert 10 <= alarm.value <= 16
     await idling(sky, 60)
-    assert (sky.vehicle.copter.armed, alarms(sky)) == (False, [])
+    assert (sky.vehicle.autopilot.armed, alarms(sky)) == (False, [])
 
 
 @async_test
@@ -307,7 +307,7 @@ async def test_an_order_from_before_the_machine_was_started_stands_until_release
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool
 ) -> None:
     await ordered(sky, order := "hold" if armed else "land")
-    while sky.vehicle.copter.armed != armed:
+    while sky.vehicle.autopilot.armed != armed:
         await passing(sky, 1)
     monkeypatch.setenv("ARGOSY_BOOT", "after a power failure")
     again = restarted(sky, tmp_path)
@@ -354,7 +354,7 @@ async def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
     await passing(sky, 2)
     await ordered(sky, "land")
-    while sky.vehicle.copter.armed:
+    while sky.vehicle.autopilot.armed:
         await passing(sky, 1)
     await passing(sky, 3)
     assert "safety_deferred" not in {note.code for note in sky.bridge.health().notes}

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Order, Outcome
-from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.wire.log_lines import RobotLeft
 from tests.bridged.bridge.test_safety_orders import leaving, passing
 from tests.bridged.drivers.mavlink.test_recorded_flights import Replay
@@ -38,9 +38,9 @@ def stranger(tmp_path: Path) -> Sky:
     """A vehicle that flies, and says that it is a PX4."""
     sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PX4))
     sky.vehicle.advance(4)
-    sky.vehicle.copter.set_mode(4)
-    sky.vehicle.copter.arm()
-    sky.vehicle.copter.take_off(20)
+    sky.vehicle.autopilot.set_mode(4)
+    sky.vehicle.autopilot.arm()
+    sky.vehicle.autopilot.take_off(20)
     sky.vehicle.advance(15)
     sky.wait(2)
     return sky

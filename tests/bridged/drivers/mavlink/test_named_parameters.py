@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions.parameters import spellings
-from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.wire.terms import Term
 from tests.bridged.sky import MISSION, Message, Sky, is_command
 
@@ -26,7 +26,7 @@ def test_a_parameter_that_is_asked_for_becomes_a_percept(sky: Sky) -> None:
 
 def test_a_parameter_is_set_when_the_vehicle_tells_that_value(sky: Sky) -> None:
     assert sky.do("set_param", "RTL_ALT", 2000).state == "succeeded"
-    assert sky.vehicle.copter.parameters["RTL_ALT"] == 2000
+    assert sky.vehicle.autopilot.parameters["RTL_ALT"] == 2000
     assert told(sky) == {"RTL_ALT": 2000}
 
 
@@ -53,7 +53,7 @@ def test_a_name_that_the_vehicle_does_not_know_is_told_after_three_seconds(
 
 def test_a_parameter_is_known_under_its_older_name_too(sky: Sky) -> None:
     assert sky.do("set_param", "SYSID_MYGCS", 250).state == "succeeded"
-    assert sky.vehicle.copter.parameters["MAV_GCS_SYSID"] == 250
+    assert sky.vehicle.autopilot.parameters["MAV_GCS_SYSID"] == 250
     assert told(sky) == {"SYSID_MYGCS": 250}
 
 
@@ -117,7 +117,7 @@ def test_a_vehicle_that_says_nothing_after_the_change_is_not_said_to_have_the_ol
 
 
 def test_the_fence_is_shaped_by_parameters_and_switched_by_a_command(sky: Sky) -> None:
-    parameters = sky.vehicle.copter.parameters
+    parameters = sky.vehicle.autopilot.parameters
     assert sky.do("fence_radius", 120).state == "succeeded"
     assert sky.do("fence_altitude", 45).state == "succeeded"
     assert (parameters["FENCE_RADIUS"], parameters["FENCE_ALT_MAX"]) == (120, 45)
@@ -174,7 +174,7 @@ def test_what_the_mission_relies_on_may_be_switched_on(tmp_path: Path) -> None:
     assert sky.do("enable_fence", True).state == "succeeded"
     final = sky.do("enable_fence", False)
     assert final.reason == "FENCE_ENABLE is not set to 0: the mission declares `limits`, and the fence stays as it is"
-    assert (final.state, sky.vehicle.copter.parameters["FENCE_ENABLE"]) == ("refused", 1)
+    assert (final.state, sky.vehicle.autopilot.parameters["FENCE_ENABLE"]) == ("refused", 1)
 
 
 def test_a_value_that_32_bits_do_not_hold_is_refused(sky: Sky) -> None:
@@ -188,7 +188,7 @@ def test_a_fence_is_known_by_what_it_is_although_no_acknowledgement_comes(tmp_pa
     for wanted in (True, False):
         final = sky.do("enable_fence", wanted)
         assert (final.state, final.reason) == ("succeeded", "")
-        assert sky.vehicle.copter.parameters["FENCE_ENABLE"] == wanted
+        assert sky.vehicle.autopilot.parameters["FENCE_ENABLE"] == wanted
 
 
 def test_a_fence_whose_bit_is_not_told_is_known_by_its_parameter_although_no_acknowledgement_comes(

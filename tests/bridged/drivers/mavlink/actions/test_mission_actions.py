@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions import mission_actions
 from bridged.drivers.mavlink.actions.mission_items import Item, read_items
-from bridged.simulation.copter.mission import Item as Stored
+from bridged.simulation.vehicle.ardupilot.mission import Item as Stored
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
@@ -42,7 +42,7 @@ def armed(sky: Sky) -> Sky:
 
 def held(sky: Sky) -> list[int]:
     """The commands that the vehicle stores."""
-    return [item.command for item in sky.vehicle.copter.mission.items]
+    return [item.command for item in sky.vehicle.autopilot.mission.items]
 
 
 def waypoints(sky: Sky) -> list[tuple[Term, ...]]:
@@ -53,14 +53,14 @@ def test_a_mission_is_uploaded_counted_back_and_told_as_percepts(sky: Sky) -> No
     assert sky.do("upload_mission", TOUR).state == "succeeded"
     assert held(sky) == [22, 16, 16]
     assert waypoints(sky) == [(1, "takeoff", 0.0, 0.0, 10.0), (2, "waypoint", *NEAR), (3, "waypoint", *FAR)]
-    item = sky.vehicle.copter.mission.items[1]
+    item = sky.vehicle.autopilot.mission.items[1]
     assert (item.x, item.y, item.z, item.frame) == (-276036830, -485180520, 20.0, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 
 
 def test_a_mission_of_somebody_else_is_downloaded_and_replaces_what_was_believed(sky: Sky) -> None:
     sky.forward(lambda: sky.belief("home_pos"), "home")
     sky.do("upload_mission", TOUR)
-    sky.vehicle.copter.mission.items.pop()
+    sky.vehicle.autopilot.mission.items.pop()
     assert sky.do("download_mission").state == "succeeded"
     assert waypoints(sky) == [(1, "takeoff", 0.0, 0.0, 10.0), (2, "waypoint", *NEAR)]
 
@@ -187,7 +187,7 @@ def test_every_item_keeps_the_limits_of_the_mission_file(tmp_path: Path, item: T
 
 def test_a_mission_of_somebody_else_is_read_before_it_is_flown_and_keeps_the_limits(tmp_path: Path) -> None:
     sky = armed(Sky(tmp_path, mission=LIMITED))
-    sky.vehicle.copter.mission.store([
+    sky.vehicle.autopilot.mission.store([
         Stored(0, 0, 16, (0, 0, 0, 0), 0, 0, 0.0), Stored(1, 3, 22, (0, 0, 0, 0), 0, 0, 50.0),
     ])  # fmt: skip
     final = sky.do("start_mission")
@@ -252,7 +252,7 @@ def test_a_mission_is_seen_to_its_end_without_a_single_item_reached(sky: Sky) ->
 def test_a_pilot_who_changes_the_mode_ends_the_mission_with_the_reason(sky: Sky) -> None:
     heard = started(sky)
     sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
-    sky.vehicle.copter.set_mode(5)
+    sky.vehicle.autopilot.set_mode(5)
     sky.forward(lambda: heard[-1].final, "the end of the mission", 10)
     assert heard[-1].state == "failed"
     said = "the mode became LOITER, which nobody here asked for (pilot, ground station or failsafe)"
@@ -265,7 +265,7 @@ def test_a_pilot_who_changes_the_mode_ends_the_mission_with_the_reason(sky: Sky)
 def test_a_mission_whose_vehicle_disarms_before_its_end_fails(sky: Sky) -> None:
     heard = started(sky)
     sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
-    sky.vehicle.copter.disarm(force=True)
+    sky.vehicle.autopilot.disarm(force=True)
     sky.forward(lambda: heard[-1].final, "the end of the mission", 10)
     assert heard[-1].state == "failed"
     assert heard[-1].reason.startswith("the vehicle disarmed before the end of the mission")
@@ -277,7 +277,7 @@ def test_a_mission_that_is_cancelled_holds_the_vehicle(sky: Sky) -> None:
     assert sky.bridge.action_server.cancel("uav", heard[0].id).state == "cancelled"
     sky.forward(lambda: sky.belief("state") == ("GUIDED", True, True), "GUIDED", 5)
     sky.wait(3)
-    assert sky.vehicle.copter.motion.course[0] < 0.3
+    assert sky.vehicle.autopilot.motion.course[0] < 0.3
     assert sky.belief("override") is None
 
 
@@ -305,7 +305,7 @@ def test_a_mission_on_the_ground_without_a_takeoff_fails_in_words(sky: Sky) -> N
 def test_the_next_item_is_set_and_one_that_is_not_there_is_refused(sky: Sky) -> None:
     sky.do("upload_mission", TOUR)
     assert sky.do("set_mission_item", 3).state == "succeeded"
-    assert sky.vehicle.copter.mission.current == 3
+    assert sky.vehicle.autopilot.mission.current == 3
     final = sky.do("set_mission_item", 9)
     assert (final.state, final.reason) == ("refused", "no item 9; the mission has 3")
 
@@ -348,7 +348,7 @@ def test_the_place_of_home_is_sent_as_item_zero(sky: Sky) -> None:
 
 def stored_by_another_station(sky: Sky, *items: Term) -> None:
     """Another ground station stores a mission, as the vehicle has it then."""
-    copter = sky.vehicle.copter
+    copter = sky.vehicle.autopilot
     stored = [
         Stored(seq, 3, 16, (0, 0, 0, 0), round(one[0] * 1e7), round(one[1] * 1e7), one[2])
         for seq, one in enumerate(items, 1)
@@ -366,7 +366,7 @@ def test_a_mission_that_jumps_is_over_only_when_the_vehicle_says_so(sky: Sky) ->
     assert (heard[-1].state, heard[-1].reason) == ("succeeded", "")
     reached = [one.parameters for who, one in sky.percepts if one.name == "item_reached" and who == "uav"]
     assert reached == [(1,), (2,)] * 3
-    assert sky.vehicle.copter.mission.complete
+    assert sky.vehicle.autopilot.mission.complete
 
 
 def test_a_pilot_right_after_the_end_of_a_mission_is_a_pilot(sky: Sky) -> None:
@@ -374,10 +374,10 @@ def test_a_pilot_right_after_the_end_of_a_mission_is_a_pilot(sky: Sky) -> None:
     sky.forward(lambda: heard[-1].final, "the end of the mission")
     assert heard[-1].state == "succeeded", heard[-1].reason
     sky.wait(1)
-    sky.vehicle.copter.set_mode(5)
+    sky.vehicle.autopilot.set_mode(5)
     sky.forward(lambda: sky.belief("override"), "the override", 5)
     assert sky.do("return_to_launch").state == "refused"
-    assert sky.vehicle.copter.mode.name == "LOITER"
+    assert sky.vehicle.autopilot.mode.name == "LOITER"
 
 
 def test_a_mission_that_another_station_stored_since_ours_is_the_one_that_is_judged(tmp_path: Path) -> None:
@@ -387,7 +387,7 @@ def test_a_mission_that_another_station_stored_since_ours_is_the_one_that_is_jud
     final = sky.do("start_mission")
     assert final.reason == "item 2 of the mission: altitude 50 m is above the mission's limit of 30 m"
     assert final.state == "refused"
-    assert sky.vehicle.copter.mode.name == "GUIDED"
+    assert sky.vehicle.autopilot.mode.name == "GUIDED"
     assert [one[4] for one in waypoints(sky)] == [20.0, 50.0], "what the vehicle holds is told"
 
 
@@ -430,7 +430,7 @@ def test_an_acknowledgement_of_an_upload_before_is_not_taken_for_that_of_this_on
     sky.hears_us = lambda message: True
     sky.forward(lambda: heard[-1].final, "the upload", 10)
     assert heard[-1].state == "succeeded", heard[-1].reason
-    assert [item.z for item in sky.vehicle.copter.mission.items] == [15, 20]
+    assert [item.z for item in sky.vehicle.autopilot.mission.items] == [15, 20]
 
 
 def test_a_refusal_for_another_station_is_not_that_of_our_item(sky: Sky) -> None:
@@ -449,7 +449,7 @@ def test_auto_is_set_only_on_a_whole_mission_within_the_limits(tmp_path: Path) -
     stored_by_another_station(sky, NEAR, [*FAR[:2], 50])
     final = sky.do("set_mode", "AUTO")
     assert final.reason == "item 2 of the mission: altitude 50 m is above the mission's limit of 30 m"
-    assert (final.state, sky.vehicle.copter.mode.name) == ("refused", "GUIDED")
+    assert (final.state, sky.vehicle.autopilot.mode.name) == ("refused", "GUIDED")
     stored_by_another_station(sky, NEAR, FAR)
     assert sky.do("set_mode", "AUTO").state == "succeeded"
 
@@ -462,7 +462,7 @@ def test_auto_is_not_set_on_what_an_upload_that_broke_off_has_left(sky: Sky) -> 
     final = sky.do("set_mode", "AUTO")
     assert final.state == "refused"
     assert final.reason.startswith("the upload was broken off at item 2 of 3")
-    assert sky.vehicle.copter.mode.name == "GUIDED"
+    assert sky.vehicle.autopilot.mode.name == "GUIDED"
 
 
 TERRAIN = {"frame": 10, "command": 16, "x_lat": NEAR[0], "y_long": NEAR[1], "z_alt": 20.0}
@@ -499,7 +499,7 @@ def test_motors_that_stop_in_the_air_at_the_last_item_are_no_end_of_a_mission(
 ) -> None:
     heard = started(sky.flying(height), [[*NEAR[:2], height], [last, 0, 0, 0]])
     sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "the last item")
-    sky.vehicle.copter.disarm(force=True)
+    sky.vehicle.autopilot.disarm(force=True)
     sky.forward(lambda: heard[-1].final, "the end of the mission", 20)
     assert heard[-1].state == "failed"
     assert heard[-1].reason.startswith("the motors stopped in the air at the last item")

@@ -10,9 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.status_texts import MAX_DISTINCT, StatusText, Texts, Warnings
-from bridged.simulation.copter.fault_injection import Faults
-from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.fault_injection import Faults
+from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, HOME, Message, Sky
 
@@ -38,10 +38,10 @@ def test_a_battery_failsafe_reaches_log_and_agent_though_no_action_fails(
 ) -> None:
     battery = {"BATT_LOW_VOLT": 12.0, "BATT_LOW_TIMER": 1.0, "BATT_FS_LOW_ACT": 0.0}
     sky = Sky(tmp_path, vehicle=Vehicle(HOME, parameters=battery.items())).flying(10)
-    sky.vehicle.copter.parameters.set("BATT_FS_LOW_ACT", 2)
+    sky.vehicle.autopilot.parameters.set("BATT_FS_LOW_ACT", 2)
     assert not any("Battery" in str(said) for _, said in believed(sky))
     with caplog.at_level(logging.INFO):
-        sky.vehicle.copter.parameters.set("SIM_BATT_VOLTAGE", 11.0)
+        sky.vehicle.autopilot.parameters.set("SIM_BATT_VOLTAGE", 11.0)
         sky.wait(5)
     assert (Atom("warning"), "Battery Failsafe") in believed(sky)
     assert "system 1 says (warning): Battery Failsafe" in warnings(caplog)
@@ -132,7 +132,7 @@ def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None
     sky.wait(2)
     sky.we_hear = lambda message: False
     sky.wait(2.5)
-    sky.vehicle.copter.set_mode(Mode.LOITER)
+    sky.vehicle.autopilot.set_mode(Mode.LOITER)
     sky.we_hear = lambda message: True
     sky.forward(lambda: heard[-1].final, "the end of goto", 10)
     assert heard[-1].reason.startswith("the mode became LOITER")

@@ -1,0 +1,1 @@
+"""A simulated ArduPilot: its state, arming checks, failsafes, missions, equipment, and its MAVLink side."""

@@ -1,0 +1,256 @@
+"""Missions: the items that AUTO mode flies, its progress, and DO commands."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.ardupilot.notifications import Result
+from bridged.simulation.vehicle.ardupilot.servo_outputs import Grip
+from bridged.simulation.vehicle.geodesy import FlatMap, Place
+from bridged.simulation.vehicle.motion.copter_flight import Flight, GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.dynamics import Vector
+
+if TYPE_CHECKING:
+    from bridged.simulation.vehicle.ardupilot.copter import Copter
+
+
+NAV_COMMANDS = {
+    dialect.MAV_CMD_NAV_WAYPOINT: "WP",
+    dialect.MAV_CMD_NAV_LOITER_UNLIM: "LoitUnlim",
+    dialect.MAV_CMD_NAV_LOITER_TIME: "LoitTime",
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
+    dialect.MAV_CMD_NAV_LAND: "Land",
+    dialect.MAV_CMD_NAV_TAKEOFF: "Takeoff",
+    dialect.MAV_CMD_NAV_SPLINE_WAYPOINT: "SplineWP",
+    dialect.MAV_CMD_NAV_DELAY: "Delay",
+}
+"""Navigation commands of AUTO, with their names in status texts."""
+
+DO_COMMANDS = {
+    dialect.MAV_CMD_CONDITION_DELAY: "CondDelay",
+    dialect.MAV_CMD_CONDITION_YAW: "CondYaw",
+    dialect.MAV_CMD_DO_CHANGE_SPEED: "ChangeSpeed",
+    dialect.MAV_CMD_DO_SET_HOME: "SetHome",
+    dialect.MAV_CMD_DO_SET_SERVO: "SetServo",
+    dialect.MAV_CMD_DO_REPEAT_SERVO: "RepeatServo",
+    dialect.MAV_CMD_DO_FENCE_ENABLE: "FenceEnable",
+    dialect.MAV_CMD_DO_GRIPPER: "Gripper",
+}
+"""Commands that AUTO runs on the way to the next place, with their names in status texts."""
+
+PASSED_OVER = frozenset(
+    (18, 92, 94, 114, 181, 182, 188, 189, 195, 197, 201, 202, 203, 205, 206, 208, 216, 217, 218, 222, 223)
+)
+"""Commands that a real autopilot obeys (cameras, relays, circles, ...): stored, without effect."""
+
+KNOWN = frozenset((dialect.MAV_CMD_DO_JUMP, *NAV_COMMANDS, *DO_COMMANDS)) | PASSED_OVER
+"""A mission with other commands is refused."""
+
+_ENDLESS = frozenset((dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_LOITER_UNLIM))
+"""The first two end with the motors, the last one never."""
+
+_STAYING = frozenset(
+    (dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_TIME, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT)
+)
+"""Parameter 1 of these is the time in seconds to stay at the place."""
+
+MOST_STEPS = 255
+"""Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
+
+GLOBAL_FRAMES = (0, 5)
+"""Coordinate frames whose altitude is above mean sea level."""
+
+RELATIVE_FRAMES = (3, 6, 10, 11)
+"""Coordinate frames whose altitude is above home; terrain counts as flat at home's height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One mission item with the fields of MISSION_ITEM_INT."""
+
+    seq: int
+    frame: int
+    command: int
+    params: tuple[float, float, float, float]
+    x: int
+    y: int
+    z: float
+    autocontinue: int = 1
+
+
+class Mission:
+    """The stored items without item 0, which is home, and the progress of AUTO through them."""
+
+    def __init__(self) -> None:
+        self.items: list[Item] = []
+        self.current = 0
+        self.complete = False
+        self._entered_at = 0.0
+        self._jumped: dict[int, int] = {}
+
+    def clear(self) -> None:
+        """Forget all items."""
+        self.items = []
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Let the next AUTO begin with the first item."""
+        self.current, self.complete = 0, False
+        self._jumped.clear()
+
+    def store(self, items: list[Item]) -> None:
+        """Replace the items; `items[0]` is home and is not kept."""
+        self.items = items[1:]
+        self.rewind()
+
+    def item(self, seq: int) -> Item | None:
+        """Return the item of this number, from 1."""
+        return self.items[seq - 1] if 1 <= seq <= len(self.items) else None
+
+    @property
+    def flyable(self) -> bool:
+        """Whether there is anything that AUTO can fly."""
+        return any(item.command in NAV_COMMANDS for item in self.items)
+
+    def next_place(self, seq: int) -> tuple[list[Item], Item | None]:
+        """Return what to do from item `seq` (from 1) on, and then the next item to fly; None at the mission's end."""
+        actions: list[Item] = []
+        for _ in range(MOST_STEPS):
+            item = self.item(seq)
+            if item is None or item.command in NAV_COMMANDS:
+                return actions, item
+            if item.command == dialect.MAV_CMD_DO_JUMP:
+                seq = self._jump(item)
+                continue
+            if item.command in DO_COMMANDS:
+                actions.append(item)
+            seq += 1
+        return actions, None
+
+    def _jump(self, item: Item) -> int:
+        """Return where a DO_JUMP leads: to its item as often as it says (for ever if negative), then past it."""
+        times = self._jumped.get(item.seq, 0)
+        if 0 <= item.params[1] <= times or self.item(int(item.params[0])) is None:
+            return item.seq + 1
+        self._jumped[item.seq] = times + 1
+        return int(item.params[0])
+
+    def start(self, item: Item, now: float) -> None:
+        """Fly this item from `now` (vehicle seconds) on."""
+        self.current, self._entered_at = item.seq, now
+
+    def done(self, item: Item, flight: Flight, now: float) -> bool:
+        """Return whether the item that is flown is over at `now` vehicle seconds."""
+        if item.command in _ENDLESS:
+            return False
+        if item.command == dialect.MAV_CMD_NAV_DELAY:
+            return now - self._entered_at >= item.params[0]
+        if not flight.reached:
+            self._entered_at = now
+        stay = item.params[0] if item.command in _STAYING else 0.0
+        return flight.reached and now - self._entered_at >= stay
+
+
+def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
+    """Effect of an item on the copter."""
+    here = flight.motion.position
+    if item.command == dialect.MAV_CMD_NAV_TAKEOFF:
+        return TakeOff(_height(item, chart, home))
+    if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+        return Return(chart.vector(home))
+    if item.command == dialect.MAV_CMD_NAV_DELAY:
+        return Stop()
+    goal = goal_of(item, chart, home)
+    if item.command == dialect.MAV_CMD_NAV_LAND:
+        if goal is None:
+            return Land()
+        away = math.hypot(goal.north - here.north, goal.east - here.east)
+        return Return(goal, Stage.CRUISE, Vector(goal.north, goal.east, max(here.up, 2.0)), length=away)
+    return GoTo(goal or here, smooth=True)
+
+
+def goal_of(item: Item, chart: FlatMap, home: Place) -> Vector | None:
+    """The place of an item on the map; 0/0 means here, None a place that is not on the earth."""
+    try:
+        place = Place(item.x / 1e7, item.y / 1e7, home.alt)
+    except ValueError:
+        return None
+    if not item.x and not item.y:
+        return None
+    goal = chart.vector(place)
+    goal.up = _height(item, chart, home)
+    return goal
+
+
+def _height(item: Item, chart: FlatMap, home: Place) -> float:
+    if not math.isfinite(item.z):
+        return chart.vector(home).up
+    above_sea = item.z if item.frame in GLOBAL_FRAMES else home.alt + item.z
+    return above_sea - chart.origin.alt
+
+
+def do(copter: "Copter", command: int, params: tuple[float, float, float, float]) -> Result:
+    """Carry out one command (MAV_CMD) of `DO_COMMANDS`; its parameters are in the units of that command."""
+    first, second, third, fourth = params
+    match command:
+        case dialect.MAV_CMD_DO_CHANGE_SPEED:
+            return _change_speed(copter, first, second)
+        case dialect.MAV_CMD_CONDITION_YAW:
+            return _turn(copter, first, third, relative=fourth == 1.0)
+        case dialect.MAV_CMD_DO_SET_HOME:
+            copter.set_home(copter.place)
+        case dialect.MAV_CMD_DO_FENCE_ENABLE:
+            if first not in (0.0, 1.0):
+                return Result.FAILED
+            copter.parameters.set("FENCE_ENABLE", first)
+        case dialect.MAV_CMD_DO_SET_SERVO:
+            return _unless(copter, copter.outputs.set(whole(first), whole(second)))
+        case dialect.MAV_CMD_DO_REPEAT_SERVO:
+            problem = copter.outputs.repeat(whole(first), whole(second), whole(third), fourth, copter.now)
+            return _unless(copter, problem)
+        case dialect.MAV_CMD_DO_GRIPPER:
+            return _grip(copter, second)
+    return Result.ACCEPTED
+
+
+def whole(value: float) -> int:
+    """A whole number from a field that any sender can fill with anything; -1 for what is none."""
+    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1
+
+
+def _change_speed(copter: "Copter", kind: float, speed: float) -> Result:
+    """m/s over the ground, until another mode."""
+    if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
+        return Result.FAILED
+    copter.flight.cruise_speed = speed
+    return Result.ACCEPTED
+
+
+def _turn(copter: "Copter", angle: float, direction: float, *, relative: bool) -> Result:
+    """Degrees from north, or from where the nose points."""
+    if copter.mode not in (Mode.GUIDED, Mode.AUTO) or not 0 <= angle <= 360:
+        return Result.FAILED
+    heading = math.radians(angle)
+    if relative:
+        heading = copter.motion.heading + (heading if direction >= 0 else -heading)
+    copter.flight.heading_wish = heading % (2 * math.pi)
+    return Result.ACCEPTED
+
+
+def _grip(copter: "Copter", action: float) -> Result:
+    if copter.parameters["GRIP_ENABLE"] < 1:
+        return Result.FAILED
+    if action not in (0.0, 1.0):
+        return Result.DENIED
+    copter.send_text(copter.outputs.grip(Grip(int(action)), copter.now))
+    return Result.ACCEPTED
+
+
+def _unless(copter: "Copter", problem: str | None) -> Result:
+    if problem is None:
+        return Result.ACCEPTED
+    copter.send_text(problem)
+    return Result.FAILED

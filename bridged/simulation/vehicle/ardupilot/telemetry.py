@@ -1,0 +1,376 @@
+"""Telemetry of a simulated copter: messages built from its state, and their stream intervals."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot.boot import Milestone
+from bridged.simulation.vehicle.ardupilot.copter import Copter
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.motion.copter_flight import Drift, GoTo, TakeOff
+from bridged.simulation.vehicle.motion.dynamics import Vector
+
+SATELLITES = 10
+FIX_TYPE = 6
+"""GPS fix of the recorded simulated vehicle (RTK fixed)."""
+
+TARGET_TYPE_MASK = 65016
+"""type_mask of POSITION_TARGET_GLOBAL_INT: only the position counts."""
+
+LOCAL_POSITION_MASK = 3576
+LOCAL_VELOCITY_MASK = 3527
+"""type_mask of POSITION_TARGET_LOCAL_NED: only the position counts, or only the velocity."""
+
+CAPABILITIES = 1 | 2 | 4 | 8 | 128 | 256 | 8192
+"""capabilities of AUTOPILOT_VERSION: float missions and parameters, MISSION_INT, COMMAND_INT, local and global
+setpoints, MAVLink 2. No file transfer, no terrain: what is not simulated is not promised."""
+
+_SENSORS_PRESENT = 1399979023
+_SENSORS_ENABLED = 1380031503
+_SENSORS_HEALTHY = 1196530703
+_GPS, _POSITION_CONTROL, _FENCE, _AHRS, _LOGGING, _PREARM = 1 << 5, 3 << 13, 1 << 20, 1 << 21, 1 << 24, 1 << 28
+"""Recorded bits of SYS_STATUS, and those that change."""
+
+_UNKNOWN_16 = 65535
+_INT16 = 32767
+
+Builder = Callable[[Copter], dialect.MAVLink_message | None]
+"""Builds a message, or None while it has no content."""
+
+
+def heartbeat(copter: Copter) -> dialect.MAVLink_message:
+    """HEARTBEAT"""
+    base_mode = 1 | 16 | 64 | (8 if copter.mode.autonomous or not copter.passed(Milestone.READY) else 0)
+    if copter.armed:
+        base_mode |= 128
+    status = 1 if not copter.passed(Milestone.READY) else 4 if copter.armed and copter.flight.airborne else 3
+    return dialect.MAVLink_heartbeat_message(2, 3, base_mode, int(copter.mode), status, 3)
+
+
+def sys_status(copter: Copter) -> dialect.MAVLink_message:
+    """SYS_STATUS"""
+    present, enabled, healthy = _SENSORS_PRESENT, _SENSORS_ENABLED, _SENSORS_HEALTHY
+    if copter.passed(Milestone.GPS_FIX):
+        present, enabled, healthy = present | _GPS, enabled | _GPS, healthy | (_GPS if copter.gps_place else 0)
+    if copter.passed(Milestone.HOME):
+        enabled, healthy = enabled | _AHRS, healthy | _AHRS
+    if copter.mode.autonomous:
+        enabled, healthy = enabled | _POSITION_CONTROL, healthy | _POSITION_CONTROL
+    if copter.armed:
+        enabled |= _LOGGING
+    if copter.fence.enabled:
+        enabled |= _FENCE
+    if copter.passed(Milestone.PREARM_GOOD) and copter.gps_place and not copter.hindrance:
+        healthy |= _PREARM
+    battery = copter.battery
+    return dialect.MAVLink_sys_status_message(
+        present, enabled, healthy, 0, _milli(battery.voltage), round(battery.current * 100), battery.remaining,
+        0, 0, 0, 0, 0, 0,
+    )  # fmt: skip
+
+
+def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
+    """GLOBAL_POSITION_INT; zeros before the vehicle has a position."""
+    place, velocity = copter.place, copter.motion.velocity
+    known = copter.passed(Milestone.GPS_FIX)
+    relative = copter.motion.up.position - copter.home_on_chart.up
+    return dialect.MAVLink_global_position_int_message(
+        _boot_ms(copter),
+        place.lat_e7 if known else 0,
+        place.lon_e7 if known else 0,
+        place.alt_mm if known else 0,
+        round(relative * 1000) if known else 0,
+        _centi(velocity.north),
+        _centi(velocity.east),
+        _centi(-velocity.up),
+        round(copter.motion.bearing * 100) % 36000,
+    )
+
+
+def local_position_ned(copter: Copter) -> dialect.MAVLink_message | None:
+    """LOCAL_POSITION_NED"""
+    if not copter.has_position:
+        return None
+    at, velocity = copter.motion.position, copter.motion.velocity
+    return dialect.MAVLink_local_position_ned_message(
+        _boot_ms(copter), at.north, at.east, -at.up, velocity.north, velocity.east, -velocity.up
+    )
+
+
+def attitude(copter: Copter) -> dialect.MAVLink_message:
+    """ATTITUDE"""
+    roll, pitch = copter.motion.tilt
+    yaw = math.remainder(copter.motion.heading, 2 * math.pi)
+    return dialect.MAVLink_attitude_message(_boot_ms(copter), roll, pitch, yaw, 0, 0, copter.motion.turn_rate)
+
+
+def vfr_hud(copter: Copter) -> dialect.MAVLink_message:
+    """VFR_HUD"""
+    speed = copter.motion.velocity.flat()
+    throttle = 37 if copter.armed and copter.flight.airborne else 0
+    heading = round(copter.motion.bearing) % 360
+    return dialect.MAVLink_vfr_hud_message(speed, speed, heading, throttle, copter.place.alt, copter.motion.up.velocity)
+
+
+def gps_raw_int(copter: Copter) -> dialect.MAVLink_message:
+    """GPS_RAW_INT"""
+    place, velocity = copter.gps_place, copter.motion.velocity
+    if place is None:
+        return dialect.MAVLink_gps_raw_int_message(
+            0, int(copter.passed(Milestone.GPS_FIX)), 0, 0, 0, _UNKNOWN_16, _UNKNOWN_16, 0, 0, 0
+        )  # fmt: skip
+    course = math.degrees(math.atan2(velocity.east, velocity.north)) % 360.0
+    return dialect.MAVLink_gps_raw_int_message(
+        _boot_us(copter), FIX_TYPE, place.lat_e7, place.lon_e7, place.alt_mm, 121, 200,
+        min(_UNKNOWN_16, _centi(velocity.flat())), round(course * 100) % 36000, SATELLITES,
+        place.alt_mm, 300, 300, 0, 0, 0,
+    )  # fmt: skip
+
+
+def battery_status(copter: Copter) -> dialect.MAVLink_message:
+    """BATTERY_STATUS"""
+    battery = copter.battery
+    return dialect.MAVLink_battery_status_message(
+        0, 0, 0, _INT16, [_milli(battery.voltage), *([_UNKNOWN_16] * 9)], round(battery.current * 100),
+        round(battery.used), round(battery.used * battery.voltage * 0.036), battery.remaining, 0, battery.state,
+    )  # fmt: skip
+
+
+def home_position(copter: Copter) -> dialect.MAVLink_message | None:
+    """HOME_POSITION"""
+    home = copter.home
+    if home is None:
+        return None
+    at, nothing = copter.home_on_chart, float("nan")
+    return dialect.MAVLink_home_position_message(
+        home.lat_e7, home.lon_e7, home.alt_mm, at.north, at.east, -at.up, [nothing] * 4, 0, 0, 0, _boot_us(copter)
+    )
+
+
+def gps_global_origin(copter: Copter) -> dialect.MAVLink_message | None:
+    """GPS_GLOBAL_ORIGIN"""
+    if not copter.passed(Milestone.HOME):
+        return None
+    origin = copter.chart.origin
+    return dialect.MAVLink_gps_global_origin_message(origin.lat_e7, origin.lon_e7, origin.alt_mm, _boot_us(copter))
+
+
+def position_target_global_int(copter: Copter) -> dialect.MAVLink_message | None:
+    """POSITION_TARGET_GLOBAL_INT: the goal, also one that came while the motors were off (as recorded)."""
+    target = copter.flight.target
+    if target is None or not (copter.mode in (Mode.GUIDED, Mode.RTL) or isinstance(copter.flight.task, GoTo)):
+        return None
+    goal = copter.chart.place(target)
+    return dialect.MAVLink_position_target_global_int_message(
+        _boot_ms(copter), 0, TARGET_TYPE_MASK, goal.lat_e7, goal.lon_e7, goal.alt, 0, 0, 0, 0, 0, 0, 0, 0
+    )
+
+
+def nav_controller_output(copter: Copter) -> dialect.MAVLink_message:
+    """NAV_CONTROLLER_OUTPUT"""
+    roll, pitch = copter.motion.tilt
+    target, at = copter.flight.target, copter.motion.position
+    away, course, above = 0.0, copter.motion.bearing, 0.0
+    if target is not None:
+        north, east = target.north - at.north, target.east - at.east
+        away, above = math.hypot(north, east), target.up - at.up
+        course = math.degrees(math.atan2(east, north)) % 360.0
+    bearing_now = round(math.remainder(course, 360.0))
+    return dialect.MAVLink_nav_controller_output_message(
+        math.degrees(roll), math.degrees(pitch), bearing_now, bearing_now, min(_UNKNOWN_16, round(away)), above, 0, 0
+    )
+
+
+def mission_current(copter: Copter) -> dialect.MAVLink_message:
+    """MISSION_CURRENT"""
+    mission, flying = copter.mission, copter.mode is Mode.AUTO
+    state = 1 if not mission.items else 5 if mission.complete else 3 if flying else 2
+    return dialect.MAVLink_mission_current_message(mission.current, len(mission.items), state, 1 if flying else 0)
+
+
+def autopilot_version(copter: Copter) -> dialect.MAVLink_message:
+    """AUTOPILOT_VERSION"""
+    del copter
+    return dialect.MAVLink_autopilot_version_message(
+        CAPABILITIES, 4 << 24 | 7 << 16, 0, 0, 0, list(b"argosy\0\0"), [0] * 8, [0] * 8, 0, 0, 0,
+        list(b"simulated copter\0\0"),
+    )  # fmt: skip
+
+
+def ekf_status_report(copter: Copter) -> dialect.MAVLink_message:
+    """EKF_STATUS_REPORT"""
+    estimate = copter.estimate
+    flags = copter.boot.ekf_flags(copter.now, lost=estimate.lost, glitching=estimate.glitching)
+    return dialect.MAVLink_ekf_status_report_message(flags, *(0,) * 6)
+
+
+def rc_channels(copter: Copter) -> dialect.MAVLink_message:
+    """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
+    pulses = copter.transmitter.pulses(copter.now)
+    return dialect.MAVLink_rc_channels_message(_boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
+
+
+def servo_output_raw(copter: Copter) -> dialect.MAVLink_message:
+    """SERVO_OUTPUT_RAW: 16 outputs, the first four are motors; 0 is no pulse."""
+    pulses = copter.outputs.pulses(armed=copter.armed, airborne=copter.flight.airborne)
+    return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *pulses)
+
+
+def fence_status(copter: Copter) -> dialect.MAVLink_message | None:
+    """FENCE_STATUS, while the fence is enabled."""
+    fence = copter.fence
+    if not fence.enabled:
+        return None
+    kind = 0 if fence.breached is None else 2 if "Alt" in fence.breached else 3
+    return dialect.MAVLink_fence_status_message(
+        int(fence.breached is not None), fence.breaches, kind, round(fence.breached_at * 1000)
+    )
+
+
+def position_target_local_ned(copter: Copter) -> dialect.MAVLink_message | None:
+    """POSITION_TARGET_LOCAL_NED in GUIDED: the goal, or the velocity that is flown (0 while it hovers)."""
+    if copter.mode is not Mode.GUIDED:
+        return None
+    task, target = copter.flight.task, copter.flight.target
+    if isinstance(task, TakeOff):
+        target = Vector(copter.motion.north.target, copter.motion.east.target, task.up)
+    mask, at, velocity = LOCAL_POSITION_MASK, target or Vector(), Vector()
+    if target is None:
+        mask = LOCAL_VELOCITY_MASK
+        velocity = task.velocity if isinstance(task, Drift) else velocity
+    return dialect.MAVLink_position_target_local_ned_message(
+        _boot_ms(copter), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
+        velocity.north, velocity.east, -velocity.up, 0, 0, 0, 0, 0,
+    )  # fmt: skip
+
+
+BUILDERS: dict[int, Builder] = {
+    0: heartbeat,
+    1: sys_status,
+    2: lambda copter: dialect.MAVLink_system_time_message(0, _boot_ms(copter)),  # it knows no date
+    24: gps_raw_int,
+    30: attitude,
+    32: local_position_ned,
+    33: global_position_int,
+    36: servo_output_raw,
+    42: mission_current,
+    49: gps_global_origin,
+    62: nav_controller_output,
+    65: rc_channels,
+    74: vfr_hud,
+    85: position_target_local_ned,
+    87: position_target_global_int,
+    125: lambda copter: dialect.MAVLink_power_status_message(5000, 0, 0),
+    147: battery_status,
+    148: autopilot_version,
+    152: lambda copter: dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072),
+    162: fence_status,
+    193: ekf_status_report,
+    241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
+    242: home_position,
+    245: lambda copter: dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed)),
+}
+"""Messages by id that can be asked for."""
+
+
+def _boot_ms(copter: Copter) -> int:
+    return round(copter.now * 1000) % 2**32
+
+
+def _boot_us(copter: Copter) -> int:
+    return round(copter.now * 1e6)
+
+
+def _milli(value: float) -> int:
+    return max(0, min(_UNKNOWN_16 - 1, round(value * 1000)))
+
+
+def _centi(value: float) -> int:
+    return max(-_INT16, min(_INT16, round(value * 100)))
+
+
+SHORTEST_INTERVAL_S = 0.02
+"""Faster requests are slowed to this, in vehicle seconds."""
+
+DEFAULTS_S = {0: 1.0}
+"""Intervals after power on: HEARTBEAT only (recorded)."""
+
+GROUPS: dict[int, tuple[int, ...]] = {
+    1: (),  # RAW_SENSORS: no raw sensors are simulated
+    2: (1, 24, 42, 62, 87, 125, 152, 162),  # EXTENDED_STATUS
+    3: (36, 65),  # RC_CHANNELS
+    6: (32, 33),  # POSITION
+    10: (30,),  # EXTRA1
+    11: (74,),  # EXTRA2
+    12: (2, 147, 193, 241),  # EXTRA3
+}
+"""Stream groups of REQUEST_DATA_STREAM (MAV_DATA_STREAM), as ArduPilot fills them."""
+
+ALL_GROUPS = 0
+
+
+@dataclass(slots=True)
+class Streams:
+    """Intervals in vehicle seconds by message id; `now` is in vehicle seconds."""
+
+    intervals: dict[int, float] = field(default_factory=lambda: dict(DEFAULTS_S))
+    _due: dict[int, float] = field(default_factory=dict)
+    _next_due: float | None = None
+    """The least of them; None: not known."""
+
+    def knows(self, message: int) -> bool:
+        """Return whether the vehicle can send a message at all, by its id (0 or more)."""
+        return message in BUILDERS
+
+    def interval_us(self, message: int) -> int:
+        """Return the interval in µs as in MESSAGE_INTERVAL, by message id: 0 unknown, -1 not sent."""
+        if not self.knows(message):
+            return 0
+        interval = self.intervals.get(message)
+        return -1 if interval is None else round(interval * 1e6)
+
+    def set(self, message: int, interval_us: float, now: float) -> bool:
+        """Set the `interval_us` (µs; -1 stops, 0: default) of a `message` id from `now` (s).
+
+        Returns False for an unknown one.
+        """
+        if not self.knows(message):
+            return False
+        self._next_due = None
+        seconds = DEFAULTS_S.get(message) if interval_us == 0 else interval_us / 1e6
+        if seconds is None or seconds < 0:
+            self.intervals.pop(message, None)
+            self._due.pop(message, None)
+        else:
+            self.intervals[message] = max(SHORTEST_INTERVAL_S, seconds)
+            self._due[message] = now + self.intervals[message]
+        return True
+
+    def request(self, group: int, rate: int, now: float, *, on: bool) -> None:
+        """REQUEST_DATA_STREAM at `now` (s): the messages of a `group` (MAV_DATA_STREAM) at `rate` Hz, or not at all."""
+        groups = GROUPS.values() if group == ALL_GROUPS else (GROUPS.get(group, ()),)
+        interval_us = 1e6 / rate if on and rate > 0 else -1.0
+        for messages in groups:
+            for message in messages:
+                self.set(message, interval_us, now)
+
+    def due(self, now: float) -> list[int]:
+        """Return the ids of the messages to send now."""
+        if self.next_due() > now + 1e-9:
+            return []
+        self._next_due = None
+        ready = [message for message in self.intervals if self._due.get(message, 0.0) <= now + 1e-9]
+        for message in ready:
+            interval = self.intervals[message]
+            last = self._due.get(message, now)
+            # The rhythm is kept unless the vehicle was asked nothing for long.
+            self._due[message] = last + interval if last + interval > now else now + interval
+        return ready
+
+    def next_due(self) -> float:
+        """Return the vehicle time in seconds at which the next message is due."""
+        if self._next_due is None:
+            self._next_due = min((self._due.get(message, 0.0) for message in self.intervals), default=math.inf)
+        return self._next_due

@@ -1,0 +1,1 @@
+"""How simulated vehicles move: point masses that follow shaped targets, and the tasks that they are given."""
