@@ -24,6 +24,7 @@ from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
 from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
+from argosy.check.plan_files import check_plans
 from argosy.processes.mavlink_links import check_links, group_of
 from argosy.processes.simulators import check_simulations, only_real
 from bridged.bridge.robot_setup import prepare
@@ -36,7 +37,7 @@ from schemas.files.yaml_positions import Positions, Steps, read_yaml
 from schemas.humanize import count
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
-from schemas.mission.model import Ending, Mission, load_mission
+from schemas.mission.model import Ending, Limits, Mission, load_mission
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 
@@ -124,6 +125,9 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
         if robot is None or manifest is not None:  # against nothing, all would be unknown
             beliefs = elsewhere.beliefs | _declared(named.agents[agent].beliefs)
             findings += _against(surveyed, manifest, replace(elsewhere, beliefs=beliefs))
+        if robot is not None and manifest is not None:
+            limits = mission.robots[robot].limits if mission is not None else Limits()
+            findings += check_plans(surveyed.survey, manifest, named.folder, limits)
     if mission is not None:
         of_programs = {name: one.survey for name, one in surveys.items()}
         findings += check_team(mission, of_programs, programs, restarts=restarts)

@@ -8,14 +8,19 @@ from __future__ import annotations
 import ipaddress
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from agentd.check.programs import read_survey
 from agentd.language.compiler.compile import DirectiveError, compile_program
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.runtime.program_loader import compose
+from agentd.runtime.program_paths import SourcePaths
+from argosy.check.plan_files import named_plans
+from bridged.drivers.mavlink.plan_files import BadPlan, find_plan
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
 from bridged.drivers.registry import OURS, load_robot_manifest
 from schemas.files.findings import Finding, Findings
@@ -159,6 +164,24 @@ def _named(mission: Mission, board: str) -> Iterator[tuple[Steps, Path]]:
         for one in (robot.manifest,) if isinstance(robot.manifest, str) else robot.manifest:
             if (path := mission.relative(one)).is_file():  # else it is the name of one that ships
                 yield ("robots", name, "manifest"), path
+        if robot.board == board:
+            yield from _plans(mission, name, robot)
+
+
+def _plans(mission: Mission, name: str, robot: Robot) -> Iterator[tuple[Steps, Path]]:
+    """Yield the plan files that programs name for a robot; `argosy check` reports those that cannot be used."""
+    manifest = load_robot_manifest(robot.manifest, mission.path.parent)
+    for agent in mission.agents_of(name):
+        if agent not in mission.agents:
+            continue
+        try:
+            survey = read_survey(compose(mission, agent), SourcePaths()).survey
+        except (Findings, SyntaxErrors, OSError, ValueError):  # reported with the program's own board
+            continue
+        for plan in named_plans(survey, manifest):
+            with suppress(BadPlan):
+                if (path := find_plan(mission.path.parent, plan.name)).is_file():
+                    yield ("agents", agent, "program"), path
 
 
 def _sources(mission: Mission, agent: str) -> list[Path]:

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import SAFETY, Execution, Order, Outcome, Setup, Value
 from bridged.drivers.mavlink.action_binding import bind_action, leads_down, may_lead_down, procedure_of
-from bridged.drivers.mavlink.actions.context import ProcedureRun
+from bridged.drivers.mavlink.actions.context import Files, ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
@@ -52,6 +52,7 @@ class MavlinkDriver(VehicleSession):
             limits=robot.limits,
             failsafe=robot.failsafe,
         )
+        self.flight.files = Files(setup.name, setup.folder, setup.state)
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn
         self._links = Links.of(setup.shared)

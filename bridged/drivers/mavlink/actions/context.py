@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -49,6 +50,20 @@ class Ended(Exception):
 
 
 NOBODYS_FAILSAFE = Failsafe()
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """The files of a robot's procedures."""
+
+    robot: str = ""
+    mission: Path = Path()
+    """Folder of the mission file: plan files are read there and below."""
+    state: Path = Path()
+    """Folder of the bridge's state: logs of the vehicle are written below."""
+
+
+NO_FILES = Files()
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +184,7 @@ class ProcedureContext:
         """Takes readings of the driver's own sources."""
         self.interrupted: list[BoundAction] = []
         """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
+        self.files = NO_FILES
         self.plan = Plan()
         self.parameters: dict[str, float] = {}
         """Those that were asked for, under the name that was asked for."""

@@ -6,8 +6,10 @@ not end has left is said.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -23,6 +25,7 @@ from bridged.drivers.mavlink.actions.context import (
     Steps,
 )
 from bridged.drivers.mavlink.actions.mission_items import AMSL, MAX_ITEMS, RELATIVE, Item, item_of, read_items
+from bridged.drivers.mavlink.plan_files import BadPlan, find_plan, read_plan
 from bridged.drivers.mavlink.vehicle.state import Place
 
 TRIES = 6
@@ -48,6 +51,7 @@ RESULTS = {
     dialect.MAV_MISSION_OPERATION_CANCELLED: "it gave up waiting for items",
 }
 """Texts of MISSION_ACK.type."""
+log = logging.getLogger("mavlink")
 
 
 def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Part:
@@ -201,6 +205,25 @@ def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAct
         items = read_items(given, AMSL if action.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
+    return (yield from _upload_within_limits(flight, run, items))
+
+
+def upload_plan(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
+    """`plan_upload`: as `mission_upload`, the items of a plan file in the mission's folder; says what is not taken."""
+    name = action.arguments["file"]
+    try:
+        if not isinstance(name, str):
+            raise BadPlan(f"expected the name of a plan file, got {name!r}")
+        plan = read_plan(find_plan(flight.files.mission, name), name)
+    except BadPlan as error:
+        return Outcome("refused", str(error), "request")
+    outcome = yield from _upload_within_limits(flight, run, plan.items)
+    if plan.remark:
+        log.warning("robot=%s %s: %s", flight.files.robot, name, plan.remark)
+    return replace(outcome, reason="; ".join(filter(None, (outcome.reason, plan.remark))))
+
+
+def _upload_within_limits(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Steps:
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
     if broken := outside(flight, items):

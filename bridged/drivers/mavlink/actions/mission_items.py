@@ -15,8 +15,10 @@ MAX_ITEMS = 700
 """Most items of one mission; ArduPilot stores about as many."""
 RELATIVE, AMSL = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL
 _AMSL = frozenset({dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT})
-_RELATIVE = frozenset({dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT})
+ABOVE_HOME = frozenset({dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT})
 _TERRAIN = frozenset({dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT, dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT})
+FRAMES = _AMSL | ABOVE_HOME | _TERRAIN
+"""MAV_FRAMEs of places."""
 SHORT = {
     "waypoint": dialect.MAV_CMD_NAV_WAYPOINT,
     "takeoff": dialect.MAV_CMD_NAV_TAKEOFF,
@@ -156,7 +158,7 @@ def _item(
     longitude: float,
     altitude: float,
 ) -> Item:
-    if frame not in _AMSL | _RELATIVE | _TERRAIN and command <= LAST_NAV:
+    if frame not in FRAMES and command <= LAST_NAV:
         raise ValueError(f"frame {frame} is neither above home, above mean sea level nor above terrain")
     if not 0 <= command <= 65535:
         raise ValueError(f"no command {command}")
