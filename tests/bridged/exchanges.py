@@ -17,7 +17,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.vehicle.ardupilot.copter import STEP_S
+from bridged.simulation.vehicle.autopilot import STEP_S
 from bridged.simulation.vehicle.geodesy import METRES_PER_DEGREE, Place
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.recorded import DATA, packets

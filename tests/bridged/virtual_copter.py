@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.vehicle.ardupilot.boot import BootKind
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.autopilot import BootKind
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bridged.simulation.command import number_in
-from bridged.simulation.vehicle.ardupilot.battery import CHARGE_S
+from bridged.simulation.vehicle.autopilot import CHARGE_S
 from bridged.simulation.vehicle.geodesy import Place
 from schemas.files.units import check_endpoint
 from schemas.mission.model import DEFAULT_ROUTER

@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -322,12 +323,14 @@ class Air:
 class Character:
     """Faults in a vehicle's handling of messages."""
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: Faults, piloted: IntEnum = Mode.LOITER, landing: IntEnum = Mode.LAND) -> None:
+        """`piloted` and `landing` are the modes that a pilot sets who takes the vehicle, and lands it."""
         self._faults = faults
+        self._piloted, self._landing = piloted, landing
         self._reboots = list(faults.reboots)
         self._has_it: tuple[PilotFault, int] | None = None
         """The pilot who has it, and the mode in which it was."""
-        self.switch: Mode | None = None
+        self.switch: IntEnum | None = None
         """The mode that the pilot who has it has set; None: no pilot has it."""
         self.landed = False
         """Whether a pilot has landed it: not where a failsafe did, out of his mode."""
@@ -365,16 +368,16 @@ class Character:
             if pilot.covers(now):
                 return None
             if pilot.lands and airborne:
-                self.switch = Mode.LAND
-                return Mode.LAND
-            self.landed |= self.switch is Mode.LAND
+                self.switch = self._landing
+                return self.switch
+            self.landed |= self.switch is self._landing
             self._has_it = self.switch = None
             return None if pilot.lands else before
         taking = next((one for one in self._faults.pilots if one.covers(now)), None)
         if taking is None or not airborne:
             return None
-        self._has_it, self.switch = (taking, mode), Mode.LOITER
-        return Mode.LOITER
+        self._has_it, self.switch = (taking, mode), self._piloted
+        return self.switch
 
     def restarts(self, now: float) -> bool:
         """Return whether the vehicle restarts at `now` vehicle seconds; True once for each configured time."""

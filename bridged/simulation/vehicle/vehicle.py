@@ -1,38 +1,23 @@
-"""The simulated copter on MAVLink: messages in, messages out, and time in steps.
+"""A simulated vehicle on MAVLink: messages in, messages out, and time in steps.
 
-It does no input or output and knows no clock, so a test flies it in milliseconds: `receive` a message, `advance` the
+It does no input or output and knows no clock, so a test moves it in milliseconds: `receive` a message, `advance` the
 time, read the replies.
 """
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Gate
 from bridged.drivers.mavlink.transport.signing import LATEST, Signing
-from bridged.simulation.vehicle.ardupilot import telemetry
-from bridged.simulation.vehicle.ardupilot.battery import CHARGE_S
-from bridged.simulation.vehicle.ardupilot.boot import BootKind, Milestone
-from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContext, global_setpoint, local_setpoint
-from bridged.simulation.vehicle.ardupilot.copter import STEP_S, Copter
-from bridged.simulation.vehicle.ardupilot.mission import Mission
-from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
-from bridged.simulation.vehicle.ardupilot.notifications import (
-    Event,
-    HomeChanged,
-    ItemReached,
-    ModeChanged,
-    ParameterChanged,
-    Severity,
-    Text,
-)
-from bridged.simulation.vehicle.ardupilot.parameters import Parameter, Parameters
-from bridged.simulation.vehicle.ardupilot.telemetry import Streams
+from bridged.simulation.vehicle.autopilot import CHARGE_S, STEP_S, Autopilot, BootKind
 from bridged.simulation.vehicle.fault_injection import Character, Faults
 from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.kinds import COPTER, VehicleKind
+from bridged.simulation.vehicle.messages import Channel, Messages
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.notifications import Severity
 from bridged.simulation.vehicle.wind import Wind
 
 UNSIGNED_TAKEN = frozenset((dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO))
@@ -51,17 +36,17 @@ class SigningState:
         """Whether signatures are required on the first link too."""
         self.signing = Signing(key) if key is not None else None
 
-    def set_up(self, message: dialect.MAVLink_message, copter: Copter) -> None:
+    def set_up(self, message: dialect.MAVLink_message, autopilot: Autopilot) -> None:
         """SETUP_SIGNING: from now on the vehicle signs; a key of zeros ends it. Refused with motors on (ArduPilot)."""
-        if copter.armed:
-            copter.send_text("ERROR: Won't setup signing when armed", Severity.CRITICAL)
+        if autopilot.armed:
+            autopilot.send_text("ERROR: Won't setup signing when armed", Severity.CRITICAL)
             return
         key = bytes(message.secret_key)
         if not any(key) and message.initial_timestamp == 0:
             self.signing = None
             return
         if message.initial_timestamp > LATEST:
-            copter.send_text("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
+            autopilot.send_text("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
             return
         self.signing = Signing(key)
         self.signing.timestamps.heard(message.initial_timestamp)
@@ -91,56 +76,19 @@ COMPONENT = 1
 """Component id of the autopilot (MAV_COMP_ID_AUTOPILOT1)."""
 
 LONGEST_STEP_S = 0.2
-"""Most vehicle seconds of a step, in which the copter moves by shorter ones."""
+"""Most vehicle seconds of a step, in which the vehicle moves by shorter ones."""
 
 REBOOT_SILENCE_S = 1.2
 """Recorded; input is ignored meanwhile."""
 
-TIMESYNC_PERIOD_S = 10.0
-
-PARAMETERS_PER_STEP = 5
-"""Parameters of a requested list sent per step."""
-
-HEARTBEAT = 0
-
-_NO_INDEX = 65535
-_MISSION_MESSAGES = frozenset(
-    (
-        "MISSION_REQUEST_LIST",
-        "MISSION_REQUEST",
-        "MISSION_REQUEST_INT",
-        "MISSION_COUNT",
-        "MISSION_ITEM",
-        "MISSION_ITEM_INT",
-        "MISSION_CLEAR_ALL",
-        "MISSION_SET_CURRENT",
-    )
-)
-
-Messages = list[dialect.MAVLink_message]
-
-
-@dataclass(slots=True)
-class Channel:
-    """One link of the vehicle: its requested streams and its outbox."""
-
-    streams: Streams = field(default_factory=Streams)
-    heard: bool = False
-    list_at: int | None = None  # the parameter that comes next in a list that was asked for
-    outbox: Messages = field(default_factory=list)
-
-    def take(self) -> Messages:
-        """Return and clear the outbox."""
-        waiting, self.outbox = self.outbox, []
-        return waiting
-
 
 class Vehicle:
-    """One simulated ArduCopter on one link or several."""
+    """One simulated vehicle on one link or several."""
 
     def __init__(
         self,
         start: Place,
+        kind: VehicleKind = COPTER,
         *,
         system: int = 1,
         heading: float = 0.0,
@@ -151,7 +99,7 @@ class Vehicle:
         parameters: Iterable[tuple[str, float]] = (),
         charge_time: float = CHARGE_S,
     ) -> None:
-        """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can fly.
+        """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can move.
 
         With a `key` it signs what it sends and takes only what is signed. `parameters` are set before it is switched
         on; raises ValueError for a name that it does not have. At home an empty battery is full after `charge_time`
@@ -168,30 +116,19 @@ class Vehicle:
         """Called with each output and its new pulse in microseconds."""
         self.on_step: Callable[[], None] = lambda: None
         """Called after each step."""
-        self._boot: BootKind = boot
+        self._kind = kind
         self._faults = faults or Faults()
-        self.character, self._wind = Character(self._faults), Wind.of(self._faults)
+        self._wind = Wind.of(self._faults)
         self._channel_count = channels
-        self._charge_time = charge_time
-        stored = Parameters(system)
-        for name, value in parameters:
-            if stored.set(name, value) is None:
-                raise ValueError(f"the simulated copter has no parameter {name!r}")
-        self._power_on(start, heading, stored, Mission())
+        autopilot = kind.autopilot(start, heading, boot, system, list(parameters), charge_time)
+        self.character = Character(self._faults, autopilot.PILOTED, autopilot.LANDING)
+        self._power_on(autopilot)
 
-    def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
-        self.autopilot = Copter(
-            place,
-            heading=heading,
-            boot=self._boot,
-            parameters=parameters,
-            stored=mission,
-            charge_time=self._charge_time,
-        )
-        self.autopilot.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
-        self.channels = [Channel() for _ in range(self._channel_count)]
-        self._mission = MissionProtocol(self.autopilot)
-        self._next_timesync = TIMESYNC_PERIOD_S
+    def _power_on(self, autopilot: Autopilot) -> None:
+        self.autopilot = autopilot
+        autopilot.on_servo = lambda output, pulse: self.on_servo(output, pulse)
+        self.handler = self._kind.messages(autopilot)
+        self.channels = [Channel(self.handler.streams()) for _ in range(self._channel_count)]
         self._reboot_in: float | None = None
         self._lag = 0.0
 
@@ -202,7 +139,12 @@ class Vehicle:
         here = self.channels[channel]
         here.heard = True
         replies = self.character.pretends(message)
-        here.outbox += self._answer(message, here) if replies is None else replies
+        if replies is None and message.get_type() == "SETUP_SIGNING":
+            self.signing_state.set_up(message, self.autopilot)
+            replies = []
+        here.outbox += self.handler.answer(message, here) if replies is None else replies
+        if self.handler.reboots:
+            self._reboot_in = REBOOT_SILENCE_S
         self._send_events()
         return self.character.says(here.take())
 
@@ -217,11 +159,11 @@ class Vehicle:
         return self.waiting()
 
     def _steps_to_event(self) -> int:
-        """Return how many steps of the copter are one here: to the next message or check, or what there is time for."""
-        copter = self.autopilot
-        if self._reboot_in is not None or not copter.boot.complete:
+        """Return how many steps of motion are one here: to the next message or check, or what there is time for."""
+        autopilot = self.autopilot
+        if self._reboot_in is not None or autopilot.booting:
             return 1
-        until = min(self.seconds_until_due(), copter.next_guard - copter.now, LONGEST_STEP_S)
+        until = min(self.seconds_until_due(), autopilot.next_guard - autopilot.now, LONGEST_STEP_S)
         return max(1, min(math.ceil(until / STEP_S - 1e-6), int((self._lag + 1e-9) / STEP_S)))
 
     def waiting(self, channel: int = 0) -> Messages:
@@ -237,161 +179,54 @@ class Vehicle:
         return max(0.0, min(channel.streams.next_due() for channel in self.channels) - self.autopilot.now)
 
     def _step(self, dt: float) -> None:
-        copter = self.autopilot
+        autopilot = self.autopilot
         if self._reboot_in is not None:
             self._wait_for_power(dt)
             return
         if self.character.restarts(self.age):
             self._reboot_in = REBOOT_SILENCE_S
-            copter.flight.disarm()
+            autopilot.flight.disarm()
             return
         if self._faults.prearm:
-            copter.hindrance = self.character.hinders(self.age)
+            autopilot.hindrance = self.character.hinders(self.age)
         if self._wind is not None or self._faults.gps:
             air = self._wind.step(dt) if self._wind is not None else Vector()
-            copter.feel(air, self._faults.gps_error(self.age), dt)
+            autopilot.feel(air, self._faults.gps_error(self.age), dt)
         if self._faults.pilots:
-            mode = self.character.switched_mode(self.age, copter.mode, airborne=copter.flight.airborne)
+            mode = self.character.switched_mode(self.age, autopilot.mode, airborne=autopilot.flight.airborne)
             if mode is not None:
-                copter.set_mode(mode)
-        copter.step(dt)
+                autopilot.set_mode(mode)
+        autopilot.step(dt)
         self.on_step()
         self._send_events()
-        for message in self._mission.advance():
+        for message in self.handler.continued():
             for channel in self.channels:
                 channel.outbox.append(message)
         self._send_events()
-        timesync = copter.now >= self._next_timesync
-        if timesync:
-            self._next_timesync += TIMESYNC_PERIOD_S
+        regular = self.handler.regular()
         for channel in self.channels:
-            self._stream(channel)
-            if timesync:
-                channel.outbox.append(dialect.MAVLink_timesync_message(0, self._nanoseconds()))
-            if channel.list_at is not None:
-                self._list(channel)
+            channel.outbox += self.handler.streamed(channel, autopilot.now)
+            channel.outbox += regular
+            channel.outbox += self.handler.listed(channel)
 
     def _wait_for_power(self, dt: float) -> None:
-        """Restart the autopilot; a copter in the air falls meanwhile."""
+        """Restart the autopilot; a vehicle in the air falls meanwhile."""
         assert self._reboot_in is not None
-        copter = self.autopilot
-        if copter.flight.airborne:
-            copter.flight.step(dt)
+        autopilot = self.autopilot
+        if autopilot.flight.airborne:
+            autopilot.flight.step(dt)
         self._reboot_in -= dt
         if self._reboot_in > 0:
             return
-        copter.mission.rewind()
         self.reboots += 1
-        at, up = copter.truth, copter.motion.up
+        at, up = autopilot.truth, autopilot.motion.up
         lag = self._lag
-        ground = copter.chart.place(Vector(at.north, at.east, 0.0))
-        self._power_on(ground, copter.motion.heading, copter.parameters, copter.mission)
+        self._power_on(autopilot.restarted(autopilot.chart.place(Vector(at.north, at.east, 0.0))))
         self._lag = lag
-        if copter.flight.airborne:
+        if autopilot.flight.airborne:
             self.autopilot.fall_from(up)
 
-    def _stream(self, channel: Channel) -> None:
-        for message in channel.streams.due(self.autopilot.now):
-            if message != HEARTBEAT and not self.autopilot.passed(Milestone.READY):
-                continue
-            built = telemetry.BUILDERS[message](self.autopilot)
-            if built is not None:
-                channel.outbox.append(built)
-
-    def _nanoseconds(self) -> int:
-        return round(self.autopilot.now * 1e9)
-
-    def _list(self, channel: Channel) -> None:
-        for _ in range(PARAMETERS_PER_STEP):
-            parameter = self.autopilot.parameters.at(channel.list_at or 0)
-            if parameter is None:
-                channel.list_at = None
-                return
-            channel.outbox.append(self._value_of(parameter, parameter.index))
-            channel.list_at = parameter.index + 1
-
-    def _value_of(self, parameter: Parameter, index: int = _NO_INDEX) -> dialect.MAVLink_message:
-        return dialect.MAVLink_param_value_message(
-            parameter.name.encode(), parameter.value, parameter.kind, len(self.autopilot.parameters), index
-        )
-
     def _send_events(self) -> None:
-        """Send events on every channel; STATUSTEXT only where a peer was heard (recorded)."""
-        if not self.autopilot.events:
-            return
         events, self.autopilot.events = self.autopilot.events, []
         for event in events:
-            messages = self._messages_of(event)
-            for channel in self.channels:
-                if channel.heard or not isinstance(event, Text):
-                    channel.outbox += messages
-
-    def _messages_of(self, event: Event) -> Messages:
-        match event:
-            case Text(severity, text):
-                return [dialect.MAVLink_statustext_message(severity, text.encode()[:50])]
-            case ModeChanged():
-                return [telemetry.heartbeat(self.autopilot)]
-            case HomeChanged():
-                both = (telemetry.gps_global_origin(self.autopilot), telemetry.home_position(self.autopilot))
-                return [message for message in both if message is not None]
-            case ParameterChanged(name):
-                parameter = self.autopilot.parameters.find(name)
-                return [self._value_of(parameter)] if parameter is not None else []
-            case ItemReached(seq):
-                return [dialect.MAVLink_mission_item_reached_message(seq)]
-
-    def _answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
-        kind = message.get_type()
-        match kind:
-            case "HEARTBEAT":
-                self.autopilot.station.heartbeat(message.get_srcSystem(), self.autopilot.now)
-            case "COMMAND_LONG":
-                return self._command(message, Command.of_long(message), channel)
-            case "COMMAND_INT":
-                return self._command(message, Command.of_int(message), channel)
-            case "SET_MODE":
-                if message.base_mode & 1:  # never acknowledged (recorded)
-                    self.autopilot.set_mode(message.custom_mode)
-            case "SET_POSITION_TARGET_GLOBAL_INT":
-                global_setpoint(self.autopilot, message)
-            case "SET_POSITION_TARGET_LOCAL_NED":
-                local_setpoint(self.autopilot, message)
-            case "RC_CHANNELS_OVERRIDE":
-                self.autopilot.transmitter.override(message, self.autopilot.now)
-            case "REQUEST_DATA_STREAM":
-                channel.streams.request(
-                    message.req_stream_id, message.req_message_rate, self.autopilot.now, on=bool(message.start_stop)
-                )
-            case "TIMESYNC" if message.tc1 == 0:
-                return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
-            case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
-                return self._parameter(message, kind, channel)
-            case "SETUP_SIGNING":
-                self.signing_state.set_up(message, self.autopilot)
-            case _ if kind in _MISSION_MESSAGES:
-                return self._mission.receive(message)
-        return []
-
-    def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
-        context = CommandContext(self.autopilot, channel.streams)
-        result = context.carry_out(command)
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
-        if context.reboot_wanted:
-            self._reboot_in = REBOOT_SILENCE_S
-        return [*context.ahead, ack, *context.after]
-
-    def _parameter(self, message: dialect.MAVLink_message, kind: str, channel: Channel) -> Messages:
-        parameters = self.autopilot.parameters
-        if kind == "PARAM_REQUEST_LIST":
-            channel.list_at = 0
-            return []
-        if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
-            found, index = parameters.at(message.param_index), message.param_index
-        else:
-            name = message.param_id
-            name = name.decode(errors="replace") if isinstance(name, bytes) else str(name)
-            value = message.param_value if kind == "PARAM_SET" else math.nan
-            found, index = parameters.set(name, value) if name else None, _NO_INDEX
-        return [self._value_of(found, index)] if found is not None else []
+            self.handler.tell(event, self.channels)

@@ -19,7 +19,7 @@ import msgspec
 from schemas.geo import distance
 
 if TYPE_CHECKING:
-    from bridged.simulation.vehicle.ardupilot.copter import Copter
+    from bridged.simulation.vehicle.autopilot import Autopilot
 
 APART = 15.0
 """Metres between two victims at least: a buoy falls to one of them."""
@@ -97,16 +97,16 @@ class ServoLog:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("wb", buffering=0)
 
-    def moved(self, copter: Copter, system: int, age: float, output: int, pulse: int) -> None:
-        """Write that an `output` (from 1) of a copter (`system` id) got another `pulse` (microseconds). Raises OSError.
+    def moved(self, vehicle: Autopilot, system: int, age: float, output: int, pulse: int) -> None:
+        """Write that an `output` (from 1) of a vehicle (`system` id) got another `pulse` (µs). Raises OSError.
 
         `age`: vehicle seconds since it was switched on.
         """
-        place, position, home = copter.true_place, copter.truth, copter.home_on_chart
+        place, position, home = vehicle.true_place, vehicle.truth, vehicle.home_on_chart
         away = math.hypot(position.north - home.north, position.east - home.east)
         move = ServoMove(
             round(age, 2), system, output, pulse, round(place.lat, 7), round(place.lon, 7),
-            round(position.up, 2), round(away, 2), copter.armed,
+            round(position.up, 2), round(away, 2), vehicle.armed,
         )  # fmt: skip
         self._file.write(msgspec.json.encode(move) + b"\n")
 

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.autopilot import CHARGE_S
 
 HOVER_CURRENT = 28.12
 """A, recorded."""
 
 HIGHEST_VOLTAGE = 60.0
 """V; the limit of SIM_BATT_VOLTAGE and of BATTERY_STATUS."""
-
-CHARGE_S = 120.0
-"""Vehicle seconds that an empty battery needs at home to be full, unless another time is given."""
 
 HOME_RADIUS = 5.0
 """m around home within which the copter is charged while its motors are off."""

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
 
-BootKind = Literal["quick", "real"]
-"""`real` takes the 40 seconds that a real ArduCopter took in the recordings, `quick` about 3, in the same order."""
+from bridged.simulation.vehicle.autopilot import BootKind
 
 FIRST_HEARTBEAT_S = 1.02
 """Seconds after power on; every time below counts from here."""

@@ -13,11 +13,11 @@ from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.mission import GLOBAL_FRAMES, RELATIVE_FRAMES, do, whole
-from bridged.simulation.vehicle.ardupilot.notifications import Result, Severity
-from bridged.simulation.vehicle.ardupilot.telemetry import Streams
 from bridged.simulation.vehicle.geodesy import Place
-from bridged.simulation.vehicle.motion.copter_flight import Drift, GoTo
+from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo
+from bridged.simulation.vehicle.notifications import Result, Severity
 
 FORCE = 21196.0
 """Parameter 2 of COMPONENT_ARM_DISARM: without checks."""

@@ -2,54 +2,39 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.ardupilot.battery import CHARGE_S, Battery
-from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
+from bridged.simulation.vehicle.ardupilot.battery import Battery
+from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, Milestone
+from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, CopterTuning
 from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationWatch, watch_over
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Item, Mission, do, task_of
-from bridged.simulation.vehicle.ardupilot.notifications import (
-    Event,
-    HomeChanged,
+from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
+from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.motion.copter_flight import Flight
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Land, Return, Stop, TakeOff, Task
+from bridged.simulation.vehicle.notifications import (
     ItemReached,
     ModeChanged,
     ParameterChanged,
     Result,
     Severity,
-    Text,
 )
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
-from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
-from bridged.simulation.vehicle.geodesy import FlatMap, Place
-from bridged.simulation.vehicle.motion.copter_flight import (
-    TOUCHDOWN_TO_DISARM_S,
-    Drift,
-    Flight,
-    GoTo,
-    Land,
-    Landed,
-    Return,
-    Stop,
-    TakeOff,
-    Task,
-)
-from bridged.simulation.vehicle.motion.dynamics import Axis, Motion, Vector
-from bridged.simulation.vehicle.position_estimate import PositionEstimate
 
-STEP_S = 0.02
-"""Vehicle seconds by which a copter moves at a time; what else happens takes multiples of it."""
-
-STEADY_S = 0.1
-"""The same while nothing accelerates."""
-
-GUARD_PERIOD_S = 0.2
-"""Vehicle seconds between two checks of the failsafes."""
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
 
 
-class Copter:
-    """One vehicle from power on. Time passes only in `step`; notifications gather in `events`."""
+class Copter(Autopilot):
+    """An ArduCopter."""
+
+    PILOTED = Mode.LOITER
+    LANDING = Mode.LAND
+    mode: Mode
+    flight: Flight
 
     def __init__(
         self,
@@ -63,57 +48,38 @@ class Copter:
     ) -> None:
         """`parameters` and the `stored` mission are what is in the vehicle's memory from before a restart; at home an
         empty battery is full after `charge_time` seconds."""
-        self.now = FIRST_HEARTBEAT_S
-        self.chart = FlatMap(start)
+        super().__init__(start, Motion(heading), FIRST_HEARTBEAT_S)
         self.parameters = parameters or Parameters()
         self.boot = Boot(boot, start.alt)
-        self.motion = Motion(heading)
-        self.flight = Flight(self.motion, self.parameters)
-        self.estimate = PositionEstimate()
+        self.flight = Flight(self.motion, CopterTuning(self.parameters))
         self.battery = Battery(self.parameters, charge_time)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters)
         self.outputs = Outputs(self.parameters)
+        self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self.transmitter = Transmitter(self.parameters)
         self.mission = stored or Mission()
         self.mode = Mode.STABILIZE
-        self.hindrance = ""
-        """An arming check that fails by a fault, in the vehicle's words."""
-        self.home: Place | None = None
-        self.home_on_chart = Vector()
-        """Home on the map; the place of power on before home is set."""
-        self.events: list[Event] = []
-        self.next_guard = 0.0
-        """When the failsafes are checked next, in vehicle seconds."""
         self._compass_checked = False
         self._actions: list[Item] = []  # mission items to be done on the way
         self._actions_wait_until = 0.0
 
-    @property
-    def armed(self) -> bool:
-        """Whether the motors turn."""
-        return self.flight.armed
+    def restarted(self, place: Place) -> "Copter":
+        """Return the copter after a restart at a place on the ground."""
+        self.mission.rewind()
+        return Copter(
+            place,
+            heading=self.motion.heading,
+            boot=self.boot.kind,
+            parameters=self.parameters,
+            stored=self.mission,
+            charge_time=self.battery.charge_time,
+        )
 
     @property
-    def in_motion(self) -> bool:
-        """Whether its motors turn, or it falls or has just come down."""
-        return self.flight.armed or self.flight.airborne or self.flight.touchdown_at is not None
-
-    @property
-    def place(self) -> Place:
-        """Position of the copter as the autopilot estimates it: its motion is controlled by that."""
-        return self.chart.place(self.motion.position)
-
-    @property
-    def truth(self) -> Vector:
-        """True position on the map."""
-        at, error = self.motion.position, self.estimate.error
-        return Vector(at.north - error.north, at.east - error.east, at.up)
-
-    @property
-    def true_place(self) -> Place:
-        """True position."""
-        return self.chart.place(self.truth)
+    def booting(self) -> bool:
+        """Whether the boot sequence goes on."""
+        return not self.boot.complete
 
     @property
     def has_position(self) -> bool:
@@ -121,20 +87,13 @@ class Copter:
         return self.passed(Milestone.POSITION) and not self.estimate.lost
 
     @property
-    def gps_place(self) -> Place | None:
-        """Position that the GPS reports; None without a fix."""
-        truth, gps = self.truth, self.estimate.gps
-        if gps is None or not self.passed(Milestone.GPS_FIX):
-            return None
-        return self.chart.place(Vector(truth.north + gps.north, truth.east + gps.east, truth.up))
+    def has_fix(self) -> bool:
+        """Whether the GPS has started."""
+        return self.passed(Milestone.GPS_FIX)
 
     def passed(self, milestone: Milestone) -> bool:
         """Return whether the boot sequence has passed a milestone."""
         return self.boot.passed(milestone, self.now)
-
-    def send_text(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Queue a STATUSTEXT."""
-        self.events.append(Text(severity, text))
 
     def set_mode(self, number: int) -> Result:
         """Change the flight mode to that of a number (custom_mode); a status text gives the reason of a refusal.
@@ -230,9 +189,8 @@ class Copter:
         return Result.ACCEPTED
 
     def set_home(self, place: Place) -> None:
-        """Set home."""
-        self.home, self.home_on_chart = place, self.chart.vector(place)
-        self.events.append(HomeChanged())
+        """Set home; a return goes on to it."""
+        super().set_home(place)
         if isinstance(self.flight.task, Return):
             self.flight.begin(Return(self.home_on_chart))
 
@@ -257,37 +215,13 @@ class Copter:
             self.flight.begin(task)
         return True
 
-    def fall_from(self, up: Axis) -> None:
-        """Start in the air with the motors off, after a restart of the autopilot in flight."""
-        self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
-
-    def feel(self, air: Vector, gps: Vector | None, dt: float) -> None:
-        """Let wind (m/s) and an error of the GPS (metres; None: no fix) act for `dt` seconds.
-
-        A copter without a position levels, and goes where the air goes.
-        """
-        estimate = self.estimate
-        estimate.gps, self.motion.air = gps, air
-        self.motion.shift(estimate.step(self.now))
-        if estimate.lost:
-            self.motion.air = Vector()
-            if self.flight.airborne:
-                estimate.drift(air, dt)
-
-    def step(self, dt: float) -> None:
-        """Advance by `dt` seconds."""
-        end = self.now + dt
-        while self.in_motion and (left := end - self.now) > 1e-9:
-            step = min(left, STEADY_S if self.flight.airborne and self.motion.steady else STEP_S)
-            self.flight.now = self.now = self.now + step
-            self._fly(step)
-        self.flight.now = self.now = end
+    def _boot(self) -> None:
         if not self.boot.complete:
             for milestone, texts in self.boot.advance(self.now):
                 self._reach(milestone, texts)
-        if self.now >= self.next_guard:
-            self.next_guard = self.now + GUARD_PERIOD_S
-            watch_over(self, GUARD_PERIOD_S)
+
+    def _guard(self, dt: float) -> None:
+        watch_over(self, dt)
 
     def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
         if milestone is Milestone.HOME:
@@ -298,7 +232,7 @@ class Copter:
         if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
             self.set_mode(Mode.STABILIZE)
 
-    def _fly(self, dt: float) -> None:
+    def _move(self, dt: float) -> None:
         flight, was_airborne = self.flight, self.flight.airborne
         flight.step(dt)
         armed, airborne = flight.armed, flight.airborne

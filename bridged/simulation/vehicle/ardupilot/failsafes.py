@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from bridged.simulation.vehicle.ardupilot.battery import HOME_RADIUS, Shortage
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.notifications import Severity
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.notifications import Severity
 
 if TYPE_CHECKING:
     from bridged.simulation.vehicle.ardupilot.copter import Copter

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.notifications import Result
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Grip
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
-from bridged.simulation.vehicle.motion.copter_flight import Flight, GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.vehicle.notifications import Result
 
 if TYPE_CHECKING:
     from bridged.simulation.vehicle.ardupilot.copter import Copter

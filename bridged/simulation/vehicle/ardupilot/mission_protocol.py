@@ -9,8 +9,8 @@ from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.mission import KNOWN, Item, goal_of
-from bridged.simulation.vehicle.ardupilot.notifications import Severity
-from bridged.simulation.vehicle.motion.copter_flight import GoTo
+from bridged.simulation.vehicle.motion.tasks import GoTo
+from bridged.simulation.vehicle.notifications import Severity
 
 MAX_ITEMS = 700
 """Items that the vehicle stores; a longer mission is refused."""

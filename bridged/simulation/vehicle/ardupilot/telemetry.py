@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.motion.copter_flight import Drift, GoTo, TakeOff
+from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, TakeOff
 
 SATELLITES = 10
 FIX_TYPE = 6
@@ -291,9 +291,6 @@ def _centi(value: float) -> int:
     return max(-_INT16, min(_INT16, round(value * 100)))
 
 
-SHORTEST_INTERVAL_S = 0.02
-"""Faster requests are slowed to this, in vehicle seconds."""
-
 DEFAULTS_S = {0: 1.0}
 """Intervals after power on: HEARTBEAT only (recorded)."""
 
@@ -311,66 +308,10 @@ GROUPS: dict[int, tuple[int, ...]] = {
 ALL_GROUPS = 0
 
 
-@dataclass(slots=True)
-class Streams:
-    """Intervals in vehicle seconds by message id; `now` is in vehicle seconds."""
-
-    intervals: dict[int, float] = field(default_factory=lambda: dict(DEFAULTS_S))
-    _due: dict[int, float] = field(default_factory=dict)
-    _next_due: float | None = None
-    """The least of them; None: not known."""
-
-    def knows(self, message: int) -> bool:
-        """Return whether the vehicle can send a message at all, by its id (0 or more)."""
-        return message in BUILDERS
-
-    def interval_us(self, message: int) -> int:
-        """Return the interval in µs as in MESSAGE_INTERVAL, by message id: 0 unknown, -1 not sent."""
-        if not self.knows(message):
-            return 0
-        interval = self.intervals.get(message)
-        return -1 if interval is None else round(interval * 1e6)
-
-    def set(self, message: int, interval_us: float, now: float) -> bool:
-        """Set the `interval_us` (µs; -1 stops, 0: default) of a `message` id from `now` (s).
-
-        Returns False for an unknown one.
-        """
-        if not self.knows(message):
-            return False
-        self._next_due = None
-        seconds = DEFAULTS_S.get(message) if interval_us == 0 else interval_us / 1e6
-        if seconds is None or seconds < 0:
-            self.intervals.pop(message, None)
-            self._due.pop(message, None)
-        else:
-            self.intervals[message] = max(SHORTEST_INTERVAL_S, seconds)
-            self._due[message] = now + self.intervals[message]
-        return True
-
-    def request(self, group: int, rate: int, now: float, *, on: bool) -> None:
-        """REQUEST_DATA_STREAM at `now` (s): the messages of a `group` (MAV_DATA_STREAM) at `rate` Hz, or not at all."""
-        groups = GROUPS.values() if group == ALL_GROUPS else (GROUPS.get(group, ()),)
-        interval_us = 1e6 / rate if on and rate > 0 else -1.0
-        for messages in groups:
-            for message in messages:
-                self.set(message, interval_us, now)
-
-    def due(self, now: float) -> list[int]:
-        """Return the ids of the messages to send now."""
-        if self.next_due() > now + 1e-9:
-            return []
-        self._next_due = None
-        ready = [message for message in self.intervals if self._due.get(message, 0.0) <= now + 1e-9]
-        for message in ready:
-            interval = self.intervals[message]
-            last = self._due.get(message, now)
-            # The rhythm is kept unless the vehicle was asked nothing for long.
-            self._due[message] = last + interval if last + interval > now else now + interval
-        return ready
-
-    def next_due(self) -> float:
-        """Return the vehicle time in seconds at which the next message is due."""
-        if self._next_due is None:
-            self._next_due = min((self._due.get(message, 0.0) for message in self.intervals), default=math.inf)
-        return self._next_due
+def request_group(streams: Streams, group: int, rate: int, now: float, *, on: bool) -> None:
+    """REQUEST_DATA_STREAM at `now` (s): the messages of a `group` (MAV_DATA_STREAM) at `rate` Hz, or not at all."""
+    groups = GROUPS.values() if group == ALL_GROUPS else (GROUPS.get(group, ()),)
+    interval_us = 1e6 / rate if on and rate > 0 else -1.0
+    for messages in groups:
+        for message in messages:
+            streams.set(message, interval_us, now)

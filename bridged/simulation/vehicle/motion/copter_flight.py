@@ -1,112 +1,57 @@
 """Flight control: tasks of a copter, takeoff, landing and touchdown."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
 
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
-
-
-class Landed(IntEnum):
-    """landed_state of EXTENDED_SYS_STATE."""
-
-    ON_GROUND = 1
-    IN_AIR = 2
-    TAKEOFF = 3
-    LANDING = 4
-
-
-@dataclass(slots=True)
-class TakeOff:
-    """Straight up to `up` metres on the map."""
-
-    up: float
-
-
-@dataclass(slots=True)
-class GoTo:
-    """To a place and hold it; `heading` in radians, or None to look ahead. `smooth` legs are those of RTL and AUTO."""
-
-    goal: Vector
-    heading: float | None = None
-    smooth: bool = False
-    length: float | None = None  # m, horizontally, from where it began
-
-
-@dataclass(slots=True)
-class Drift:
-    """A velocity in m/s, until `expires` (vehicle seconds): then the copter stops."""
-
-    velocity: Vector
-    expires: float
-    heading: float | None = None
-    turn_rate: float | None = None  # rad/s
-
-
-@dataclass(slots=True)
-class Stop:
-    """Slow down and hover where that ends; `hard` is what BRAKE does."""
-
-    hard: bool = False
-
-
-class Stage(Enum):
-    """Stage of a return."""
-
-    CLIMB = auto()
-    CRUISE = auto()
-    WAIT = auto()
-    DESCEND = auto()
-
-
-@dataclass(slots=True)
-class Return:
-    """Climb, fly over home, wait, land."""
-
-    home: Vector
-    stage: Stage = Stage.CLIMB
-    over: Vector | None = None  # the point over home
-    since: float = 0.0  # when the stage began
-    length: float = 0.0  # m, horizontally, from where it began
-
-
-@dataclass(slots=True)
-class Land:
-    """Straight down."""
-
-
-Task = TakeOff | GoTo | Drift | Stop | Return | Land
-
-
-SPOOL_UP_S = 3.3
-"""From arming until the motors can lift (recorded: 5 cm high 3.7 s after arming)."""
-
-LIFT_DELAY_S = 0.98
-"""From the takeoff command until the copter moves (recorded: 5 cm high 1.4 s after it)."""
-
-RETURN_PAUSE_S = 1.5
-"""Time between the arrival over home and the loiter time of RTL (recorded)."""
-
-TOUCHDOWN_TO_LANDED_S = 1.7
-TOUCHDOWN_TO_DISARM_S = 2.09
-
-_SMOOTH_PACE = 1.12
-"""A smooth leg of L metres peaks at this times the root of L in m/s (recorded: 6.8 on 40 m, 7.8 on 50 m)."""
-
-_LEG_DONE = 0.3
-"""m that the target may be short of the end of a leg that is done."""
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Land, Landed, Return, Stage, Stop, TakeOff, Task
 
 _LOOK_AHEAD_SPEED = 0.8
 """m/s: slower than this the copter does not turn to where it goes."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """How an autopilot flies a copter, by its parameters: metres, m/s, seconds."""
+
+    legs: Limits
+    smooth: Callable[[float], Limits]
+    """Limits of a smooth leg of a length."""
+    drift: Limits
+    stop: Limits
+    hard_stop: Limits
+    spool_up: float
+    """From arming until the motors can lift."""
+    lift_delay: float
+    """From the order to take off until the copter moves."""
+    takeoff: Callable[[float, float], Limits]
+    """Limits of a takeoff at a height, at a speed of climb."""
+    takeoff_done: Callable[[float, float], bool]
+    """Whether a takeoff is over that is so far below its goal, at a speed of climb."""
+    radius: float
+    """Around a goal, within which a leg is done ..."""
+    leg_done: float = 0.3
+    """... if the target is as near to it."""
+    return_height: Callable[[float], float]
+    """Height above home of a return from a place so far away, if the copter is not higher."""
+    over_home: float
+    """Around home, within which a return ends."""
+    return_wait: float
+    """From the end of a return to the descent."""
+    descent: Callable[[float], float]
+    """Speed of a landing at a height above the ground."""
+    touchdown_to_landed: float
+    """From the touchdown until the autopilot reports that it is on the ground."""
+
+
 class Flight:
     """A copter with motors. It has one task at a time; `reached` is set when a takeoff or a leg is done."""
 
-    def __init__(self, motion: Motion, parameters: Parameters) -> None:
+    def __init__(self, motion: Motion, tuning: Callable[[float | None], Tuning]) -> None:
+        """`tuning` is asked before each use, with the speed of legs that DO_CHANGE_SPEED has set (m/s)."""
         self.motion = motion
-        self.parameters = parameters
+        self._tuning = tuning
         self.armed = False
         self.airborne = False
         self.landed = Landed.ON_GROUND
@@ -120,9 +65,11 @@ class Flight:
         self._lift_at: float | None = None
         self._ahead: float | None = None  # direction in which the copter goes
         self.now = 0.0  # vehicle seconds, set by the copter before each step
-        self._asked: tuple[float | None, float | None, int] | None = None
-        """For what `_answer` are the limits: the leg, the speed, the state of the parameters."""
-        self._answer = Limits()
+
+    @property
+    def tuning(self) -> Tuning:
+        """The present tuning."""
+        return self._tuning(self.cruise_speed)
 
     @property
     def height(self) -> float:
@@ -166,7 +113,8 @@ class Flight:
         self.task, self.reached = task, False
         self.heading_wish = self._ahead = None
         if isinstance(task, TakeOff) and self.armed and not self.airborne:
-            self._lift_at = max(self._armed_at + SPOOL_UP_S, self.now + LIFT_DELAY_S)
+            tuning = self.tuning
+            self._lift_at = max(self._armed_at + tuning.spool_up, self.now + tuning.lift_delay)
             self.touchdown_at = None
 
     def step(self, dt: float) -> None:
@@ -193,7 +141,7 @@ class Flight:
             self._settle()
 
     def _settle(self) -> None:
-        if self.touchdown_at is not None and self.now - self.touchdown_at >= TOUCHDOWN_TO_LANDED_S:
+        if self.touchdown_at is not None and self.now - self.touchdown_at >= self.tuning.touchdown_to_landed:
             self.landed = Landed.ON_GROUND
             if not self.armed:
                 self.touchdown_at = None
@@ -216,7 +164,7 @@ class Flight:
             case Drift() as drift:
                 self._drift(drift, dt)
             case Stop(hard):
-                self.motion.fly(Vector(), _HARD_STOP if hard else _STOP, dt)
+                self.motion.fly(Vector(), self.tuning.hard_stop if hard else self.tuning.stop, dt)
                 self._turn(self.heading_wish, dt)
             case Return() as back:
                 self._return(back, dt)
@@ -225,31 +173,16 @@ class Flight:
 
     def _limits(self, leg: float | None = None) -> Limits:
         """Return the limits set by parameters; `leg` is the length of a smooth leg in metres."""
-        asked = leg, self.cruise_speed, self.parameters.changes
-        if asked != self._asked:
-            self._asked, self._answer = asked, self._limits_now(leg)
-        return self._answer
-
-    def _limits_now(self, leg: float | None) -> Limits:
-        values = self.parameters
-        speed = self.cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
-        climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)
-        if leg is not None:
-            speed = min(speed, max(1.0, _SMOOTH_PACE * math.sqrt(leg)))
-            return Limits(speed, climb, descent, 2.2, 1.5, 1.0, 0.9, 1.0, 0.9, response=0.9)
-        return Limits(speed, climb, descent)
+        tuning = self.tuning
+        return tuning.legs if leg is None else tuning.smooth(leg)
 
     def _take_off(self, goal: float, dt: float) -> None:
-        motion, height, speed = self.motion, self.height, self.motion.up.target_velocity
-        # Near the ground the copter first creeps, then jumps off: recorded shape of the first metre.
-        accel = 0.6 if speed < 0.4 and height < 0.2 else 2.9 if speed < 1.15 and height < 0.4 else 1.05
-        if height > 1.0:
-            accel = 1.1
-        limits = Limits(climb=self._limits().climb, climb_accel=accel, jerk=40.0)
+        motion = self.motion
+        limits = self.tuning.takeoff(self.height, motion.up.target_velocity)
         motion.go(Vector(motion.north.target, motion.east.target, goal), limits, dt)
         self._turn(self.heading_wish, dt)
         off = goal - motion.up.position
-        if not self.reached and (off < 0.03 or (off < 0.15 and motion.up.velocity < 0.15)):
+        if not self.reached and self.tuning.takeoff_done(off, motion.up.velocity):
             self.reached = True
             self.landed = Landed.IN_AIR
 
@@ -259,7 +192,7 @@ class Flight:
             leg.length = math.hypot(leg.goal.north - here.north, leg.goal.east - here.east)
         self.motion.go(leg.goal, self._limits(leg.length if leg.smooth else None), dt)
         off, left = _apart(leg.goal, here), _apart(leg.goal, self.motion.target)
-        if off < self.parameters["WPNAV_RADIUS"] / 100 and left < _LEG_DONE:
+        if off < self.tuning.radius and left < self.tuning.leg_done:
             self.reached = True
         speed, course = self.motion.course
         if speed > _LOOK_AHEAD_SPEED:
@@ -271,7 +204,7 @@ class Flight:
         if self.now >= drift.expires:
             self.begin(Stop())
             return
-        self.motion.fly(drift.velocity, Limits(accel=2.5), dt)
+        self.motion.fly(drift.velocity, self.tuning.drift, dt)
         if drift.turn_rate is not None:
             drift.heading = (self.motion.heading + drift.turn_rate * max(dt, 0.5)) % (2 * math.pi)
         self._turn(drift.heading if drift.heading is not None else self.heading_wish, dt)
@@ -280,8 +213,7 @@ class Flight:
         here, home = self.motion.position, back.home
         away = math.hypot(here.north - home.north, here.east - home.east)
         if back.over is None:
-            cone = self.parameters["RTL_CONE_SLOPE"] * away if self.parameters["RTL_CONE_SLOPE"] > 0 else math.inf
-            height = max(here.up, home.up + min(self.parameters["RTL_ALT"] / 100, cone))
+            height = max(here.up, home.up + self.tuning.return_height(away))
             back.over, back.since = Vector(home.north, home.east, height), self.now
             back.length = away
         limits = self._limits(back.length)
@@ -292,11 +224,11 @@ class Flight:
                     self._enter(back, Stage.CRUISE)
             case Stage.CRUISE:
                 self.motion.go(back.over, limits, dt)
-                if away < 1.0 and back.over.up - here.up < 0.5:
+                if away < self.tuning.over_home and back.over.up - here.up < 0.5:
                     self._enter(back, Stage.WAIT)
             case Stage.WAIT:
                 self.motion.go(back.over, limits, dt)
-                if self.now - back.since >= RETURN_PAUSE_S + self.parameters["RTL_LOIT_TIME"] / 1000:
+                if self.now - back.since >= self.tuning.return_wait:
                     self._enter(back, Stage.DESCEND)
             case Stage.DESCEND:
                 self._descend(dt)
@@ -306,11 +238,8 @@ class Flight:
 
     def _descend(self, dt: float) -> None:
         self.landed = Landed.LANDING
-        slow = max(0.3, self.parameters["LAND_SPEED"] / 100)
-        fast = max(slow, self.parameters["LAND_SPEED_HIGH"] / 100 or self.parameters["WPNAV_SPEED_DN"] / 100)
-        above = self.height - (self.parameters["LAND_ALT_LOW"] / 100 + 0.25)
-        speed = min(fast, math.sqrt(slow * slow + 2.4 * above)) if above > 0 else slow
-        self.motion.fly(Vector(up=-speed), _STOP, dt)
+        speed = self.tuning.descent(self.height)
+        self.motion.fly(Vector(up=-speed), self.tuning.stop, dt)
 
     def _turn(self, heading: float | None, dt: float) -> None:
         if heading is not None:
@@ -319,7 +248,3 @@ class Flight:
 
 def _apart(one: Vector, other: Vector) -> float:
     return math.dist((one.north, one.east, one.up), (other.north, other.east, other.up))
-
-
-_STOP = Limits(accel=2.5)
-_HARD_STOP = Limits(accel=3.4, release=1.1)

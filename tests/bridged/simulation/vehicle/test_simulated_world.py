@@ -8,8 +8,8 @@ import pytest
 
 from bridged.simulation.vehicle.camera import LOOK_S, MEMORY, Camera
 from bridged.simulation.vehicle.geodesy import Place
-from bridged.simulation.vehicle.motion.copter_flight import Landed
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Landed
 from bridged.simulation.vehicle.vehicle import Vehicle
 from bridged.simulation.vehicle.world import APART, Area, ServoLog, Victim, read_moves, victims_of
 from schemas.geo import distance

@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
-from bridged.simulation.vehicle.motion.copter_flight import Landed
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Landed
 from tests.bridged.sky import HOME
 from tests.bridged.virtual_copter import Station
 

@@ -13,8 +13,8 @@ from bridged.simulation.vehicle.ardupilot.battery import ChargeState
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.fault_injection import Faults
-from bridged.simulation.vehicle.motion.copter_flight import Landed
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Landed
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME
 from tests.bridged.virtual_copter import Station

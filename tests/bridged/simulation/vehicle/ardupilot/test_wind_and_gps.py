@@ -10,12 +10,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
-from bridged.simulation.vehicle.ardupilot.copter import STEP_S
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.autopilot import STEP_S
 from bridged.simulation.vehicle.fault_injection import Faults, WindFault
 from bridged.simulation.vehicle.geodesy import Place
-from bridged.simulation.vehicle.motion.copter_flight import GoTo
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import GoTo
 from bridged.simulation.vehicle.position_estimate import FOUND_S, NOTICED_S, TIMEOUT_S
 from bridged.simulation.vehicle.vehicle import Vehicle
 from bridged.simulation.vehicle.wind import Wind

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.motion.copter_flight import Landed
 from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Landed
 from tests.bridged.virtual_copter import Station
 
 RECORDED: dict[str, Any] = json.loads((Path(__file__).parents[4] / "data" / "dynamics.json").read_text())

@@ -1,0 +1,154 @@
+"""The MAVLink side of a simulated ArduPilot."""
+
+import math
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot import telemetry
+from bridged.simulation.vehicle.ardupilot.boot import Milestone
+from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContext, global_setpoint, local_setpoint
+from bridged.simulation.vehicle.ardupilot.copter import Copter
+from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
+from bridged.simulation.vehicle.ardupilot.parameters import Parameter
+from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
+from bridged.simulation.vehicle.notifications import (
+    Event,
+    HomeChanged,
+    ItemReached,
+    ModeChanged,
+    ParameterChanged,
+    Text,
+)
+
+TIMESYNC_PERIOD_S = 10.0
+
+HEARTBEAT = 0
+
+_NO_INDEX = 65535
+_MISSION_MESSAGES = frozenset(
+    (
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
+        "MISSION_CLEAR_ALL",
+        "MISSION_SET_CURRENT",
+    )
+)
+
+
+class ArduPilotMessages(MessageHandler[Copter]):
+    """The messages of one ArduPilot."""
+
+    def __init__(self, autopilot: Copter) -> None:
+        super().__init__(autopilot, telemetry.BUILDERS)
+        self._mission = MissionProtocol(autopilot)
+        self._next_timesync = TIMESYNC_PERIOD_S
+
+    def streams(self) -> Streams:
+        """Return the streams of a new link."""
+        return Streams(telemetry.BUILDERS, telemetry.DEFAULTS_S)
+
+    def sends(self, message: int) -> bool:
+        """Return whether a stream is sent at all now, by message id."""
+        return message == HEARTBEAT or self.autopilot.passed(Milestone.READY)
+
+    def continued(self) -> Messages:
+        """Return the requests of an upload."""
+        return self._mission.advance()
+
+    def regular(self) -> Messages:
+        """Return a TIMESYNC when it is time."""
+        if self.autopilot.now < self._next_timesync:
+            return []
+        self._next_timesync += TIMESYNC_PERIOD_S
+        return [dialect.MAVLink_timesync_message(0, self._nanoseconds())]
+
+    def tell(self, event: Event, channels: list[Channel]) -> None:
+        """Send a notification on every channel; STATUSTEXT only where a peer was heard (recorded)."""
+        messages = self._messages_of(event)
+        for channel in channels:
+            if channel.heard or not isinstance(event, Text):
+                channel.outbox += messages
+
+    def _messages_of(self, event: Event) -> Messages:
+        match event:
+            case Text(severity, text):
+                return [dialect.MAVLink_statustext_message(severity, text.encode()[:50])]
+            case ModeChanged():
+                return [telemetry.heartbeat(self.autopilot)]
+            case HomeChanged():
+                both = (telemetry.gps_global_origin(self.autopilot), telemetry.home_position(self.autopilot))
+                return [message for message in both if message is not None]
+            case ParameterChanged(name):
+                parameter = self.autopilot.parameters.find(name)
+                return [self._value_of(parameter)] if parameter is not None else []
+            case ItemReached(seq):
+                return [dialect.MAVLink_mission_item_reached_message(seq)]
+
+    def answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
+        """Answer a message of another system."""
+        kind, copter = message.get_type(), self.autopilot
+        match kind:
+            case "HEARTBEAT":
+                copter.station.heartbeat(message.get_srcSystem(), copter.now)
+            case "COMMAND_LONG":
+                return self._command(message, Command.of_long(message), channel)
+            case "COMMAND_INT":
+                return self._command(message, Command.of_int(message), channel)
+            case "SET_MODE":
+                if message.base_mode & 1:  # never acknowledged (recorded)
+                    copter.set_mode(message.custom_mode)
+            case "SET_POSITION_TARGET_GLOBAL_INT":
+                global_setpoint(copter, message)
+            case "SET_POSITION_TARGET_LOCAL_NED":
+                local_setpoint(copter, message)
+            case "RC_CHANNELS_OVERRIDE":
+                copter.transmitter.override(message, copter.now)
+            case "REQUEST_DATA_STREAM":
+                group, rate = message.req_stream_id, message.req_message_rate
+                telemetry.request_group(channel.streams, group, rate, copter.now, on=bool(message.start_stop))
+            case "TIMESYNC" if message.tc1 == 0:
+                return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
+            case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
+                return self._parameter(message, kind, channel)
+            case _ if kind in _MISSION_MESSAGES:
+                return self._mission.receive(message)
+        return []
+
+    def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
+        context = CommandContext(self.autopilot, channel.streams)
+        result = context.carry_out(command)
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
+        self.reboots |= context.reboot_wanted
+        return [*context.ahead, ack, *context.after]
+
+    def _parameter(self, message: dialect.MAVLink_message, kind: str, channel: Channel) -> Messages:
+        parameters = self.autopilot.parameters
+        if kind == "PARAM_REQUEST_LIST":
+            channel.list_at = 0
+            return []
+        if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
+            found, index = parameters.at(message.param_index), message.param_index
+        else:
+            name = message.param_id
+            name = name.decode(errors="replace") if isinstance(name, bytes) else str(name)
+            value = message.param_value if kind == "PARAM_SET" else math.nan
+            found, index = parameters.set(name, value) if name else None, _NO_INDEX
+        return [self._value_of(found, index)] if found is not None else []
+
+    def parameter(self, index: int) -> dialect.MAVLink_message | None:
+        """Return the PARAM_VALUE of a parameter of the list; None past its end."""
+        found = self.autopilot.parameters.at(index)
+        return None if found is None else self._value_of(found, index)
+
+    def _value_of(self, parameter: Parameter, index: int = _NO_INDEX) -> dialect.MAVLink_message:
+        return dialect.MAVLink_param_value_message(
+            parameter.name.encode(), parameter.value, parameter.kind, len(self.autopilot.parameters), index
+        )
+
+    def _nanoseconds(self) -> int:
+        return round(self.autopilot.now * 1e9)

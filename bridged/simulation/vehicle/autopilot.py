@@ -1,0 +1,179 @@
+"""What all simulated autopilots are: a vehicle with a place, a home, a position estimate and notifications."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Literal, Protocol, Self
+
+from bridged.simulation.vehicle.geodesy import FlatMap, Place
+from bridged.simulation.vehicle.motion.dynamics import Axis, Motion, Vector
+from bridged.simulation.vehicle.motion.tasks import Landed
+from bridged.simulation.vehicle.notifications import Event, HomeChanged, Severity, Text
+from bridged.simulation.vehicle.position_estimate import PositionEstimate
+
+CHARGE_S = 120.0
+"""Vehicle seconds that an empty battery needs at home to be full, unless another time is given."""
+
+BootKind = Literal["quick", "real"]
+"""`real` takes the seconds that the recorded autopilot took (an ArduCopter 40), `quick` about 3, in the same order."""
+
+STEP_S = 0.02
+"""Vehicle seconds by which a vehicle moves at a time; what else happens takes multiples of it."""
+
+STEADY_S = 0.1
+"""The same while nothing accelerates."""
+
+GUARD_PERIOD_S = 0.2
+"""Vehicle seconds between two checks of the failsafes."""
+
+
+class Locomotion(Protocol):
+    """What moves a vehicle: the flight of a copter or a plane, the drive of a rover."""
+
+    motion: Motion
+    armed: bool
+    airborne: bool
+    landed: Landed
+    touchdown_at: float | None
+    now: float
+
+    def step(self, dt: float) -> None:
+        """One step of `dt` seconds that ends at `now`."""
+
+    def disarm(self) -> None:
+        """Stop the motors, even in the air."""
+
+
+class Autopilot(ABC):
+    """One vehicle from power on. Time passes only in `step`; notifications gather in `events`."""
+
+    PILOTED: IntEnum
+    """The mode that a pilot at the field sets when he takes the vehicle in the air ..."""
+    LANDING: IntEnum
+    """... and the one in which he lands it."""
+    mode: IntEnum
+    flight: Locomotion
+
+    def __init__(self, start: Place, motion: Motion, now: float) -> None:
+        self.now = now
+        self.chart = FlatMap(start)
+        self.motion = motion
+        self.estimate = PositionEstimate()
+        self.hindrance = ""
+        """An arming check that fails by a fault, in the vehicle's words."""
+        self.home: Place | None = None
+        self.home_on_chart = Vector()
+        """Home on the map; the place of power on before home is set."""
+        self.events: list[Event] = []
+        self.next_guard = 0.0
+        """When the failsafes are checked next, in vehicle seconds."""
+        self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
+        """Called with each output and its new pulse in microseconds."""
+
+    @property
+    @abstractmethod
+    def booting(self) -> bool:
+        """Whether the boot sequence goes on."""
+
+    @property
+    @abstractmethod
+    def has_position(self) -> bool:
+        """Whether the estimator has a position."""
+
+    @abstractmethod
+    def set_mode(self, number: int) -> object:
+        """Change the flight mode to that of a number, as a pilot does by his switch."""
+
+    @abstractmethod
+    def restarted(self, place: Place) -> Self:
+        """Return the autopilot after a restart at a place on the ground: what it has stored is kept."""
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors turn."""
+        return self.flight.armed
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether its motors turn, or it falls or has just come down."""
+        return self.flight.armed or self.flight.airborne or self.flight.touchdown_at is not None
+
+    @property
+    def place(self) -> Place:
+        """Position of the vehicle as the autopilot estimates it: its motion is controlled by that."""
+        return self.chart.place(self.motion.position)
+
+    @property
+    def truth(self) -> Vector:
+        """True position on the map."""
+        at, error = self.motion.position, self.estimate.error
+        return Vector(at.north - error.north, at.east - error.east, at.up)
+
+    @property
+    def true_place(self) -> Place:
+        """True position."""
+        return self.chart.place(self.truth)
+
+    @property
+    @abstractmethod
+    def has_fix(self) -> bool:
+        """Whether the GPS has started."""
+
+    @property
+    def gps_place(self) -> Place | None:
+        """Position that the GPS reports; None without a fix."""
+        truth, gps = self.truth, self.estimate.gps
+        if gps is None or not self.has_fix:
+            return None
+        return self.chart.place(Vector(truth.north + gps.north, truth.east + gps.east, truth.up))
+
+    def send_text(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Queue a STATUSTEXT."""
+        self.events.append(Text(severity, text))
+
+    def set_home(self, place: Place) -> None:
+        """Set home."""
+        self.home, self.home_on_chart = place, self.chart.vector(place)
+        self.events.append(HomeChanged())
+
+    def fall_from(self, up: Axis) -> None:
+        """Start in the air with the motors off, after a restart of the autopilot in flight."""
+        self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
+
+    def feel(self, air: Vector, gps: Vector | None, dt: float) -> None:
+        """Let wind (m/s) and an error of the GPS (metres; None: no fix) act for `dt` seconds.
+
+        A vehicle without a position levels, and goes where the air goes.
+        """
+        estimate = self.estimate
+        estimate.gps, self.motion.air = gps, air
+        self.motion.shift(estimate.step(self.now))
+        if estimate.lost:
+            self.motion.air = Vector()
+            if self.flight.airborne:
+                estimate.drift(air, dt)
+
+    def step(self, dt: float) -> None:
+        """Advance by `dt` seconds."""
+        end = self.now + dt
+        while self.in_motion and (left := end - self.now) > 1e-9:
+            step = min(left, STEADY_S if self.flight.airborne and self.motion.steady else STEP_S)
+            self.flight.now = self.now = self.now + step
+            self._move(step)
+        self.flight.now = self.now = end
+        self._boot()
+        if self.now >= self.next_guard:
+            self.next_guard = self.now + GUARD_PERIOD_S
+            self._guard(GUARD_PERIOD_S)
+
+    @abstractmethod
+    def _move(self, dt: float) -> None:
+        """Move for `dt` seconds."""
+
+    @abstractmethod
+    def _boot(self) -> None:
+        """Go on with the boot sequence."""
+
+    @abstractmethod
+    def _guard(self, dt: float) -> None:
+        """Check the failsafes; the last check was `dt` seconds ago."""
