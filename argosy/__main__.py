@@ -83,14 +83,9 @@ def _prepare_streams() -> None:
 
 
 def _run(given: list[str]) -> int:
-    if given[:1] == ["manifest"]:
-        from argosy.manifest.command import main as manifest
-
-        return manifest(given[1:])
-    if given[:1] == ["keys"]:
-        from argosy.keys.command import main as keys
-
-        return keys(given[1:])
+    if given and given[0] in GROUPS:
+        group: Callable[[list[str]], int] = import_module(f"argosy.{given[0]}.command").main
+        return group(given[1:])
     if given and given[0] in COMMANDS:  # import only that one
         name = given[0]
         add_arguments, run = _load(name)
@@ -145,6 +140,8 @@ COMMANDS = {
         "missions/single_uav.yaml",
     ),
     "manifest": ("check, convert and print manifests of robots; read or change the one a running robot uses", ""),
+    "plan": ("show a plan file of a ground station; save the mission that a vehicle stores as one", ""),
+    "params": ("save, compare and load the parameters of a vehicle", ""),
     "status": ("show the daemons of a fleet: running, missing, and their health", "missions/single_uav.yaml --watch"),
     "keys": ("create, renew and revoke the certificates of a fleet's boards and operators", ""),
     "doctor": (
@@ -193,6 +190,9 @@ COMMANDS = {
     "stop": ("order robots to hold, land or return to launch, overriding every agent", "rtl uav1"),
 }
 """Help of each command, and the arguments of an example."""
+
+GROUPS = ("manifest", "keys", "params", "plan")
+"""Commands with commands of their own."""
 
 MODULES = {
     "act": "tools.act",

@@ -21,7 +21,7 @@ from commd.bus.errors import BusClosed
 from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
 from commd.process.process import EXIT_DONE, tls_of
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
 
@@ -146,6 +146,19 @@ async def note_unreached(bus: Bus) -> None:
 async def bridges(bus: Bus, fleet: str) -> list[tuple[str, str]]:
     """Return fleet and name of every robot whose bridge has a token. `fleet` may be `ANY`."""
     return sorted(await names_there(bus, fleet, "bridged"))
+
+
+async def fleet_of(bus: Bus, where: Where, robot: str) -> str:
+    """Return the fleet in which a bridge serves the robot. Raises Unanswered."""
+    there = await bridges(bus, where.fleet)
+    fleets = [its for its, name in there if name == robot]
+    if not fleets:
+        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
+        missing = "".join(f"\n  {line}" for line in await unreached(bus))
+        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
+    if len(fleets) > 1:
+        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; choose one by --fleet")
+    return fleets[0]
 
 
 async def names_there(bus: Bus, fleet: str, daemon: str = "*") -> dict[tuple[str, str], set[str]]:

@@ -11,11 +11,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from argosy.cli.errors import BadInput, CommandError
-from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus, unreached
+from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, fleet_of, on_the_bus
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
-from schemas.files.findings import did_you_mean
 from schemas.files.toml_positions import key_parts
 from schemas.manifest.edit import BadPath, part_of
 from schemas.manifest.text import write_document, write_value
@@ -119,24 +118,11 @@ def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> i
 
     async def work(bus: Bus, where: Where) -> int:
         try:
-            return await ask(bus, await _fleet_of(bus, where, args.robot))
+            return await ask(bus, await fleet_of(bus, where, args.robot))
         except BadRecord as error:
             raise CommandError(str(error)) from None
 
     return on_the_bus(args, work)
-
-
-async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
-    """Return the fleet in which a bridge serves the robot. Raises Unanswered."""
-    there = await bridges(bus, where.fleet)
-    fleets = [its for its, name in there if name == robot]
-    if not fleets:
-        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
-        missing = "".join(f"\n  {line}" for line in await unreached(bus))
-        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
-    if len(fleets) > 1:
-        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; choose one by --fleet")
-    return fleets[0]
 
 
 async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None) -> LiveManifest:

@@ -15,7 +15,7 @@ from schemas.files.findings import nearest
 from schemas.humanize import shortened
 from schemas.liveness import LAG_LATE
 from schemas.manifest.loader import ActionDescription
-from schemas.wire import keys, mind_records, records
+from schemas.wire import keys, mind_records, records, vehicle_records
 from schemas.wire.codec import MEDIA, BadRecord, Wire, codec
 from schemas.wire.mind_records import (
     ActivityEvent,
@@ -49,6 +49,7 @@ from schemas.wire.records import (
 )
 from schemas.wire.term_text import BadTerm, read, write
 from schemas.wire.terms import Atom, Source, Structure, Term, Variable
+from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 SIGNS = {"replace": "", "add": "+", "remove": "-"}
 
@@ -128,6 +129,13 @@ def _small(record: Record) -> str:
         case ManifestChange():
             changes = (f"{path} = {_json(value)}" for path, value in record.set.items())
             return ", ".join([*changes, *(f"without {path}" for path in record.remove)])
+        case ParameterRequest():
+            return f"{record.name} = {record.value:g}" + (", although it is for safety" if record.allow_safety else "")
+        case VehicleParameters():
+            one = "".join(f": {name} = {value:g}" for name, value in record.values.items() if record.of == 1)
+            return f"{record.came} of {record.of} parameters{one}" + (record.problem and f"; {record.problem}")
+        case StoredPlan():
+            return f"{record.came} of {record.of} items" + (record.problem and f"; {record.problem}")
         case BoardReport():
             links = (f"{one.board} {one.answered}/{one.asked}" for one in record.links)
             free = f", {record.disk_free / 1e9:.1f} GB free" if record.disk_free is not None else ""
@@ -277,7 +285,8 @@ def _on(first: str, size: int) -> tuple[type[Record], ...]:
 
 @cache
 def _by_name() -> dict[str, type[Record]]:
-    kinds = [value for module in (records, mind_records) for value in vars(module).values() if isinstance(value, type)]
+    modules = (records, vehicle_records, mind_records)
+    kinds = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
     return {kind.__name__: kind for kind in (*kinds, ActionDescription) if issubclass(kind, Record)}
 
 

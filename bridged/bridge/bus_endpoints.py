@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from bridged.bridge.action_server import is_by_hand
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.safety_orders import by_operator
+from bridged.bridge.vehicle_requests import VehicleRequests
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
 from commd.bus.bus import Bus, Query
@@ -107,6 +108,7 @@ class Service:
             bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent), at_most=ACTION_BYTES)
             bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent), urgent=True)
         bus.serve(keys.manifest(fleet, self._robot), ManifestChange, self._read_or_change)
+        VehicleRequests(bus, self._robot, bridge.driver.own, self._inject).open()
         bus.serve(keys.stop(fleet, self._robot), StopOrder, self._stop, urgent=True)
 
     async def _repair(self, agent: str, query: Query[Perception]) -> None:

@@ -13,6 +13,7 @@ from schemas.files.findings import Finding
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.mission.model import Robot
 from schemas.wire.records import Cause, Note, Order
+from schemas.wire.vehicle_records import PlanItem
 
 Scalar = bool | int | float | str
 Value = Scalar | list[Any]
@@ -33,6 +34,7 @@ __all__ = [
     "Scalar",
     "Setup",
     "Value",
+    "VehicleStore",
     "defers",
 ]
 
@@ -211,6 +213,27 @@ class Driver(Protocol):
 
     def notes(self) -> Sequence[Note]:
         """Return the warnings that hold now: docs/guides/monitoring.md lists the codes."""
+
+
+@runtime_checkable
+class VehicleStore(Protocol):
+    """An optional part of a driver: what the vehicle itself stores, for operators. Nothing of it becomes a percept."""
+
+    def read_parameters(self, into: dict[str, float]) -> Execution:
+        """Read every parameter into a mapping; its feedback are the figures `params` and `of`."""
+
+    def set_parameter(self, name: str, value: float, *, allow_safety: bool) -> Execution:
+        """Set a parameter of a vehicle that is not armed, until it reports the value.
+
+        Refused with the cause `busy` if it is armed; with `allow_safety` also one that its safety depends on.
+        """
+
+    def read_plan(self, into: list[PlanItem]) -> Execution:
+        """Append the items of the stored mission, home first; its feedback are the figures `item` and `items`."""
+
+    @property
+    def identified_as(self) -> tuple[int, int]:
+        """MAV_AUTOPILOT and MAV_TYPE of the vehicle; 0 while they are not known."""
 
 
 @runtime_checkable

@@ -34,6 +34,7 @@ from schemas.wire.records import (
     ServiceRequest,
     StopOrder,
 )
+from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
 
@@ -103,6 +104,8 @@ CHANNELS = (
     Channel("{agent}/control", "query", MindOrder, Outcome, "agentd", "operator", None, None),
     Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None, None),
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None, "telemetry"),
+    Channel("{robot}/parameters", "query", ParameterRequest, VehicleParameters, "bridged", "operator", None, None),
+    Channel("{robot}/stored_plan", "query", None, StoredPlan, "bridged", "operator", None, None),
     Channel("{robot}/stop", "query", StopOrder, Outcome, "bridged", "operator", None, None),
     Channel("{operator}/run", "put", RunState, None, "operator", "observers", 1, "telemetry"),
     Channel("{name}/alive/{daemon}/{boot}", "token", None, None, "every daemon", "every daemon", None, "telemetry"),
@@ -206,6 +209,16 @@ def control(fleet: str, agent: str) -> str:
 def manifest(fleet: str, robot: str) -> str:
     """Return the key on which a robot's manifest is read and changed, and published after each change."""
     return f"{ROOT}/{fleet}/{robot}/manifest"
+
+
+def parameters(fleet: str, robot: str) -> str:
+    """Return the key on which a vehicle's parameters are read, and one of them is set."""
+    return f"{ROOT}/{fleet}/{robot}/parameters"
+
+
+def stored_plan(fleet: str, robot: str) -> str:
+    """Return the key on which the mission that a vehicle stores is read."""
+    return f"{ROOT}/{fleet}/{robot}/stored_plan"
 
 
 def stop(fleet: str, robot: str) -> str:

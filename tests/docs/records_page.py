@@ -1,5 +1,4 @@
-"""docs/reference/records.md from schemas/wire/records.py and schemas/wire/mind_records.py: `python -m
-tests.docs.records_page`."""
+"""docs/reference/records.md from the declarations of records in schemas/wire: `python -m tests.docs.records_page`."""
 
 from __future__ import annotations
 
@@ -14,12 +13,12 @@ from schemas.wire.keys import CHANNELS
 from schemas.wire.records import VERSION
 from tests.docs.pages import ROOT
 
-SOURCES = (ROOT / "schemas/wire/records.py", ROOT / "schemas/wire/mind_records.py")
+SOURCES = tuple(ROOT / f"schemas/wire/{name}.py" for name in ("records", "vehicle_records", "mind_records"))
 PAGE = ROOT / "docs/reference/records.md"
 _HEAD = f"""\
 # Records
 
-<!-- Written by `make reference` from schemas/wire/records.py and schemas/wire/mind_records.py. -->
+<!-- Written by `make reference` from schemas/wire/records.py, vehicle_records.py and mind_records.py. -->
 
 What travels on the [keys](bus-keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its
 record and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out.

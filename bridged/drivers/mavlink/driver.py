@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import SAFETY, Execution, Order, Outcome, Setup, Value
 from bridged.drivers.mavlink.action_binding import bind_action, leads_down, may_lead_down, procedure_of
+from bridged.drivers.mavlink.actions import operator_requests
 from bridged.drivers.mavlink.actions.context import Files, ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
@@ -22,6 +23,7 @@ from bridged.drivers.mavlink.vehicle.streams import unread
 from commd.common.tasks import in_step, wait_at_most
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
+from schemas.wire.vehicle_records import PlanItem
 
 TICK, TICKS = 0.25, 2.0
 """Most wall seconds between two ticks, and least ticks in a mission second."""
@@ -123,6 +125,25 @@ class MavlinkDriver(VehicleSession):
         who = "(pilot, ground station or failsafe)"
         reason = f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
         return Outcome("refused", reason, "pilot")
+
+    def read_parameters(self, into: dict[str, float]) -> Execution:
+        """Read every parameter of the vehicle; none becomes a percept."""
+        return self.begin(operator_requests.read_parameters(into))
+
+    def set_parameter(self, name: str, value: float, *, allow_safety: bool) -> Execution:
+        """Set a parameter of a vehicle that is not armed."""
+        if two := self._two():
+            return Execution(name, Outcome("refused", two))
+        return self.begin(operator_requests.set_parameter(name, value, allow_safety=allow_safety))
+
+    def read_plan(self, into: list[PlanItem]) -> Execution:
+        """Read the mission that the vehicle stores, home first; its items become no percepts."""
+        return self.begin(operator_requests.read_plan(into))
+
+    @property
+    def identified_as(self) -> tuple[int, int]:
+        """MAV_AUTOPILOT and MAV_TYPE of the vehicle's HEARTBEAT; 0 while they are not known."""
+        return self.vehicle.autopilot or 0, self.vehicle.type
 
     @property
     def active(self) -> bool:

@@ -57,6 +57,7 @@ from schemas.wire.records import (
     StopOrder,
 )
 from schemas.wire.terms import Atom
+from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 HEADER = Header(seq=3, stamp=5, source="uav1", boot="b")
 RECORDS: list[tuple[str, Record, str]] = [
@@ -139,6 +140,9 @@ RECORDS: list[tuple[str, Record, str]] = [
     ),
     ("pi1/checkup", Checkup(links=True), 'Checkup {"links":true}'),
     ("uav1/stop", StopOrder(order="hold"), "hold"),
+    ("uav1/parameters", ParameterRequest(name="RTL_ALT", value=3000), "RTL_ALT = 3000"),
+    ("uav1/parameters", VehicleParameters(values={"RTL_ALT": 3000}, came=1, of=1), "1 of 1 parameters: RTL_ALT = 3000"),
+    ("uav1/stored_plan", StoredPlan(came=2, of=9, problem="silence"), "2 of 9 items; silence"),
     ("pi1/mission", RunningMission(file="sar.yaml", text="mission: sar\n"), "sar.yaml, 13 characters"),
     (
         "operator/run",

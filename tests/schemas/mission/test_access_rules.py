@@ -135,7 +135,8 @@ def test_the_page_says_who_sees_what_as_the_rules_do() -> None:
 
 
 def test_operators_stop_robots_and_list_the_mail_and_observers_do_not() -> None:
-    for key in (keys.stop("f", "r1"), keys.manifest("f", "r1"), keys.mailboxes("f", "pi1")):
+    of_robots = (keys.stop, keys.manifest, keys.parameters, keys.stored_plan)
+    for key in (*(key("f", "r1") for key in of_robots), keys.mailboxes("f", "pi1")):
         assert covers(rights_of("ops").asks, key)
         assert not covers(rights_of("eye").asks, key)
         assert not covers(rights_of("pi1").asks, key)

@@ -35,6 +35,8 @@ BUILT = {
     keys.checkup("{fleet}", "{board}"),
     keys.mind("{fleet}", "{agent}"),
     keys.manifest("{fleet}", "{robot}"),
+    keys.parameters("{fleet}", "{robot}"),
+    keys.stored_plan("{fleet}", "{robot}"),
     keys.stop("{fleet}", "{robot}"),
     keys.run("{fleet}", "{operator}"),
     keys.alive("{fleet}", "{name}", "{daemon}", "{boot}"),

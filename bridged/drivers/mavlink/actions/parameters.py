@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -98,7 +98,13 @@ def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
 
 
 def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """`param_pull`: the vehicle sends every parameter, each a reading of PARAM; lost ones are requested again."""
+    """`param_pull`: the vehicle sends every parameter, each a reading of PARAM."""
+    yield from pull(flight, run, lambda name, value: flight.report(Reading("PARAM", {"name": name, "value": value})))
+    return SUCCEEDED
+
+
+def pull(flight: ProcedureContext, run: ProcedureRun, take: Callable[[str, float], None]) -> Part:
+    """Request every parameter and `take` each, by its name; lost ones are requested again."""
     indices, count, tries = set[int](), 0, 0
     while tries < PULL_TRIES:
         tries += 1
@@ -116,14 +122,14 @@ def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAc
             if message.param_index not in indices:
                 indices.add(message.param_index)
                 tries = 0
-                flight.report(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
+                take(message.param_id, message.param_value)
                 until = flight.now + flight.wait(*PULL_EVERY)
             run.feedback = {"params": float(len(indices)), "of": float(count)}
             run.waits_for = f"the rest of {count} parameters; {len(indices)} came"
             if len(indices) == count:
-                return SUCCEEDED
+                return
     came = f"{len(indices)} of {count} parameters came" if count else "the vehicle does not send its parameters"
-    return Outcome("failed", came)
+    raise Ended("failed", came)
 
 
 def set_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

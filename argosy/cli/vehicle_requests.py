@@ -1,0 +1,82 @@
+"""Ask a running bridge for what its vehicle stores, with progress; and write what came to a file, as a whole."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import tempfile
+from contextlib import aclosing, suppress
+from pathlib import Path
+from typing import TypeVar
+
+from argosy.cli.errors import BadInput, CommandError
+from argosy.cli.operator_bus import Unanswered
+from commd.bus.bus import Bus
+from schemas.humanize import printable
+from schemas.liveness import ACTION_SILENT
+from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
+
+AT_MOST = 360.0
+"""Wall seconds of one request; the bridge ends it before."""
+A = TypeVar("A", VehicleParameters, StoredPlan)
+
+
+async def ask_vehicle(bus: Bus, key: str, ask: ParameterRequest | None, answer: type[A], robot: str, what: str) -> A:
+    """Query a bridge and return its last reply; `what` names in the progress what arrives. Raises Unanswered."""
+    problem = "its bridge does not answer: is it of an older version?"
+    shown = False
+    try:
+        async with aclosing(bus.query(key, ask, answer, AT_MOST)) as replies:
+            while True:
+                async with asyncio.timeout(ACTION_SILENT):
+                    reply = await anext(replies, None)
+                if reply is None:
+                    break
+                if reply.record is None:
+                    problem = reply.error
+                    continue
+                if reply.record.done:
+                    return reply.record
+                problem = "its bridge ended the request without a result"
+                shown = _show(f"{robot}: {reply.record.came} of {reply.record.of or '?'} {what}") or shown
+    except TimeoutError:
+        problem = f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off"
+    finally:
+        if shown:
+            _show("")
+    raise Unanswered(f"{robot}: {problem}")
+
+
+def _show(line: str) -> bool:
+    """Show progress in the last line of a terminal. Returns whether there is one."""
+    if not sys.stderr.isatty():
+        return False
+    with suppress(OSError):
+        print(f"\r\033[K{printable(line)}", end="", file=sys.stderr, flush=True)
+    return True
+
+
+def check_new(path: Path, force: bool) -> None:
+    """Raise BadInput for a file that exists and is not to be overwritten."""
+    if path.exists() and not force:
+        raise BadInput(f"{path} exists: name another file, or overwrite it with --force")
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all. Raises CommandError."""
+    new = ""
+    try:
+        number, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(number, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(number)
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(new).chmod(0o666 & ~umask)
+        Path(new).replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            Path(new).unlink(missing_ok=True)
+        raise CommandError(f"{path}: {error.strerror}") from None

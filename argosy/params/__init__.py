@@ -1,0 +1,1 @@
+"""Parameters of vehicles, in files and in the vehicle."""

@@ -1,0 +1,1 @@
+"""Plan files of ground stations, and the missions that vehicles store."""

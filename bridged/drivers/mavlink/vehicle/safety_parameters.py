@@ -1,0 +1,32 @@
+"""Parameters that a vehicle's safety depends on, of ArduPilot and PX4, and those that a vehicle keeps for itself.
+
+Source: the parameter references of ArduPilot 4.6 and 4.7 (copter, plane, rover) and PX4 1.16.
+"""
+
+from __future__ import annotations
+
+import re
+
+_KINDS = {
+    "arming": r"ARMING_\w+|BRD_SAFETY\w*|COM_ARM_\w+|COM_PREARM_MODE|COM_DISARM_\w+|CBRK_\w+",
+    "failsafe": r"FS_\w+|THR_FAILSAFE|THR_FS_VALUE|AFS_\w+|CHUTE_\w+|RTL_ALT\w*|RTL_RETURN_ALT|RTL_DESCEND_ALT"
+    r"|NAV_(DLL|RCL)_ACT|COM_(DL|RC|OF)_LOSS_T|COM_OBL_(RC_)?ACT|COM_FAIL_ACT_T|COM_POS\w*_FS_\w+|COM_RCL_EXCEPT"
+    r"|COM_(QC|IMB_PROP|ACT_FAIL|FLTT_LOW)_ACT|COM_POSCTL_NAVL|COM_KILL_DISARM|COM_RC_OVERRIDE|MAN_OVERRIDE_SPD|FD_\w+",
+    "battery failsafe": r"BATT\d?_(FS|LOW|CRT|ARM|MONITOR)\w*|COM_LOW_BAT_ACT|BAT_(LOW|CRIT|EMERGEN)_THR",
+    "geofence": r"FENCE_\w+|GF_\w+",
+    "identity on the link": r"SYSID_\w+|MAV_SYSID|MAV_GCS_SYSID\w*|MAV_(SYS|COMP)_ID",
+}
+_SAFETY = {kind: re.compile(pattern) for kind, pattern in _KINDS.items()}
+_OWN = re.compile(
+    r"STAT_\w+|BARO\d*_GND_PRESS|FORMAT_VERSION|SYS_NUM_RESETS|LND_FLIGHT_T_(HI|LO)|COM_FLIGHT_UUID|_HASH_CHECK"
+)
+
+
+def safety_kind(name: str) -> str:
+    """Return what of a vehicle's safety a parameter belongs to, such as `geofence`; empty if it belongs to nothing."""
+    return next((kind for kind, pattern in _SAFETY.items() if pattern.fullmatch(name)), "")
+
+
+def is_vehicles_own(name: str) -> bool:
+    """Whether the vehicle changes a parameter by itself: counters and measurements, which are not set."""
+    return _OWN.fullmatch(name) is not None
