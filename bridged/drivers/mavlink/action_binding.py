@@ -171,7 +171,7 @@ def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeT
     """Fill the arguments into an action. Raises ValueError for one that the driver cannot use."""
     action = BoundAction(retry=entry.retry, tolerance=entry.tolerance)
     if entry.call == "command":
-        return _command(action, entry, _raw(entry, arguments))
+        return _command(action, entry, _raw(entry, arguments), modes)
     if entry.call:
         frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else action.frame
         return replace(action, arguments=_raw(entry, arguments), frame=frame)
@@ -194,16 +194,21 @@ def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeT
             values.get("yaw_rate"),
         )
         return replace(action, local=local)
-    return _command(action, entry, values | {"command": float(getattr(dialect, entry.command))})
+    return _command(action, entry, values | {"command": float(getattr(dialect, entry.command))}, modes)
 
 
-def _command(action: BoundAction, entry: ActionEntry, values: Mapping[str, object]) -> BoundAction:
+def _command(action: BoundAction, entry: ActionEntry, values: Mapping[str, object], modes: ModeTable) -> BoundAction:
     """A command of the manifest, or one that an argument names."""
     command = values["command"]
     number = getattr(dialect, command, None) if isinstance(command, str) and command.startswith("MAV_CMD_") else command
     if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number <= 65535:
         raise ValueError(f"MAVLink has no command {command!r}")
     one, two, three, four, five, six, seven = (_number(values.get(field, 0.0)) for field in COMMAND_FIELDS)
+    if int(number) == dialect.MAV_CMD_DO_SET_MODE:
+        mode = modes.requested(two, three)
+        return replace(
+            action, number=int(number), parameters=(one, *modes.request(mode), four, five, six, seven), mode=mode
+        )
     action = replace(action, number=int(number), parameters=(one, two, three, four, five, six, seven))
     if entry.frame is None:
         if action.number == dialect.MAV_CMD_DO_REPOSITION:
@@ -282,7 +287,7 @@ def leads_down(entry: ActionEntry, action: BoundAction, modes: ModeTable) -> boo
     """Whether it does so with its arguments filled in: it starts no motors and sets no mode but the safe ones."""
     match entry.confirm:
         case "mode":
-            return action.parameters[1] in (modes.hold, modes.land, modes.rtl)
+            return action.mode in (modes.hold, modes.land, modes.rtl)
         case "armed":
             return action.parameters[0] == 0.0
     return may_lead_down(entry)

@@ -76,15 +76,26 @@ class ControlAuthority:
                     self._report_override()
                 else:
                     self._by_agent = True
-        elif vehicle.mode != mode_before:
+        elif vehicle.mode != mode_before and not self._by_itself(mode_before):
             ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
-            handed_over = self.overridden and vehicle.mode == vehicle.modes.guided
+            handed_over = self.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided
             self.overridden = not ours and not handed_over
             if self.overridden:
                 self._set_by_others()
             elif handed_over and self.override:
                 self._by_agent = True
                 self._end_override()
+
+    def _by_itself(self, mode_before: int) -> bool:
+        """Whether the vehicle entered its mode by itself, so that it is in the same hands as before.
+
+        It does so when its motors stop, and at the end of a takeoff that nobody here began.
+        """
+        vehicle = self._flight.vehicle
+        if vehicle.mode not in vehicle.modes.resting:
+            return False
+        took_off = mode_before == vehicle.modes.takeoff and not any(run.moves for run in self._runs)
+        return not vehicle.armed or took_off
 
     def doubts(self, mode_before: int, was_armed: bool, silence: float) -> bool:
         """Whether a HEARTBEAT after `silence` mission seconds may be of a restarted vehicle, so its clock is queried.
@@ -94,6 +105,7 @@ class ControlAuthority:
         """
         vehicle = self._flight.vehicle
         changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
+        changed = changed and not self._by_itself(mode_before)
         doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
         if doubts:
             self._doubt_until = self._flight.now + self._flight.wait(*DOUBT)
@@ -117,7 +129,7 @@ class ControlAuthority:
         if not warnings and now < pending.until and moving:
             return
         self._pending = None
-        reason = f"the mode became {pending.mode}, which nobody here asked for (pilot, ground station or failsafe)"
+        reason = f"the mode became {pending.mode}, which nobody here asked for ({self._flight.others})"
         for run in moving:
             self._end(run, Outcome("failed", f"{reason}: {warnings}" if warnings else reason, "pilot"))
 

@@ -14,9 +14,9 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Execution, OnReading, Order, Outcome, Reading
-from bridged.drivers.mavlink.actions.confirmation import PRE_ARM
 from bridged.drivers.mavlink.actions.context import (
     NOBODYS_FAILSAFE,
+    BoundAction,
     Ended,
     LimitWatch,
     ProcedureContext,
@@ -25,6 +25,8 @@ from bridged.drivers.mavlink.actions.context import (
 )
 from bridged.drivers.mavlink.actions.flight import HOLD, LEAVE_HOLD, SECURE, STAY, mode_action
 from bridged.drivers.mavlink.actions.parameters import spellings
+from bridged.drivers.mavlink.autopilots.ardupilot import ArduPilot
+from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
@@ -56,6 +58,9 @@ TEXT = "VEHICLE_TEXT"
 MAX_RUNS = 16
 """Executions under way at a time; the bridge allows fewer."""
 NO_LIMITS = Limits()
+AUTOPILOTS = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPilot(), dialect.MAV_AUTOPILOT_PX4: Px4()}
+"""Those that are commanded, by MAV_AUTOPILOT; the first as long as a vehicle has not been heard."""
+ARDUPILOT = AUTOPILOTS[dialect.MAV_AUTOPILOT_ARDUPILOTMEGA]
 _ATOMS = {True: Atom("up"), False: Atom("down")}
 log = logging.getLogger("mavlink")
 
@@ -83,15 +88,16 @@ class VehicleSession:
         self.vehicle.stale_after = max(STALE[0], STALE[1] * speed)
         self.texts, self.warnings = Texts(), Warnings()
         self.commands = Commands(identity, speed, self._send_known)
-        self.streams = Streams(manifest, self.commands, speed)
+        self.streams = Streams(manifest, ARDUPILOT, self.commands, speed)
         self.flight = ProcedureContext(
-            self.vehicle, self.commands, self.texts, self._send_known, speed, limits, on_reading, failsafe
+            self.vehicle, ARDUPILOT, self.commands, self.texts, self._send_known, speed, limits, on_reading, failsafe
         )
         self.failsafe = FailsafeCheck(failsafe, identity, self._send_known, speed)
         self._limits = LimitWatch(self.flight)
         self.received = 0
         """Messages of the vehicle so far."""
         self._speaks_for_agent = True
+        self._manifest = manifest
         self._sources = {percept.source for percept in manifest.percepts.values()}
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         """Mission seconds of silence that are a link loss."""
@@ -112,13 +118,14 @@ class VehicleSession:
         """Take in one message from the link; only the vehicle's autopilot counts."""
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.identity.vehicle, self.identity.autopilot):
             return
-        self.flight.now, self.flight.message = max(self.clock.now(), self.flight.now), message
+        self.flight.now = max(self.clock.now(), self.flight.now)
+        self.flight.message = message = self.flight.autopilot.incoming(message)
         self.received += 1
         vehicle, name = self.vehicle, message.get_type()
         reboots, mode, was_armed, heard_at = vehicle.reboots, vehicle.mode, vehicle.armed, vehicle.heard_at
-        unknown = vehicle.unknown_autopilot if name == "HEARTBEAT" else ""
+        autopilot, kind = vehicle.autopilot, vehicle.modes
         vehicle.receive(message, self.flight.now)
-        if name == "HEARTBEAT" and vehicle.unknown_autopilot != unknown:
+        if vehicle.autopilot != autopilot or vehicle.modes is not kind:
             self._autopilot_changed()
         self.streams.received[name] += 1
         if name in self._sources and name != "HEARTBEAT":  # that one is reported with its mode's name
@@ -182,6 +189,8 @@ class VehicleSession:
             for other in [other for other in self._runs if other.procedure is STAY]:
                 self.stop(other, Outcome("cancelled", f"{run.name} takes over", "superseded"))
         self.control.begin(run)
+        if self.flight.velocity is not None and (run.moves or run.procedure.sets_mode):
+            self.flight.velocity.leaving = True
         run.steps = self._when_connected(run)
         self._runs.append(run)
         self._pace()
@@ -196,22 +205,28 @@ class VehicleSession:
 
     def adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest: other sources, other rates."""
+        self._manifest = manifest
         self._sources = {percept.source for percept in manifest.percepts.values()}
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
-        self.streams.adopt(manifest, self.flight.now)
+        self.streams.adopt(manifest, self.flight.autopilot, self.flight.now)
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> ProcedureRun:
         """Start an order above the agents; every run ends as `ending`.
 
         One that does not `insist` ends when others set the mode: the pilot overrides it.
         """
-        mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._runs):
             self.stop(other, ending)
         self._commanded = True
         return self.begin(
-            ProcedureRun(order, procedure=SECURE, action=mode_action(mode), moves=False, yields=not insist)
+            ProcedureRun(order, procedure=SECURE, action=self._ordered(order), moves=False, yields=not insist)
         )
+
+    def _ordered(self, order: Order) -> BoundAction:
+        modes = self.modes
+        if order == "hold":
+            return self.flight.autopilot.hold(modes)
+        return mode_action(modes, modes.land if order == "land" else modes.rtl)
 
     def pause(self, interrupted: Collection[Execution]) -> ProcedureRun:
         """Hold the vehicle by its mode until `resume`; runs that are `interrupted`, move it or set its mode end."""
@@ -222,7 +237,7 @@ class VehicleSession:
             self._mode_before_pause = self.vehicle.mode
             self.flight.interrupted = [run.action for run in interrupted if isinstance(run, ProcedureRun)]
         self._commanded = False
-        return self.begin(ProcedureRun("pause", procedure=HOLD, action=mode_action(hold), moves=False))
+        return self.begin(ProcedureRun("pause", procedure=HOLD, action=self._ordered("hold"), moves=False))
 
     def resume(self) -> ProcedureRun:
         """Set the mode before `pause`; after a restart of the bridge the one that takes targets."""
@@ -230,7 +245,9 @@ class VehicleSession:
         mode = self.modes.guided if before is None else before
         for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet
             self.stop(run, Outcome("cancelled", "the operator continues", "operator"))
-        return self.begin(ProcedureRun("continue", procedure=LEAVE_HOLD, action=mode_action(mode), moves=False))
+        return self.begin(
+            ProcedureRun("continue", procedure=LEAVE_HOLD, action=mode_action(self.modes, mode), moves=False)
+        )
 
     def stop(self, run: Execution, outcome: Outcome, *, hold: bool = False) -> None:
         """End a run from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
@@ -283,6 +300,7 @@ class VehicleSession:
     def _step(self) -> None:
         """Let every procedure take one step; one that others have overridden only waits for its end."""
         self.control.look()
+        self._keep_velocity()
         for run in list(self._runs):
             if run not in self._runs or (run.moves and self.control.pending):
                 continue
@@ -302,6 +320,19 @@ class VehicleSession:
                 self._runs.remove(run)
             self.control.ended(run, outcome)  # first: it may report that an override is over
             run.end(outcome)
+
+    def _keep_velocity(self) -> None:
+        """Stream the velocity that is flown; at its end the vehicle holds, on purpose, before the stream ends."""
+        stream, vehicle = self.flight.velocity, self.vehicle
+        if stream is None:
+            return
+        asked = vehicle.mode == stream.mode or (self.flight.expects(stream.mode) and not stream.leaving)
+        if not asked or not vehicle.armed or self.control.overridden:
+            self.flight.velocity = None
+            return
+        stream.keep(self.flight.now)
+        if self.flight.now >= stream.until and not stream.leaving:
+            self._stay()
 
     def _pace(self) -> None:
         """Request full streams while the vehicle is armed or a procedure runs, and a little longer."""
@@ -328,12 +359,13 @@ class VehicleSession:
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""
         if not self.vehicle.not_commanded:
-            self._send(message)
+            self._send(self.flight.autopilot.outgoing(message))
 
     def _beat(self) -> None:
         self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY
         if self._speaks_for_agent or not self.failsafe.claims_ground_station:
-            self._send(_HEARTBEAT)
+            kind = self.failsafe.heartbeat_type
+            self._send(dialect.MAVLink_heartbeat_message(kind, *_HEARTBEAT))
 
     def _heard(self, mode_before: int, silence: float) -> None:
         if self.flight.now >= self._heartbeat_at - HEARTBEAT_EARLY:
@@ -367,7 +399,7 @@ class VehicleSession:
         self._stay()
 
     def _stay(self) -> None:
-        self.begin(ProcedureRun("stay", procedure=STAY, action=mode_action(self.modes.guided)))
+        self.begin(ProcedureRun("stay", procedure=STAY, action=mode_action(self.modes, self.modes.guided)))
 
     def _lost(self) -> None:
         self.vehicle.connected = False
@@ -391,7 +423,9 @@ class VehicleSession:
             if news is None:
                 continue
             severity = SEVERITIES[status.severity]
-            if news and not (status.text.startswith(PRE_ARM) and any(run.cause for run in self._runs)):
+            if news and not (
+                status.text.startswith(self.flight.autopilot.pre_arm) and any(run.cause for run in self._runs)
+            ):
                 log.warning("system %d says (%s): %s", self.identity.vehicle, severity, status.text)
             if TEXT in self._sources:
                 self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": status.text}))
@@ -406,7 +440,9 @@ class VehicleSession:
         self._ask_for_streams()
 
     def _autopilot_changed(self) -> None:
-        """End what was asked of another autopilot."""
+        """Speak to the autopilot that the vehicle turns out to have; end what was asked of another one."""
+        self.flight.autopilot = AUTOPILOTS.get(self.vehicle.autopilot, ARDUPILOT)
+        self.streams.adopt(self._manifest, self.flight.autopilot, self.flight.now)
         if refusal := self.vehicle.not_commanded:
             log.error("system %d: %s", self.identity.vehicle, refusal)
             self.commands.clear()
@@ -420,12 +456,11 @@ class VehicleSession:
         """Request all streams of a vehicle that has appeared or restarted."""
         if not self.vehicle.not_commanded:
             self.streams.request(self.flight.now)
-            self.failsafe.begin(self.flight.now)
+            self.failsafe.begin(self.flight.now, self.flight.autopilot, self.modes)
 
 
-_HEARTBEAT = dialect.MAVLink_heartbeat_message(
-    dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
-)
+_HEARTBEAT = (dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
+"""What follows the type in ours."""
 
 
 class LinkState:

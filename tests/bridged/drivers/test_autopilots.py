@@ -18,7 +18,7 @@ from tests.bridged.drivers.mavlink.test_recorded_flights import Replay
 from tests.bridged.recorded import PX4, packets
 from tests.bridged.sky import GOAL, Sky
 
-SAID = "the autopilot of the vehicle is PX4, and only ArduPilot is commanded: it is listened to only"
+SAID = "the autopilot of the vehicle is PPZ, and only ArduPilot and PX4 are commanded: it is listened to only"
 ACTIONS = {
     "set_mode": ("GUIDED",),
     "arm_motors": (True,),
@@ -35,8 +35,8 @@ ACTIONS = {
 
 @pytest.fixture
 def stranger(tmp_path: Path) -> Sky:
-    """A vehicle that flies, and says that it is a PX4."""
-    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PX4))
+    """A vehicle that flies, and says that it is a Paparazzi."""
+    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PPZ))
     sky.vehicle.advance(4)
     sky.vehicle.autopilot.set_mode(4)
     sky.vehicle.autopilot.arm()
@@ -82,7 +82,7 @@ def test_it_is_perceived_and_its_modes_have_no_names_of_another_autopilot(strang
 
 
 def test_it_is_told_in_the_log_once_and_in_health_with_a_code(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PX4))
+    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PPZ))
     with caplog.at_level(logging.ERROR):
         sky.wait(10)
     assert [record.getMessage() for record in caplog.records] == [f"system 1: {SAID}"]
@@ -94,7 +94,7 @@ def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilo
     heard = sky.begin("goto", *GOAL)
     sky.wait(2)
     sky.sent.clear()
-    strange = dialect.MAVLink_heartbeat_message(2, dialect.MAV_AUTOPILOT_PX4, 157, 50593792, 4, 3)
+    strange = dialect.MAVLink_heartbeat_message(2, dialect.MAV_AUTOPILOT_PPZ, 157, 50593792, 4, 3)
     sky.we_hear = lambda message: message.get_type() != "HEARTBEAT" or message.autopilot == strange.autopilot
     sky.downlink.append(strange)
     sky.forward(lambda: heard[-1].final, "the end of goto", 5)
@@ -104,13 +104,18 @@ def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilo
     assert heard_by(sky) <= {"HEARTBEAT"}
 
 
-def test_nothing_but_heartbeats_goes_to_a_recorded_px4() -> None:
+def test_a_recorded_px4_is_asked_in_its_own_terms() -> None:
     replay = Replay(PX4)
     for packet in packets(PX4):
         replay.now = packet.at
         replay.clock.time = packet.at
         replay.talk.receive(packet.message)
         replay.tick(packet.at)
-    assert set(replay.sent) == {"HEARTBEAT"}
-    assert [note.code for note in replay.talk.notes()] == ["autopilot_unknown"]
-    assert any(one.name == "global_pos" for _, one in replay.told)
+    asked = [one.param_id for one in replay.messages if one.get_type() == "PARAM_REQUEST_READ"]
+    streams = {int(one.param1) for one in replay.messages if one.get_type() == "COMMAND_LONG" and one.command == 511}
+    assert asked[:1] == ["NAV_DLL_ACT"]
+    assert dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS in streams
+    assert dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT not in streams
+    assert "autopilot_unknown" not in [note.code for note in replay.talk.notes()]
+    modes = [one.parameters[0] for _, one in replay.told if one.name == "state"]
+    assert {"GUIDED", "TAKEOFF", "RTL"} <= set(modes)

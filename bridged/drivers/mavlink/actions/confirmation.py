@@ -92,8 +92,6 @@ SETTLE = (4.0, 1.5)
 """Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
 ASK_REASONS_EVERY = (5.0, 1.0)
 """Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
-PRE_ARM = "PreArm: "
-"""Prefix of ArduPilot's texts of failed arming checks (AP_Arming::check_failed)."""
 LASTING = (
     "not armable", "not calibrated", "calibration needed", "requires reboot", "reboot required", "safety switch",
     "below minimum arming", "internal error", "fences invalid", "no sd card", "check frame", "check fs_thr_value",
@@ -120,9 +118,13 @@ TARGET_NEAR = 1.0
 
 
 def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Part:
-    """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode."""
+    """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode.
+
+    Where the vehicle is in the mode already, a command that does more than set it must be acknowledged.
+    """
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
+    shows = action.number == dialect.MAV_CMD_DO_SET_MODE or before != mode
 
     def shown() -> bool:
         return vehicle.mode == mode
@@ -130,8 +132,8 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
     command = None
     for _ in range(MODE_ATTEMPTS):
         flight.expect_mode(mode)
-        command = flight.submit(run, action)
-        yield from acknowledged(flight, run, command, shown)
+        command = flight.submit(run, action, in_frame=True)
+        yield from acknowledged(flight, run, command, shown if shows else lambda: False)
         flight.expect_mode(mode)
         run.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
         if (yield from steady(flight, shown)):
@@ -196,7 +198,7 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
     named_before: set[str] = set()
     while missing := flight.vehicle.not_ready():
         answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
-        texts = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
+        texts = sorted(flight.texts.beginning(flight.autopilot.pre_arm, asked if answered else before))
         run.cause = "; ".join(texts or missing)
         run.waits_for = "readiness: " + "; ".join([*missing, *texts])
         faults = named_before.intersection(texts if answered else ())
@@ -204,7 +206,7 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
         if lasting := lasting | {one for one in faults if any(part in one.lower() for part in FAULTS)}:
             raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(sorted(lasting))}")
         if flight.now >= ask_at and flight.vehicle.connected:
-            named_before = set(flight.texts.beginning(PRE_ARM, asked))
+            named_before = set(flight.texts.beginning(flight.autopilot.pre_arm, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
             flight.submit(run, BoundAction(dialect.MAV_CMD_RUN_PREARM_CHECKS, retry=ONCE))
         yield
@@ -214,7 +216,7 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
 def check_guided_aloft(flight: ProcedureContext, what: str) -> None:
     """Refuse targets that the vehicle would ignore: it accepts them only in GUIDED and in flight. Raises Ended."""
     vehicle = flight.vehicle
-    if vehicle.mode != vehicle.modes.guided:
+    if vehicle.mode not in vehicle.modes.targets:
         wanted = vehicle.modes.name(vehicle.modes.guided)
         raise Ended("refused", f"{what} are taken in {wanted} only; {flight.state_text()}")
     if not vehicle.aloft:
@@ -231,9 +233,12 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     check_guided_aloft(flight, "position targets")
     check_limits(flight, action)
     for attempt in range(TARGET_ATTEMPTS):
-        flight.send_target(action.target, action.frame, action.yaw)
+        command = flight.autopilot.offer_target(flight, run, action)
         if (yield from target_shown(flight, run, action, ask=attempt > 0)):
             return
+        if command is not None and command.refused:
+            reason = f"the vehicle refused {command.name} ({command.result_name})"
+            raise Ended("refused", flight.with_texts(reason, asked))
         if not flight.vehicle.armed:
             raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
     reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -13,9 +14,13 @@ from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
+from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 from schemas.manifest.loader import Retry
 from schemas.mission.model import Failsafe, Limits
 from schemas.wire.records import Cause
+
+if TYPE_CHECKING:
+    from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 
 Steps = Generator[None, None, Outcome]
 """Steps of a procedure: it reads the flight's state, yields until a change, and returns its outcome."""
@@ -33,7 +38,7 @@ ALL_IGNORED = 0b110111111111
 """Parts of a type mask (POSITION_TARGET_TYPEMASK); a force is not meant."""
 
 GUIDED_TIMEOUT = 3.0
-"""Seconds after which ArduPilot stops a vehicle that is given no new velocity (GUID_TIMEOUT)."""
+"""Seconds after which a vehicle that is given no new velocity stops (ArduPilot's GUID_TIMEOUT)."""
 MAX_PARAMETERS = 256
 """Parameters whose values are kept up to date; the oldest is forgotten."""
 
@@ -88,6 +93,8 @@ class BoundAction:
     number: int = 0
     parameters: Parameters = (0.0,) * 7
     retry: Retry = field(default_factory=Retry)
+    mode: int = -1
+    """The mode that the command enters, as HEARTBEAT.custom_mode shows it; -1 = none."""
     target: Place | None = None
     frame: int = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     yaw: float | None = None
@@ -160,6 +167,7 @@ class ProcedureContext:
     def __init__(
         self,
         vehicle: Vehicle,
+        autopilot: Autopilot,
         commands: Commands,
         texts: Texts,
         send: Callable[[dialect.MAVLink_message], None],
@@ -169,6 +177,10 @@ class ProcedureContext:
         failsafe: Failsafe = NOBODYS_FAILSAFE,
     ) -> None:
         self.vehicle = vehicle
+        self.autopilot = autopilot
+        """As the vehicle's HEARTBEAT names it."""
+        self.velocity: VelocityStream | None = None
+        """The velocity that is being streamed."""
         self.commands = commands
         self.addressee = commands.identity.addressee
         """System and component of the vehicle's autopilot, whom messages are for."""
@@ -336,6 +348,11 @@ class ProcedureContext:
         texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
         return f"{reason}: {texts}" if texts else f"{reason}; {self.state_text()}"
 
+    @property
+    def others(self) -> str:
+        """Who set a mode that nobody here asked for, for people."""
+        return "the vehicle's failsafe" if self.vehicle.failsafe_acts else "pilot, ground station or failsafe"
+
     def state_text(self) -> str:
         """Return mode, arming and whether it flies, for people."""
         vehicle = self.vehicle
@@ -364,7 +381,7 @@ class LimitWatch:
         before, broken = self.outside, self._broken()
         if broken or not self._broken(0.0):
             self.outside = broken
-        if not broken or before or not vehicle.aloft or vehicle.mode not in (modes.guided, modes.auto):
+        if not broken or before or not vehicle.aloft or vehicle.mode not in (*modes.targets, modes.auto):
             return ""
         leaving = self._flight.expects(modes.rtl) or self._flight.expects(modes.land)
         return "" if leaving else f"the vehicle left the mission's limits: {broken}"

@@ -44,6 +44,7 @@ from bridged.drivers.mavlink.actions.context import (
     Steps,
 )
 from bridged.drivers.mavlink.actions.parameters import write_parameter
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.state import OFF_GROUND
 
 HOLD_EVERY = (2.0, 1.0)
@@ -60,6 +61,9 @@ def arm(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Ste
     if wanted and (other := flight.vehicle.contradiction):
         return Outcome("refused", other)
     if wanted and not flight.vehicle.armed:
+        if flight.vehicle.mode in flight.vehicle.modes.at_arming:
+            reason = f"armed in {flight.vehicle.mode_name} the vehicle would move by itself; set another mode first"
+            return Outcome("refused", reason)
         yield from ready(flight, run)
 
     def shown() -> bool:
@@ -94,13 +98,16 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
         return (vehicle.aloft or climbed) and not aloft_before
 
     asked = flight.now
-    command = flight.submit(run, action, may_repeat=lambda: not rising())
+    command = flight.submit(run, flight.autopilot.takeoff(flight, action), may_repeat=lambda: not rising())
     yield from acknowledged(flight, run, command, rising)
     return (yield from _climb(flight, run, wanted, near, command.name, asked))
 
 
 def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes)."""
+    """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes).
+
+    An autopilot with a command for it is given that one.
+    """
     vehicle, wanted = flight.vehicle, action.arguments["altitude"]
     mode = vehicle.modes.takeoff
     if mode is None or not isinstance(wanted, int | float):
@@ -109,10 +116,15 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
         return Outcome("refused", broken, "limits")
     if not vehicle.armed or (vehicle.aloft and not flight.goes_on(action)):
         return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_text()}")
+    near = action.tolerance or 5.0
+    if flight.autopilot.settles:
+        parameters = (0.0,) * 6 + (float(wanted),)
+        command = BoundAction(dialect.MAV_CMD_NAV_TAKEOFF, parameters, retry=action.retry, tolerance=near)
+        return (yield from take_off(flight, run, command))
     yield from write_parameter(flight, run, "TKOFF_ALT", float(wanted))
     asked = flight.now
-    yield from enter(flight, run, mode_action(mode), mode)
-    return (yield from _climb(flight, run, float(wanted), action.tolerance or 5.0, vehicle.modes.name(mode), asked))
+    yield from enter(flight, run, mode_action(vehicle.modes, mode), mode)
+    return (yield from _climb(flight, run, float(wanted), near, vehicle.modes.name(mode), asked))
 
 
 def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, near: float) -> Steps:
@@ -127,17 +139,26 @@ def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, 
 
 
 def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: float, name: str, asked: float) -> Steps:
-    """Wait until the altitude is reached; off the ground before long."""
-    vehicle, seen = flight.vehicle, flight.vehicle.positions
-    patience = flight.now + flight.wait(*LIFT_OFF_WITHIN)
+    """Wait until the altitude is reached; off the ground before long.
+
+    An autopilot that ends a takeoff by itself does so a little beside the altitude, by the mode of `hold`: the same
+    mode farther below is somebody else's.
+    """
+    vehicle, seen, modes = flight.vehicle, flight.vehicle.positions, flight.vehicle.modes
+    patience, by_itself = flight.now + flight.wait(*LIFT_OFF_WITHIN), max(near, flight.autopilot.settles)
+    climbing = False
     while True:
+        climbing = climbing or vehicle.mode == modes.takeoff
         if not vehicle.armed:
             return Outcome("failed", flight.with_texts("the vehicle disarmed before it was up", asked))
         if vehicle.position is not None and vehicle.positions > seen:
             climbed = vehicle.position.altitude
             run.feedback = {"altitude": round(climbed, 2), "to_go": round(wanted - climbed, 2)}
             run.waits_for = f"altitude {wanted:g} m; it is at {climbed:.1f} m"
-            if abs(climbed - wanted) <= near:
+            if flight.autopilot.settles and abs(climbed - wanted) <= by_itself + 0.5:
+                flight.expect_mode(modes.hold)
+            settled = climbing and vehicle.mode == modes.hold
+            if abs(climbed - wanted) <= (by_itself if settled else near):
                 return SUCCEEDED
         elif vehicle.positions == seen:
             run.waits_for = "a position from the vehicle"
@@ -168,7 +189,7 @@ def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
         check_guided_aloft(flight, "position targets")
     check_limits(flight, action)
     flight.expect_mode(vehicle.modes.guided)
-    command, seen = flight.submit(run, action, in_frame=True), vehicle.targets
+    command, seen = flight.submit(run, flight.autopilot.reposition(flight, action), in_frame=True), vehicle.targets
     yield from acknowledged(flight, run, command, lambda: vehicle.targets > seen and target_is(flight, action))
     for attempt in range(TARGET_ATTEMPTS):
         if (yield from target_shown(flight, run, action, ask=attempt > 0)):
@@ -238,16 +259,16 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         yield
 
 
-def mode_action(mode: int) -> BoundAction:
+def mode_action(modes: ModeTable, mode: int) -> BoundAction:
     """Return DO_SET_MODE to a mode of the vehicle, by its number (custom_mode)."""
-    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(mode), 0.0, 0.0, 0.0, 0.0, 0.0)
-    return BoundAction(dialect.MAV_CMD_DO_SET_MODE, parameters)
+    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), *modes.request(mode), 0.0, 0.0, 0.0, 0.0)
+    return BoundAction(dialect.MAV_CMD_DO_SET_MODE, parameters, mode=mode)
 
 
 def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """An order above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
 
-    `action.parameters[1]` is the mode. What follows the mode (the flight home, the landing) is not waited for. Judged
+    `action.mode` is the mode. What follows the mode (the flight home, the landing) is not waited for. Judged
     here, when the vehicle is heard: it may have turned home while it could not be.
     """
     vehicle = flight.vehicle
@@ -258,14 +279,14 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
         stopped = yield from _outcome_of(arm(flight, run, stop))
         if stopped.state == "succeeded" or not vehicle.armed:
             return stopped  # else it is not on the ground as it reported: it flies, and only the mode can stop it
-    mode, under_way = int(action.parameters[1]), vehicle.modes.order_of(vehicle.mode)
-    if run.yields and defers(vehicle.modes.order_of(mode), under_way):
+    under_way = vehicle.modes.order_of(vehicle.mode)
+    if run.yields and defers(vehicle.modes.order_of(action.mode), under_way):
         return Outcome("succeeded", f"{under_way} is under way: the vehicle is in {vehicle.mode_name}")
     return (yield from _enter_mode_of(flight, run, action))
 
 
 def _enter_mode_of(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    yield from enter(flight, run, action, int(action.parameters[1]))
+    yield from enter(flight, run, action, action.mode)
     return Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
 
 
@@ -309,7 +330,7 @@ def stay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
         elif vehicle.modes.stay_guided and vehicle.placed and not tries:
             outcome = yield from _outcome_of(_stay_here(flight, run, action))
         else:
-            outcome = yield from _outcome_of(_enter_mode_of(flight, run, mode_action(vehicle.modes.hold)))
+            outcome = yield from _outcome_of(_enter_mode_of(flight, run, flight.autopilot.hold(vehicle.modes)))
         if outcome.state == "succeeded":
             run.trouble = ""
             return SUCCEEDED

@@ -17,6 +17,7 @@ from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import Poll, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
+    TEXT_WINDOW,
     BoundAction,
     Ended,
     Part,
@@ -123,8 +124,8 @@ def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, Non
         raise Ended("failed", f"the vehicle did not send its mission, asked {TRIES} times")
     if count > MAX_ITEMS + 1:
         raise Ended("failed", f"the vehicle reports {count} items; {MAX_ITEMS} are read at most")
-    items: list[Item] = []
-    for seq in range(count):
+    items = [] if flight.autopilot.home_is_an_item or not count else [_home(flight)]
+    for seq in range(len(items), count):
         run.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
         run.waits_for = f"item {seq} of {count} from the vehicle"
         items.append((yield from _read(flight, seq)))
@@ -190,6 +191,8 @@ def same_items(held: tuple[Item, ...], items: tuple[Item, ...]) -> bool:
 
 
 SET_CURRENT_TRIES = 4
+JUDGED_WITHIN = (3.5, 3.0)
+"""Mission and wall seconds: PX4 judges 0.2 s after it has acknowledged, and reports each second."""
 MOVES_HOME = "it moves home, from where the mission's limits are measured"
 
 
@@ -228,10 +231,39 @@ def _upload_within_limits(flight: ProcedureContext, run: ProcedureRun, items: tu
         return Outcome("refused", flown)
     if broken := outside(flight, items):
         return Outcome("refused", broken, "limits")
+    if not flight.autopilot.home_is_an_item:
+        items = _placed(flight, items)
     with mission_protocol(flight, run):
         yield from upload(flight, run, (_home(flight), *items))
+        yield from _judged(flight, run)
         report_items(flight)
     return SUCCEEDED
+
+
+def _placed(flight: ProcedureContext, items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Return items that are flown "here" (0/0) with the place before them: PX4 has no such place."""
+    before, placed = flight.vehicle.position or flight.vehicle.home, []
+    for item in items:
+        if item.placed:
+            before = item.place
+        elif item.flown and before is not None:
+            item = replace(item, x=round(before.latitude * 1e7), y=round(before.longitude * 1e7))
+        placed.append(item)
+    return tuple(placed)
+
+
+def _judged(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Wait until the vehicle has judged the mission that it stored, where it does so after its acknowledgement."""
+    if not flight.autopilot.judges_missions_later:
+        return
+    asked = flight.now
+    run.waits_for = "the vehicle to report whether the mission can be flown"
+    settled = flight.now + flight.wait(*TEXT_WINDOW)
+    message = yield from next_message(flight, "MISSION_CURRENT", JUDGED_WITHIN, lambda one: flight.now >= settled)
+    if message is None or message.mission_state != dialect.MISSION_STATE_NO_MISSION:
+        return
+    reason = "the vehicle has stored the mission, and reports that it cannot be flown"
+    raise Ended("refused", flight.with_texts(reason, asked))
 
 
 def download_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

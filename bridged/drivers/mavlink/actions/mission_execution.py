@@ -32,7 +32,6 @@ from bridged.drivers.mavlink.actions.context import (
 )
 from bridged.drivers.mavlink.actions.flight import mode_action
 from bridged.drivers.mavlink.actions.mission_actions import (
-    TRY_EVERY,
     download,
     go_to_item,
     mission_protocol,
@@ -53,14 +52,15 @@ HOME_NEAR = 3.0
 """Metres from home at which a vehicle has returned."""
 COMPLETE = dialect.MISSION_STATE_COMPLETE
 START = Retry(times=5)
+SHOWS_WITHIN = (2.5, 1.5)
+"""Mission and wall seconds in which MISSION_CURRENT comes: each second, if it is not sent when it is asked for."""
 
 
 def enter_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_SET_MODE: the mode shows, and still does at the next HEARTBEAT; AUTO only on a mission that may be flown."""
-    mode = int(action.parameters[1])
-    if mode == flight.vehicle.modes.auto:
+    if action.mode == flight.vehicle.modes.auto:
         yield from may_fly(flight, run)
-    yield from enter(flight, run, action, mode)
+    yield from enter(flight, run, action, action.mode)
     return SUCCEEDED
 
 
@@ -89,13 +89,13 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
         return Outcome("refused", f"{nothing}; upload one")
     with _flying(flight.plan, run.name):
-        current = yield from asked_message(flight, run, "MISSION_CURRENT", TRY_EVERY)
+        current = yield from asked_message(flight, run, "MISSION_CURRENT", SHOWS_WITHIN)
         if current is not None and (current.mission_state == COMPLETE or current.seq > last):
             yield from go_to_item(flight, run, 1)
         grounded = not vehicle.aloft or modes.ground
         if vehicle.mode != modes.auto:  # whether it stays is seen all the way
             flight.expect_mode(modes.auto)
-            command = flight.submit(run, replace(mode_action(modes.auto), retry=START))
+            command = flight.submit(run, replace(mode_action(modes, modes.auto), retry=START))
             yield from acknowledged(flight, run, command, lambda: vehicle.mode == modes.auto)
             flight.expect_mode(modes.auto)
         if grounded:
@@ -155,7 +155,8 @@ def _fly(
             if vehicle.mode in (modes.auto, modes.after_mission) and vehicle.heartbeats > over_at + stays:
                 return SUCCEEDED
         over = over_at < math.inf and vehicle.mode == modes.after_mission
-        if vehicle.armed and (vehicle.mode == modes.auto or over):
+        returning = vehicle.mode == modes.rtl and items[last].command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH
+        if vehicle.armed and (vehicle.mode == modes.auto or over or (returning and max(furthest, reached) >= last)):
             left_at = None
         else:
             left_at = flight.now if left_at is None else left_at
@@ -191,7 +192,7 @@ def _progress(
 def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float) -> Outcome:
     vehicle = flight.vehicle
     how = (
-        f"the mode became {vehicle.mode_name}, which nobody here asked for (pilot, ground station or failsafe)"
+        f"the mode became {vehicle.mode_name}, which nobody here asked for ({flight.others})"
         if vehicle.armed
         else "the vehicle disarmed"
     )

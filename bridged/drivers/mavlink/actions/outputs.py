@@ -53,6 +53,8 @@ def grip(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     parameter = GRIPPER_PWM.get(int(action.parameters[1]))
     if parameter is None:
         return Outcome("refused", f"a gripper releases (0) or grabs (1), got {action.parameters[1]:g}")
+    if not flight.autopilot.outputs_show:
+        return (yield from acknowledge(flight, run, action))
     found = yield from read_parameter(flight, run, parameter)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {parameter}; has it a gripper?")
@@ -62,7 +64,7 @@ def grip(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
         return Outcome(
             "failed", f"none of the {len(functions)} outputs that were reported is a gripper (SERVOn_FUNCTION = 28)"
         )
-    wanted, named = found[1], " and ".join(map(str, outputs))
+    wanted, named = found.value, " and ".join(map(str, outputs))
     return (
         yield from _shown(
             flight, run, action, f"output {named} at {wanted:g} ({parameter})",
@@ -92,7 +94,7 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
             return SUCCEEDED
         yield
     found = yield from read_parameter(flight, run, FENCE_ENABLE)
-    if found is not None and (found[1] >= 1.0) == wanted:
+    if found is not None and (found.value >= 1.0) == wanted:
         return SUCCEEDED
     if refusal is not None:
         raise refusal

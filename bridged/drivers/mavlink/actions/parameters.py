@@ -1,7 +1,7 @@
 """Parameters by name: read, set, and confirmed by the value that the vehicle took (facts/arducopter.md, Params).
 
-An unknown name is answered by silence, so it is asked for again and again for three seconds. Names differ between
-versions of ArduPilot: both spellings are requested, and the vehicle's answer shows which it has.
+ArduPilot answers an unknown name by silence, so it is asked for again and again for three seconds. Names differ between
+versions and autopilots: both spellings are requested, and the vehicle's answer shows which it has.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Generator
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.confirmation import next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     BoundAction,
@@ -32,9 +32,15 @@ READ_EVERY, PULL_EVERY = (0.5, 0.5), (1.0, 1.0)
 _NEW_NAMES = {"SYSID_THISMAV": "MAV_SYSID", "SYSID_MYGCS": "MAV_GCS_SYSID"}
 _OLD_NAMES = {new: old for old, new in _NEW_NAMES.items()}
 _RENAMED = (_NEW_NAMES, _OLD_NAMES)
-_FAILSAFE_SWITCHES = frozenset({"FS_GCS_ENABLE", "FS_GCS_ENABL", "FS_ACTION"})
-_FAILSAFE_SETTINGS = frozenset({"MAV_GCS_SYSID", "SYSID_MYGCS", "FS_GCS_TIMEOUT"})
-_FENCE_SWITCHES = frozenset({"FENCE_ENABLE", "FENCE_ACTION", "FENCE_TYPE"})
+_ON_PX4 = {"FENCE_RADIUS": "GF_MAX_HOR_DIST", "FENCE_ALT_MAX": "GF_MAX_VER_DIST"}
+"""PX4's parameters of the same meaning and unit."""
+UNKNOWN = dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST
+"""PARAM_ERROR.error of a name that the vehicle does not have."""
+_FAILSAFE_SWITCHES = frozenset({"FS_GCS_ENABLE", "FS_GCS_ENABL", "FS_ACTION", "NAV_DLL_ACT"})
+_FAILSAFE_SETTINGS = frozenset({"MAV_GCS_SYSID", "SYSID_MYGCS", "FS_GCS_TIMEOUT", "COM_DL_LOSS_T"})
+_FENCE_SWITCHES = frozenset({
+    "FENCE_ENABLE", "FENCE_ACTION", "FENCE_TYPE", "GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST",
+})  # fmt: skip
 """Switches are off at 0; another value of a setting may make the failsafe watch another station, or react late."""
 
 
@@ -43,6 +49,8 @@ def spellings(name: str) -> tuple[str, ...]:
     for names in _RENAMED:
         if name in names:
             return (name, names[name])
+    if name in _ON_PX4:
+        return (name, _ON_PX4[name])
     head, _, rest = name.partition("_")
     for old, new, shift in (("SR", "MAV", 1), ("MAV", "SR", -1)):
         number = head.removeprefix(old)
@@ -51,18 +59,37 @@ def spellings(name: str) -> tuple[str, ...]:
     return (name,)
 
 
-def read_parameter(
-    flight: ProcedureContext, run: ProcedureRun, name: str
-) -> Generator[None, None, tuple[str, float] | None]:
-    """Request a parameter. Returns its name on the vehicle and its value, None if the vehicle has none."""
-    names = spellings(name)
+class Parameter(NamedTuple):
+    """A parameter as the vehicle reports it."""
+
+    name: str
+    value: float
+    type: int
+    """MAV_PARAM_TYPE."""
+
+
+def read_parameter(flight: ProcedureContext, run: ProcedureRun, name: str) -> Generator[None, None, Parameter | None]:
+    """Request a parameter, under each spelling of its name. Returns it, None if the vehicle has none.
+
+    A vehicle that reports errors is believed at once; of another, silence is the only sign of an unknown name.
+    """
+    names = set(spellings(name))
     for _ in range(READ_TRIES):
-        for one in names:
+        for one in sorted(names):
             _request(flight, one)
-        run.waits_for = f"the value of {name}"
-        message = yield from next_message(flight, "PARAM_VALUE", READ_EVERY, lambda one: one.param_id in names)
-        if message is not None:
-            return message.param_id, message.param_value
+        until = flight.now + flight.wait(*READ_EVERY)
+        while names and flight.now <= until:
+            run.waits_for = f"the value of {name}"
+            yield
+            match flight.message:
+                case dialect.MAVLink_param_value_message(param_id=found, param_value=value, param_type=kind) if (
+                    found in names
+                ):
+                    return Parameter(found, value, kind)
+                case dialect.MAVLink_param_error_message(param_id=unknown, error=error) if error == UNKNOWN:
+                    names.discard(unknown)
+        if not names:
+            break
     return None
 
 
@@ -93,7 +120,7 @@ def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     found = yield from read_parameter(flight, run, name)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
-    flight.learn(name, found[1])
+    flight.learn(name, found.value)
     return SUCCEEDED
 
 
@@ -167,14 +194,15 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
     found = yield from read_parameter(flight, run, name)
     if found is None:
         raise Ended("failed", f"the vehicle knows no parameter {name}")
-    theirs, reported = found[0], None
+    kind = found.type if flight.autopilot.typed_parameters else dialect.MAV_PARAM_TYPE_REAL32
+    if kind != dialect.MAV_PARAM_TYPE_REAL32 and not (wanted.is_integer() and abs(wanted) < 2**31):
+        raise Ended("refused", f"{name} is a whole number on the vehicle, got {wanted:g}")
+    reported = None
     for _ in range(SET_TRIES):
-        flight.send(
-            dialect.MAVLink_param_set_message(*flight.addressee, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32)
-        )
+        flight.send(dialect.MAVLink_param_set_message(*flight.addressee, found.name.encode(), wanted, kind))
         run.waits_for = f"the vehicle to take {name} = {wanted:g}"
-        again = yield from read_parameter(flight, run, theirs)  # a late answer to the first question is older
-        reported = reported if again is None else again[1]
+        again = yield from read_parameter(flight, run, found.name)  # a late answer to the first question is older
+        reported = reported if again is None else again.value
         if reported == wanted:
             break
     if reported is None:

@@ -7,7 +7,7 @@ takes for the sticks.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -21,6 +21,7 @@ from bridged.drivers.mavlink.actions.confirmation import (
     arrive,
     asked_message,
     check_guided_aloft,
+    target_taken,
 )
 from bridged.drivers.mavlink.actions.context import (
     POSITION_IGNORED,
@@ -69,7 +70,7 @@ def go_to_local(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a velocity: the vehicle's own target agrees.
 
-    ArduPilot stops the vehicle after 3 s without a new one; that is the end of the motion, not of the action.
+    The vehicle stops 3 s after the last one; that is the end of the motion, not of the action.
     """
     target = _local(run, action)
     check_guided_aloft(flight, "velocities")
@@ -90,7 +91,8 @@ def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         level = math.hypot(*reported[:2]) - math.hypot(*velocity[:2])  # the heading moves on meanwhile
         return abs(level) <= SPEED_NEAR and abs(reported[2] - velocity[2]) <= SPEED_NEAR
 
-    if (yield from _sent_until_shown(flight, run, target, fits)):
+    send = yield from flight.autopilot.begin_velocity(flight, run, target)
+    if (yield from _sent_until_shown(flight, run, send, fits)):
         return SUCCEEDED
     reason = f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries"
     return Outcome("refused", f"{reason}; {flight.state_text()}")
@@ -133,24 +135,29 @@ def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     if goal is None:
         raise Ended("refused", "the vehicle's heading is not known yet")
     north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
-    if action.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
+    there = flight.vehicle.position.moved(north, east, -down)
+    if action.limited and (broken := flight.outside_limits(there)):
         raise Ended("refused", broken, "limits")
+    if not flight.autopilot.local_places:
+        frame = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        yield from target_taken(flight, run, replace(action, target=there, frame=frame, yaw=target.yaw))
+        return
 
     def fits(message: dialect.MAVLink_message) -> bool:
         shown = not message.type_mask & POSITION_IGNORED
         return shown and math.dist((message.x, message.y, message.z), goal) <= TARGET_NEAR
 
     absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
-    if not (yield from _sent_until_shown(flight, run, absolute, fits)):
+    if not (yield from _sent_until_shown(flight, run, lambda: flight.send_local(absolute), fits)):
         reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
         raise Ended("refused", f"{reason}; {flight.state_text()}")
 
 
 def _sent_until_shown(
-    flight: ProcedureContext, run: ProcedureRun, target: LocalTarget, fits: Fits
+    flight: ProcedureContext, run: ProcedureRun, send: Callable[[], None], fits: Fits
 ) -> Generator[None, None, bool]:
     for _ in range(TARGET_ATTEMPTS):
-        flight.send_local(target)
+        send()
         run.waits_for = "the vehicle to report the target as its own"
         if (yield from asked_message(flight, run, "POSITION_TARGET_LOCAL_NED", TARGET_WAIT, fits)) is not None:
             return True

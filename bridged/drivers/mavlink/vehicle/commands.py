@@ -7,6 +7,7 @@ that a command has worked.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -159,9 +160,17 @@ class Commands:
             self._send(dialect.MAVLink_command_long_message(*to, number, again, *command.parameters))
         else:
             *first, latitude, longitude, altitude = command.parameters
-            place = (round(latitude * 1e7), round(longitude * 1e7), altitude)
+            place = (_degrees_e7(latitude), _degrees_e7(longitude), altitude)
             self._send(dialect.MAVLink_command_int_message(*to, command.frame, number, 0, 0, *first, *place))
         self.repeated += command.sent > 0
         command.sent += 1
         command.next_at = now + float(command.retry.every) * self._patience
         return False
+
+
+NO_PLACE = 2**31 - 1
+"""Latitude or longitude of a COMMAND_INT that names no place."""
+
+
+def _degrees_e7(degrees: float) -> int:
+    return NO_PLACE if math.isnan(degrees) else round(degrees * 1e7)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -48,11 +48,39 @@ class ModeTable:
     """It never leaves the ground."""
     stay_guided: bool = True
     """A motion that is cancelled ends in GUIDED with the place as its target; otherwise in the mode of `hold`."""
+    autopilot: int = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+    """MAV_AUTOPILOT of its HEARTBEAT."""
+    synonyms: Mapping[str, int] = field(default_factory=dict)
+    """Further names by which a mode may be requested, such as the autopilot's own."""
+    also_targets: frozenset[int] = frozenset()
+    """Modes besides `guided` in which the vehicle takes position targets, as it leaves them by itself."""
+    at_arming: frozenset[int] = frozenset()
+    """Modes in which arming starts a flight or a drive by itself."""
+    resting: frozenset[int] = frozenset()
+    """Modes that the vehicle enters by itself when its motors have stopped."""
+    hands_over: bool = True
+    """Whether others who set `guided` hand the vehicle over: it is a mode for computers only."""
+    main_and_sub: bool = False
+    """A mode is requested by two numbers, which `custom_mode` holds in its third and fourth byte."""
 
     @property
     def ordered(self) -> frozenset[int]:
         """The modes in which agents and orders leave a vehicle; one found in another is flown by somebody else."""
         return frozenset({self.guided, self.hold, self.land, self.rtl})
+
+    @property
+    def targets(self) -> frozenset[int]:
+        """The modes in which position targets are taken."""
+        return self.also_targets | {self.guided}
+
+    def request(self, mode: int) -> tuple[float, float]:
+        """Return param2 and param3 of DO_SET_MODE for a mode (custom_mode)."""
+        return (float(mode >> 16 & 0xFF), float(mode >> 24)) if self.main_and_sub else (float(mode), 0.0)
+
+    def requested(self, param2: float, param3: float) -> int:
+        """Return the mode (custom_mode) that param2 and param3 of DO_SET_MODE request."""
+        one, two = int(param2), int(param3)
+        return one << 16 | two << 24 if self.main_and_sub and one <= 0xFF else one
 
     def order_of(self, mode: int) -> Order | None:
         """The order that a mode carries out; of several with one mode the least safe, so that the others still count.
@@ -79,6 +107,8 @@ class ModeTable:
         for number, name in self.names.items():
             if name == wanted:
                 return number
+        if wanted in self.synonyms:
+            return self.synonyms[wanted]
         inner = wanted.removeprefix("CMODE(").removesuffix(")")
         if inner.isascii() and inner.isdigit() and len(inner) <= 9:
             return int(inner)
@@ -146,35 +176,117 @@ ARDUROVER = ModeTable(
     lands=False,
     ground=True,
     stay_guided=False,
+    at_arming=frozenset({10}),
 )
 """ArduPilot Rover/mode.h of 2025-10, for cars and boats. The orders `hold` and `land` are both HOLD: it stops."""
+
+
+def _packed(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+_POSCTL, _TAKEOFF, _LOITER, _MISSION = _packed(3), _packed(4, 2), _packed(4, 3), _packed(4, 4)
+_RTL, _LAND, _OFFBOARD, _DESCEND = _packed(4, 5), _packed(4, 6), _packed(6), _packed(4, 20)
+_PX4_NAMES = {
+    _packed(1): "MANUAL", _packed(2): "ALTCTL", _POSCTL: "POSCTL", _packed(3, 1): "ORBIT", _packed(3, 2): "SLOW",
+    _packed(4, 1): "READY", _TAKEOFF: "TAKEOFF", _LOITER: "GUIDED", _MISSION: "AUTO", _RTL: "RTL", _LAND: "LAND",
+    _packed(4, 8): "FOLLOW", _packed(4, 9): "PRECLAND", _packed(4, 10): "VTOL_TAKEOFF", _packed(4, 19): "COURSE",
+    _DESCEND: "DESCEND", _packed(5): "ACRO", _OFFBOARD: "OFFBOARD", _packed(7): "STABILIZED",
+    _packed(10): "TERMINATION", _packed(11): "ALTITUDE_CRUISE",
+}  # fmt: skip
+"""ArduPilot's names where a mode does the same, so that programs fly both: the resting mode of PX4, in which it stays
+and takes targets, is GUIDED."""
+_PX4_OWN_NAMES = {
+    "HOLD": _LOITER, "LOITER": _LOITER, "BRAKE": _LOITER, "AUTO.LOITER": _LOITER, "MISSION": _MISSION,
+    "AUTO.MISSION": _MISSION, "AUTO.RTL": _RTL, "AUTO.LAND": _LAND, "AUTO.TAKEOFF": _TAKEOFF,
+    "AUTO.PRECLAND": _packed(4, 9), "AUTO.FOLLOW": _packed(4, 8), "POSHOLD": _POSCTL, "STABILIZE": _packed(7),
+    "ALT_HOLD": _packed(2),
+}  # fmt: skip
+
+PX4_COPTER = ModeTable(
+    vehicle="copter",
+    autopilot=dialect.MAV_AUTOPILOT_PX4,
+    types=ARDUCOPTER.types,
+    names=MappingProxyType(_PX4_NAMES),
+    synonyms=MappingProxyType(_PX4_OWN_NAMES),
+    guided=_LOITER,
+    hold=_LOITER,
+    land=_LAND,
+    rtl=_RTL,
+    auto=_MISSION,
+    after_mission=_LOITER,
+    without_position=frozenset(map(_packed, (1, 2, 5, 7, 11))),
+    landing=frozenset({_packed(4, 9), _DESCEND}),
+    takeoff=_TAKEOFF,
+    stay_guided=False,
+    also_targets=frozenset({_TAKEOFF, _OFFBOARD, _packed(3, 1)}),
+    at_arming=frozenset({_TAKEOFF, _MISSION}),
+    resting=frozenset({_LOITER}),
+    hands_over=False,
+    main_and_sub=True,
+)
+"""PX4 main of 2026-08 (px4_custom_mode.h). A pilot's Hold is the mode that takes targets too, so only an agent takes
+control again, by setting the mode."""
+
+PX4_PLANE = replace(
+    PX4_COPTER,
+    vehicle="plane",
+    types=ARDUPLANE.types,
+    land=_RTL,
+    landing=frozenset({_LAND, _DESCEND}),
+    lands=False,
+    can_stop=False,
+)
+"""A fixed wing's AUTO.LAND descends wherever it is, so the order `land` takes it home (RTL), where it circles or flies
+the landing of its mission (RTL_TYPE)."""
+
+PX4_VTOL = replace(PX4_COPTER, vehicle="plane", types=ARDUPLANE_VTOL.types, can_stop=False)
+"""A plane that reports vertical takeoff: it lands by AUTO.LAND."""
+
+PX4_ROVER = replace(PX4_COPTER, vehicle="rover", types=ARDUROVER.types, ground=True, takeoff=None)
+"""Cars and boats: AUTO.LAND stops it and then its motors."""
+
+PX4_OFFBOARD = _OFFBOARD
+"""Takes setpoints, and only while they are streamed."""
 
 MODE_TABLES: Mapping[str, ModeTable] = MappingProxyType(
     {table.vehicle: table for table in (ARDUCOPTER, ARDUPLANE, ARDUROVER)}
 )
-"""By the manifest's `vehicle`."""
+"""By the manifest's `vehicle`, as long as the autopilot of the vehicle is not known."""
 
-_BY_TYPE = {kind: table for table in (ARDUCOPTER, ARDUPLANE, ARDUPLANE_VTOL, ARDUROVER) for kind in table.types}
+_BY_HEARTBEAT = {
+    (table.autopilot, kind): table
+    for table in (
+        ARDUCOPTER, ARDUPLANE, ARDUPLANE_VTOL, ARDUROVER, PX4_COPTER, PX4_PLANE, PX4_VTOL, PX4_ROVER,
+    )
+    for kind in table.types
+}  # fmt: skip
 
 COMING_HOME: frozenset[str] = frozenset(
-    name for table in _BY_TYPE.values() for mode, name in table.names.items() if table.order_of(mode) in ("rtl", "land")
+    name
+    for table in _BY_HEARTBEAT.values()
+    for mode, name in table.names.items()
+    if table.order_of(mode) in ("rtl", "land")
 )
 """Names of the modes in which a vehicle of any kind returns or lands by itself."""
 
 
-def table_of(declared: ModeTable, kind: int) -> ModeTable:
-    """The table of a vehicle of this MAV_TYPE: as it is, not as the manifest says; `declared` if nothing is known."""
-    return _BY_TYPE.get(kind, declared)
+def table_of(declared: ModeTable, autopilot: int, kind: int) -> ModeTable:
+    """Return the table of a vehicle of this MAV_AUTOPILOT and MAV_TYPE: as it is, not as the manifest says.
 
-
-def nameless(declared: ModeTable) -> ModeTable:
-    """The table of an autopilot whose modes are not known: each is called by its number."""
+    Of a type that is not known the declared kind counts; the modes of an unknown autopilot have numbers only.
+    """
+    if (known := _BY_HEARTBEAT.get((autopilot, kind))) is not None:
+        return known
+    for table in _BY_HEARTBEAT.values():
+        if (table.autopilot, table.vehicle) == (autopilot, declared.vehicle):
+            return table
     return replace(declared, names=MappingProxyType({}))
 
 
 def contradiction(declared: ModeTable, kind: int) -> str:
     """Return a text that a MAV_TYPE is not of the manifest's vehicle; empty if it may be."""
-    known = _BY_TYPE.get(kind)
+    known = _BY_HEARTBEAT.get((dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, kind))
     if kind == dialect.MAV_TYPE_GENERIC or (known is not None and known.vehicle == declared.vehicle):
         return ""
     entry = dialect.enums["MAV_TYPE"].get(kind)

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.vehicle.commands import Identity
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from schemas.mission.model import Failsafe, Ids
 from schemas.wire.records import Note
 
-PARAMETER = "FS_GCS_ENABLE"
-"""ArduCopter: 0 = the failsafe is off."""
 TRIES = 4
 TRY_EVERY = 1.0
 """Mission and wall seconds; an unknown parameter is answered by silence."""
@@ -61,18 +61,35 @@ class FailsafeCheck:
     ) -> None:
         self.claims_ground_station = failsafe.gcs == "bridge"
         """Our heartbeats keep the vehicle's failsafe quiet, so they stop when no agent is there."""
+        self.parameter = ""
+        """Its switch, off at 0; empty while the autopilot is not known."""
         self.value: float | None = None
+        """Of the parameter; None = not reported yet."""
         self._failsafe = failsafe
         self._identity = identity
         self._send = send
         self._every = TRY_EVERY * max(1.0, speed)
         self._tries = 0
         self._next_at = math.inf
+        self._for_texts = False
 
-    def begin(self, now: float) -> None:
-        """Read the parameter of a vehicle that is connected (again) now (seconds), unless nobody relies on it."""
-        if self._failsafe.watches:
+    def begin(self, now: float, autopilot: Autopilot, modes: ModeTable) -> None:
+        """Read the parameter of a vehicle that is connected (again) now (seconds), unless nobody needs to know it."""
+        self.parameter = autopilot.station_failsafe(modes)
+        self._for_texts = autopilot.texts_for_stations_only and not self.claims_ground_station
+        if self._failsafe.watches or self._for_texts:
             self.value, self._tries, self._next_at = None, 0, now
+
+    @property
+    def heartbeat_type(self) -> int:
+        """MAV_TYPE of our heartbeats: a ground station's where the vehicle sends its texts to those only.
+
+        Such heartbeats would hide the loss of another ground station from a failsafe that is on.
+        """
+        stands_in = self._for_texts and self.value == 0
+        if stands_in or (self.claims_ground_station and self.parameter == "NAV_DLL_ACT"):
+            return int(dialect.MAV_TYPE_GCS)
+        return int(dialect.MAV_TYPE_ONBOARD_CONTROLLER)
 
     def tick(self, now: float) -> None:
         """Request the parameter, and again while there is no answer; the time is in seconds."""
@@ -83,11 +100,12 @@ class FailsafeCheck:
             return
         self._tries += 1
         self._next_at = now + self._every
-        self._send(dialect.MAVLink_param_request_read_message(*self._identity.addressee, PARAMETER.encode(), -1))
+        name = self.parameter.encode()
+        self._send(dialect.MAVLink_param_request_read_message(*self._identity.addressee, name, -1))
 
     def receive(self, message: dialect.MAVLink_message) -> None:
         """Take in a PARAM_VALUE; its name shows whether it is ours."""
-        if message.param_id == PARAMETER:
+        if message.param_id == self.parameter:
             self.value = message.param_value
 
     def notes(self) -> list[Note]:
@@ -95,9 +113,14 @@ class FailsafeCheck:
         match self._failsafe.gcs, self.value:
             case "none", _:
                 return [Note("failsafe_none", "failsafe: none: if this bridge dies, nothing brings the vehicle home")]
-            case _, None if self._tries >= TRIES and self._next_at == math.inf:
-                return [Note("failsafe_unknown", f"failsafe: the vehicle does not report {PARAMETER}")]
-            case _, value if value is not None and value == 0:
-                text = f"failsafe: {PARAMETER} is 0 on the vehicle: its ground-station failsafe is off"
+            case "bridge" | "human", None if self._tries >= TRIES and self._next_at == math.inf:
+                return [Note("failsafe_unknown", f"failsafe: the vehicle does not report {self.parameter}")]
+            case "bridge" | "human", value if value is not None and value == 0:
+                text = f"failsafe: {self.parameter} is 0 on the vehicle: its ground-station failsafe is off"
                 return [Note("failsafe_off", text)]
+            case _, value if self._for_texts and value:
+                text = (
+                    f"{self.parameter} is on: the vehicle sends texts to ground stations only, and this bridge is none"
+                )
+                return [Note("texts_missing", text)]
         return []

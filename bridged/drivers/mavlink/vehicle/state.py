@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, nameless, table_of
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, table_of
 from schemas import geo
 
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -65,6 +65,8 @@ class Vehicle:
         self.heard_at = -math.inf
         """Time of the last HEARTBEAT."""
         self.mode = -1
+        self.wanted_mode = -1
+        """The mode that somebody set last (CURRENT_MODE); a failsafe is in another. -1 = not reported."""
         self.armed = False
         self.base_mode = 0
         """MAV_MODE_FLAG bits of its HEARTBEAT."""
@@ -145,8 +147,7 @@ class Vehicle:
                 self.mode = message.custom_mode
                 if (message.type, message.autopilot) != (self.type, self.autopilot):
                     self.type, self.autopilot = message.type, message.autopilot
-                    known = not self.unknown_autopilot
-                    self.modes = table_of(self.declared, message.type) if known else nameless(self.declared)
+                    self.modes = table_of(self.declared, message.autopilot, message.type)
                 if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
                     self._rebooted()
                 self.base_mode, self.system_status = message.base_mode, message.system_status
@@ -165,8 +166,10 @@ class Vehicle:
                 self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
                 there = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
                 self._unhealthy = there & ~message.onboard_control_sensors_health
-            case "EKF_STATUS_REPORT":
+            case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
                 self.ekf_flags = message.flags
+            case "CURRENT_MODE":
+                self.wanted_mode = message.intended_custom_mode or message.custom_mode
             case "GPS_RAW_INT":
                 self.gps_fix = message.fix_type
             case "EXTENDED_SYS_STATE":
@@ -188,12 +191,11 @@ class Vehicle:
 
     @property
     def unknown_autopilot(self) -> str:
-        """The name of an autopilot whose modes and commands this driver does not know; empty for ArduPilot.
+        """The name of an autopilot whose modes and commands this driver does not know; empty for ArduPilot and PX4.
 
-        Mode numbers, the frames of altitudes and what an acknowledgement means differ: ArduCopter's GUIDED (4) is
-        PX4's AUTO.MISSION, and an altitude above home is taken as one above the sea.
+        Mode numbers, the frames of altitudes and what an acknowledgement means differ between autopilots.
         """
-        if self.autopilot in (None, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA):
+        if self.autopilot in (None, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4):
             return ""
         entry = dialect.enums["MAV_AUTOPILOT"].get(self.autopilot)
         return entry.name.removeprefix("MAV_AUTOPILOT_") if entry else f"MAV_AUTOPILOT {self.autopilot}"
@@ -203,7 +205,14 @@ class Vehicle:
         """Why nothing may be sent to it that commands or configures it; empty if it may."""
         if not (name := self.unknown_autopilot):
             return ""
-        return f"the autopilot of the vehicle is {name}, and only ArduPilot is commanded: it is listened to only"
+        return (
+            f"the autopilot of the vehicle is {name}, and only ArduPilot and PX4 are commanded: it is listened to only"
+        )
+
+    @property
+    def failsafe_acts(self) -> bool:
+        """Whether the vehicle reports that a failsafe of its own flies it, against what was set."""
+        return self.system_status == dialect.MAV_STATE_CRITICAL and self.wanted_mode not in (-1, self.mode)
 
     def state(self) -> dict[str, object]:
         """The content of its last HEARTBEAT; empty while it is not heard."""

@@ -64,8 +64,13 @@ class Texts:
     def receive(self, message: dialect.MAVLink_message, now: float) -> list[StatusText]:
         """Take in a STATUSTEXT, or one chunk of a long one. Returns the texts that are whole by it.
 
-        A long text of which a chunk was lost is given up when the next text begins.
+        A long text of which a chunk was lost is given up when the next text begins. The first long text of a PX4 has
+        the number of short ones (0): its first chunk counts as whole until the next one arrives.
         """
+        before = self._texts[-1] if self._texts else None
+        if not message.id and message.chunk_seq and before is not None and len(before.text) == CHUNK:
+            self._texts.pop()
+            return self._keep(message.severity, before.text + message.text, now)
         whole: list[StatusText] = []
         if self._long is not None and message.id != self._long.number:
             whole += self._keep(self._long.severity, self._long.text(), now)

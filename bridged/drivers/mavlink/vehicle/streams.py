@@ -13,26 +13,20 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand
 from schemas.manifest.loader import Manifest, Retry
 from schemas.wire.records import Note
 
-OWN_NEEDS = {
-    "GLOBAL_POSITION_INT": 5.0,
-    "SYS_STATUS": 1.0,
-    "GPS_RAW_INT": 2.0,
-    "EKF_STATUS_REPORT": 2.0,
-    "EXTENDED_SYS_STATE": 2.0,
-    "POSITION_TARGET_GLOBAL_INT": 2.0,
-}
-"""Hz at least of what readiness and the confirmations look at."""
 UNASKED = frozenset({
     "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "VEHICLE_TEXT", "MISSION",
     "MISSION_LIST",
     "PARAM_VALUE", "MISSION_ITEM_REACHED", "MISSION_ACK", "MISSION_COUNT",
 })  # fmt: skip
 """Come by themselves, on request, or are the driver's own."""
-SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS"})
+SPORADIC = frozenset({
+    "POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS", "MISSION_CURRENT", "CURRENT_MODE",
+})  # fmt: skip
 """Sent only in some states of the vehicle: their silence proves nothing."""
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""
@@ -51,7 +45,7 @@ class _Stream:
     number: int
     name: str
     rate: float
-    """Hz while the vehicle is at work."""
+    """Hz while the vehicle is at work; 0 = nobody needs it, and it is stopped."""
     asked: float = 0.0
     """Hz asked for last."""
     denied: bool = False
@@ -61,6 +55,11 @@ class _Stream:
         """Whether fewer than half of the messages were `received` in the `window` seconds that end now."""
         return not self.denied and self.name not in SPORADIC and received < self.asked * window / 2
 
+    @property
+    def interval(self) -> float:
+        """Microseconds between two messages as asked for last; -1 = none."""
+        return round(1e6 / self.asked) if self.asked else -1.0
+
 
 class Streams:
     """The messages that one vehicle is asked for.
@@ -68,7 +67,7 @@ class Streams:
     `speed` is mission seconds per wall second; `now` is in mission seconds.
     """
 
-    def __init__(self, manifest: Manifest, commands: Commands, speed: float) -> None:
+    def __init__(self, manifest: Manifest, autopilot: Autopilot, commands: Commands, speed: float) -> None:
         self.received: Counter[str] = Counter()
         """Messages by name in the present window; counted by the session."""
         self.requested = 0
@@ -76,18 +75,19 @@ class Streams:
         self._commands = commands
         self._window = WINDOW * max(1.0, speed)
         self._scale = max(1.0, speed)
-        self._streams = {stream.name: stream for stream in _wanted(manifest)}
+        self._autopilot = autopilot
+        self._streams = {stream.name: stream for stream in _wanted(manifest, autopilot)}
         self._judge_at = math.inf
         self._home_at = math.inf
         self.at_work = False
         """Whether the full rates are asked for."""
         self._starved: list[str] = []
 
-    def adopt(self, manifest: Manifest, now: float) -> None:
-        """Request the streams that another manifest needs and that differ; now is in mission seconds."""
-        old = self._streams
+    def adopt(self, manifest: Manifest, autopilot: Autopilot, now: float) -> None:
+        """Request the streams that another manifest or autopilot needs and that differ; now is in mission seconds."""
+        old, self._autopilot = self._streams, autopilot
         self._streams = {}
-        for stream in _wanted(manifest):
+        for stream in _wanted(manifest, autopilot):
             known = old.get(stream.name, stream)
             known.rate = stream.rate
             self._streams[stream.name] = known
@@ -126,7 +126,7 @@ class Streams:
         """
         for stream in self._streams.values():
             if stream.pending is not None and stream.pending.over:
-                stream.denied = stream.pending.result in (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED)
+                stream.denied = stream.pending.result in self._autopilot.stream_denials
                 unheard = stream.pending.silent and stream.name in SPORADIC  # of the others, what came is judged
                 stream.pending = None
                 if (unheard or stream.asked != self._rate(stream)) and self._judge_at < math.inf:
@@ -145,7 +145,7 @@ class Streams:
 
     def notes(self) -> list[Note]:
         """Return what the vehicle was asked for and does not send."""
-        denied = [stream.name for stream in self._streams.values() if stream.denied]
+        denied = [stream.name for stream in self._streams.values() if stream.denied and stream.rate]
         notes = [Note("message_unknown", f"the vehicle does not know {name}", name) for name in denied]
         return notes + [
             Note("message_late", f"{name} arrives too rarely; requested again", name) for name in self._starved
@@ -160,7 +160,7 @@ class Streams:
         rate = self._rate(stream)
         self.requested += 1
         stream.asked = rate
-        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / rate), now)
+        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, stream.interval, now)
 
     def _submit(self, command: int, number: int, interval: float, now: float) -> MavlinkCommand:
         parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -171,8 +171,8 @@ class Streams:
         self._judge_at = now + self._window
 
 
-def _wanted(manifest: Manifest) -> Iterable[_Stream]:
-    rates = dict(OWN_NEEDS)
+def _wanted(manifest: Manifest, autopilot: Autopilot) -> Iterable[_Stream]:
+    rates = dict.fromkeys(autopilot.unasked, 0.0) | dict(autopilot.needs)
     for percept in manifest.percepts.values():
         if percept.source not in UNASKED:
             rates[percept.source] = max(rates.get(percept.source, 0.0), percept.rate or DEFAULT_RATE)

@@ -6,6 +6,7 @@ import os
 from collections import Counter
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome, Value
@@ -32,6 +33,7 @@ class Replay:
         self.name, self.identity = name, identity
         self.told: list[tuple[float, Perception]] = []
         self.sent: Counter[str] = Counter()
+        self.messages: list[dialect.MAVLink_message] = []
         self.clock = VirtualClock()
         self.percepts = PerceptPublisher(
             MANIFEST,
@@ -41,9 +43,7 @@ class Replay:
             boot="b",
             clock=self.clock,
         )
-        self.talk = VehicleSession(
-            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.percepts.take, self.clock
-        )
+        self.talk = VehicleSession(MANIFEST, identity, self._send, self.percepts.take, self.clock)
         self.ended: dict[str, tuple[float, Outcome]] = {}
 
     @property
@@ -75,6 +75,10 @@ class Replay:
                 running.remove(run)
                 assert run.outcome is not None
                 self.ended[run.name] = (self.now, run.outcome)
+
+    def _send(self, message: dialect.MAVLink_message) -> None:
+        self.sent.update([message.get_type()])
+        self.messages.append(message)
 
     def tick(self, now: float) -> None:
         self.clock.time = now

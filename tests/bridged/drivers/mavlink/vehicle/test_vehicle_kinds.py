@@ -94,7 +94,7 @@ def test_a_vehicle_that_does_not_say_what_it_is_contradicts_nothing() -> None:
     assert contradiction(ARDUCOPTER, dialect.MAV_TYPE_HEXAROTOR) == ""
     assert contradiction(ARDUPLANE, dialect.MAV_TYPE_VTOL_TILTROTOR) == ""
     assert "MAV_TYPE_SUBMARINE" in contradiction(ARDUROVER, dialect.MAV_TYPE_SUBMARINE)
-    assert table_of(ARDUCOPTER, dialect.MAV_TYPE_SUBMARINE) is ARDUCOPTER
+    assert table_of(ARDUCOPTER, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_TYPE_SUBMARINE) is ARDUCOPTER
 
 
 @pytest.mark.parametrize(

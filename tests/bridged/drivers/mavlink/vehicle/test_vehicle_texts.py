@@ -138,3 +138,10 @@ def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None
     assert heard[-1].reason.startswith("the mode became LOITER")
     assert sky.belief("override") == ("LOITER",)
     assert sky.bridge.health().notes == ()
+
+
+def test_the_first_long_text_of_a_px4_is_joined_though_it_has_the_number_of_short_ones() -> None:
+    texts, first = Texts(), "Arming denied: Resolve system health failures firs"
+    assert [one.text for one in texts.receive(text(first, CRITICAL), 1.0)] == [first]
+    assert [one.text for one in texts.receive(text("t\t", CRITICAL, seq=1), 1.0)] == [first + "t"]
+    assert texts.since(0.0) == first + "t"

@@ -1,0 +1,84 @@
+"""What procedures need to know of an autopilot: how it is commanded, what it streams, how it numbers and encodes.
+
+Actions, percepts and their meaning are the same for agents whichever autopilot flies: altitudes of targets count from
+home, items of a mission from 1, and parameters are numbers.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Mapping
+from typing import TYPE_CHECKING, ClassVar
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
+
+if TYPE_CHECKING:
+    from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, ProcedureContext, ProcedureRun
+
+
+class Autopilot(ABC):
+    """One kind of autopilot, without state: that is the vehicle's. All times are mission seconds."""
+
+    name: ClassVar[str]
+    needs: ClassVar[Mapping[str, float]]
+    """Hz at least of the messages that readiness and the confirmations look at."""
+    unasked: ClassVar[tuple[str, ...]] = ()
+    """Messages that it streams fast without being asked: stopped where no percept needs them."""
+    stream_denials: ClassVar[frozenset[int]]
+    """Results (MAV_RESULT) of SET_MESSAGE_INTERVAL that say that it does not have the message."""
+    pre_arm: ClassVar[str]
+    """Prefix of its texts of failed arming checks."""
+    texts_for_stations_only: ClassVar[bool]
+    """Whether it sends STATUSTEXT only on a link on which it hears the HEARTBEAT of a ground station."""
+    typed_parameters: ClassVar[bool]
+    """Whether a parameter is set only by its own type, and errors are reported (PARAM_ERROR)."""
+    outputs_show: ClassVar[bool]
+    """Whether outputs and parameters show what a gripper does; otherwise it acknowledges when that is done."""
+    local_places: ClassVar[bool]
+    """Whether it takes SET_POSITION_TARGET_LOCAL_NED with a place in the mode that takes targets."""
+    settles: ClassVar[float] = 0.0
+    """Metres beside the altitude of a takeoff at which it ends one by itself."""
+    home_is_an_item: ClassVar[bool] = True
+    """Whether the first item of a stored mission is home, and an item at 0/0 is flown where the vehicle is."""
+    judges_missions_later: ClassVar[bool] = False
+    """Whether it stores a mission before it judges whether the mission can be flown."""
+
+    @abstractmethod
+    def station_failsafe(self, modes: ModeTable) -> str:
+        """Return the name of the parameter that switches the ground-station failsafe; at 0 it is off."""
+
+    def incoming(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
+        """Return a message of the vehicle in the numbering and encoding that procedures use."""
+        return message
+
+    def outgoing(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
+        """Return a message of procedures in the vehicle's numbering and encoding."""
+        return message
+
+    @abstractmethod
+    def hold(self, modes: ModeTable) -> BoundAction:
+        """Return the command of the order `hold`: the vehicle stays where it is, whatever it did."""
+
+    @abstractmethod
+    def takeoff(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
+        """Return the command of a takeoff to param7 metres above home. Raises Ended where it must not be sent."""
+
+    @abstractmethod
+    def reposition(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
+        """Return the DO_REPOSITION of an action that has a target."""
+
+    @abstractmethod
+    def offer_target(self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> MavlinkCommand | None:
+        """Send the target of an action once. Returns the command that carries it; None = a message does."""
+
+    @abstractmethod
+    def begin_velocity(
+        self, flight: ProcedureContext, run: ProcedureRun, target: LocalTarget
+    ) -> Generator[None, None, Callable[[], None]]:
+        """Prepare the vehicle for a velocity that ends `GUIDED_TIMEOUT` s after the last. Raises Ended.
+
+        Returns what sends the velocity once more.
+        """

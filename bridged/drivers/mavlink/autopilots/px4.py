@@ -1,0 +1,188 @@
+"""PX4 1.15 and later: what it does otherwise than ArduPilot, as measured on its main branch of 2026-08.
+
+Altitudes of NAV_TAKEOFF and DO_REPOSITION are above the sea whatever the frame, a takeoff is acknowledged disarmed too,
+velocities are flown only in OFFBOARD and only as a stream, integers are sent as the bytes of a float, and the items of
+a mission are numbered from 0, without home.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.actions.confirmation import ABOVE_HOME, enter
+from bridged.drivers.mavlink.actions.context import (
+    GUIDED_TIMEOUT,
+    BoundAction,
+    Ended,
+    LocalTarget,
+    ProcedureContext,
+    ProcedureRun,
+)
+from bridged.drivers.mavlink.actions.flight import mode_action
+from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
+from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
+from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
+from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
+from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
+
+NO_MISSION = 65535
+"""MISSION_CURRENT.total of a vehicle that stores no mission."""
+SETPOINTS_BEFORE = 3
+"""Setpoints that are sent before OFFBOARD is requested: without any it is refused."""
+_SIGNED = {dialect.MAV_PARAM_TYPE_INT8, dialect.MAV_PARAM_TYPE_INT16, dialect.MAV_PARAM_TYPE_INT32}
+_UNSIGNED = {dialect.MAV_PARAM_TYPE_UINT8, dialect.MAV_PARAM_TYPE_UINT16, dialect.MAV_PARAM_TYPE_UINT32}
+_NUMBERED = frozenset({
+    "MISSION_CURRENT", "MISSION_ITEM_REACHED", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT",
+    "MISSION_ITEM", "MISSION_SET_CURRENT",
+})  # fmt: skip
+
+
+class Px4(Autopilot):
+    """PX4 in the conventions of procedures."""
+
+    name: ClassVar = "PX4"
+    needs: ClassVar = {
+        "GLOBAL_POSITION_INT": 5.0,
+        "SYS_STATUS": 1.0,
+        "GPS_RAW_INT": 2.0,
+        "ESTIMATOR_STATUS": 1.0,
+        "EXTENDED_SYS_STATE": 2.0,
+        "POSITION_TARGET_GLOBAL_INT": 2.0,
+        "CURRENT_MODE": 0.5,
+        "MISSION_CURRENT": 1.0,
+    }
+    unasked: ClassVar = (
+        "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "HIGHRES_IMU", "LOCAL_POSITION_NED", "ODOMETRY",
+        "ALTITUDE", "TIMESYNC", "SERVO_OUTPUT_RAW", "VFR_HUD", "SCALED_PRESSURE", "PING",
+    )  # fmt: skip
+    stream_denials: ClassVar = frozenset({
+        dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED,
+    })  # fmt: skip
+    pre_arm: ClassVar = "Preflight Fail: "
+    texts_for_stations_only: ClassVar = True
+    typed_parameters: ClassVar = True
+    outputs_show: ClassVar = False
+    local_places: ClassVar = False
+    settles: ClassVar = 1.0
+    """Seen: up to 0.8 m low."""
+    home_is_an_item: ClassVar = False
+    judges_missions_later: ClassVar = True
+
+    def station_failsafe(self, modes: ModeTable) -> str:
+        """One name for all kinds; what it does is the value."""
+        return "NAV_DLL_ACT"
+
+    def incoming(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
+        """Integers by value, and items counted from 1 with home before them."""
+        kind = message.get_type()
+        if kind == "PARAM_VALUE":
+            message.param_value = number_of(message.param_value, message.param_type)
+        elif getattr(message, "mission_type", 0) == dialect.MAV_MISSION_TYPE_MISSION:
+            if kind in _NUMBERED:
+                message.seq += 1
+            if kind == "MISSION_COUNT":
+                message.count += 1
+            elif kind == "MISSION_CURRENT" and message.total == NO_MISSION:
+                message.total = 0
+            elif kind in ("MISSION_ITEM_INT", "MISSION_ITEM"):
+                message.param4 = 0.0 if math.isnan(message.param4) else message.param4
+                if message.command == dialect.MAV_CMD_DO_JUMP:
+                    message.param1 += 1
+        return message
+
+    def outgoing(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
+        """Integers by their bytes, and items counted from 0 without home. A yaw of 0 is none, as for ArduPilot."""
+        kind = message.get_type()
+        if kind == "PARAM_SET":
+            message.param_value = bits_of(message.param_value, message.param_type)
+        elif getattr(message, "mission_type", 0) == dialect.MAV_MISSION_TYPE_MISSION:
+            if kind in _NUMBERED:
+                message.seq -= 1
+            if kind == "MISSION_COUNT":
+                message.count -= 1
+            elif kind == "MISSION_ITEM_INT":
+                if message.command <= dialect.MAV_CMD_NAV_LAST and message.param4 == 0.0:
+                    message.param4 = math.nan
+                if message.command == dialect.MAV_CMD_DO_JUMP:
+                    message.param1 -= 1
+        return message
+
+    def hold(self, modes: ModeTable) -> BoundAction:
+        """DO_REPOSITION to nowhere: in the mode that takes targets, setting that mode would not end a target."""
+        nowhere = (-1.0, float(dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), 0.0, *(math.nan,) * 4)
+        frame = dialect.MAV_FRAME_GLOBAL
+        return BoundAction(dialect.MAV_CMD_DO_REPOSITION, nowhere, mode=modes.hold, frame=frame, by_int=True)
+
+    def takeoff(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
+        """NAV_TAKEOFF above the sea. Disarmed it would be acknowledged, and begin whenever somebody arms."""
+        if not flight.vehicle.armed:
+            raise Ended("refused", f"a takeoff begins armed; {flight.state_text()}")
+        if flight.vehicle.modes.takeoff is not None:
+            flight.expect_mode(flight.vehicle.modes.takeoff)
+        altitude = action.parameters[6] + _home(flight)
+        return replace(action, parameters=(*action.parameters[:3], *(math.nan,) * 3, altitude))
+
+    def reposition(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
+        """The altitude is one above the sea whatever the frame."""
+        if action.target is None or action.frame not in ABOVE_HOME:
+            return action
+        altitude = action.target.altitude + _home(flight)
+        yaw = action.parameters[3] if action.parameters[3] != 0.0 else math.nan
+        parameters = (*action.parameters[:3], yaw, *action.parameters[4:6], altitude)
+        return replace(action, parameters=parameters, frame=dialect.MAV_FRAME_GLOBAL)
+
+    def offer_target(self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> MavlinkCommand | None:
+        """DO_REPOSITION, which enters the mode that takes targets."""
+        flight.expect_mode(flight.vehicle.modes.guided)
+        return flight.submit(run, self.reposition(flight, reposition_action(action)), in_frame=True)
+
+    def begin_velocity(
+        self, flight: ProcedureContext, run: ProcedureRun, target: LocalTarget
+    ) -> Generator[None, None, Callable[[], None]]:
+        """Stream it, and enter OFFBOARD once setpoints have been sent; the session ends the stream on purpose."""
+        if target.frame == dialect.MAV_FRAME_BODY_OFFSET_NED:
+            target = replace(target, frame=dialect.MAV_FRAME_BODY_NED)
+        if target.yaw is None and target.yaw_rate is None:
+            target = replace(target, yaw_rate=0.0)
+        modes = flight.vehicle.modes
+        flight.velocity = stream = VelocityStream(lambda: flight.send_local(target), PX4_OFFBOARD)
+        if flight.vehicle.mode != PX4_OFFBOARD:
+            while stream.sent < SETPOINTS_BEFORE:
+                run.waits_for = "the first setpoints to be sent"
+                yield
+            try:
+                yield from enter(flight, run, mode_action(modes, PX4_OFFBOARD), PX4_OFFBOARD)
+            except Ended:
+                flight.velocity = None
+                raise
+        stream.until = flight.now + GUIDED_TIMEOUT
+        return lambda: None
+
+
+def number_of(value: float, kind: int) -> float:
+    """Return the number of a PARAM_VALUE: PX4 sends an integer as the bytes of a float. `kind`: MAV_PARAM_TYPE."""
+    if kind in _SIGNED:
+        return float(struct.unpack("<i", struct.pack("<f", value))[0])
+    return float(struct.unpack("<I", struct.pack("<f", value))[0]) if kind in _UNSIGNED else value
+
+
+def bits_of(value: float, kind: int) -> float:
+    """Return the float whose bytes are the number: the inverse of `number_of`."""
+    if kind in _SIGNED:
+        return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
+    return float(struct.unpack("<f", struct.pack("<I", int(value)))[0]) if kind in _UNSIGNED else value
+
+
+def _home(flight: ProcedureContext) -> float:
+    """Return the altitude of home above the sea in metres. Raises Ended while it is not known."""
+    altitude = flight.altitude_of_home()
+    if altitude is None:
+        raise Ended("refused", "the vehicle's altitude above home is not known yet")
+    return altitude
