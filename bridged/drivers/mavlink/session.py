@@ -31,8 +31,9 @@ from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
+from bridged.drivers.mavlink.vehicle.px4_events import EVENTS
 from bridged.drivers.mavlink.vehicle.state import Vehicle
-from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, Texts, Warnings
+from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams
 from commd.common.clock import Clock
 from schemas.files.units import Duration
@@ -144,7 +145,9 @@ class VehicleSession:
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
-                self._hear_texts(message)
+                self._hear_texts(self.texts.receive(message, self.flight.now))
+            case "EVENT" if message.id in EVENTS:
+                self._hear_texts(self.texts.receive_event(EVENTS[message.id], self.flight.now))
             case "PARAM_VALUE":
                 self.failsafe.receive(message)
                 for asked in spellings(message.param_id):  # one that was requested once is reported when others set it
@@ -413,12 +416,12 @@ class VehicleSession:
             if run.procedure is not STAY:  # that one waits until the vehicle is heard again
                 self.stop(run, Outcome("failed", f"link lost: {lost}", "link"))
 
-    def _hear_texts(self, message: dialect.MAVLink_message) -> None:
+    def _hear_texts(self, texts: list[StatusText]) -> None:
         """Pass on warnings and worse: new ones to the log, all to the agents.
 
         What hinders an arming that waits is logged as its cause instead.
         """
-        for status in self.texts.receive(message, self.flight.now):
+        for status in texts:
             news = self.warnings.take(status, self.flight.wait(*REPEATS_WITHIN))
             if news is None:
                 continue

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.vehicle.px4_events import Event
+
 MAX_TEXTS = 50
 MAX_CHUNKS = 16
 """Chunks of one long text (MAVLink 2: 50 characters each)."""
@@ -60,6 +62,8 @@ class Texts:
     def __init__(self) -> None:
         self._texts: deque[StatusText] = deque(maxlen=MAX_TEXTS)
         self._long: _Long | None = None
+        self._spoken = False
+        """Whether the vehicle sends texts at all."""
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> list[StatusText]:
         """Take in a STATUSTEXT, or one chunk of a long one. Returns the texts that are whole by it.
@@ -67,6 +71,7 @@ class Texts:
         A long text of which a chunk was lost is given up when the next text begins. The first long text of a PX4 has
         the number of short ones (0): its first chunk counts as whole until the next one arrives.
         """
+        self._spoken = True
         before = self._texts[-1] if self._texts else None
         if not message.id and message.chunk_seq and before is not None and len(before.text) == CHUNK:
             self._texts.pop()
@@ -84,6 +89,10 @@ class Texts:
             whole += self._keep(self._long.severity, self._long.text(), now)
             self._long = None
         return whole
+
+    def receive_event(self, event: Event, now: float) -> list[StatusText]:
+        """Take in an event in words, unless the vehicle sends texts and so will say the same."""
+        return [] if self._spoken and not event.alone else self._keep(event.severity, event.text, now)
 
     def since(self, when: float) -> str:
         """Return the warnings since `when` (mission seconds), without repetitions; if there is none, the last texts."""

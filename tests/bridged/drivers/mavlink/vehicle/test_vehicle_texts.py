@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.transport.further_messages import Event
+from bridged.drivers.mavlink.vehicle.px4_events import EVENTS
 from bridged.drivers.mavlink.vehicle.status_texts import MAX_DISTINCT, StatusText, Texts, Warnings
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.fault_injection import Faults
@@ -145,3 +147,25 @@ def test_the_first_long_text_of_a_px4_is_joined_though_it_has_the_number_of_shor
     assert [one.text for one in texts.receive(text(first, CRITICAL), 1.0)] == [first]
     assert [one.text for one in texts.receive(text("t\t", CRITICAL, seq=1), 1.0)] == [first + "t"]
     assert texts.since(0.0) == first + "t"
+
+
+NO_TAKEOFF_FIRST, LOW_BATTERY = 0x1FE4222, 0x14D0DA4
+
+
+def event(number: int) -> Message:
+    return Event(number, 1000, 1, 0, 0, 0x33, [0] * 40)
+
+
+def test_reasons_that_a_px4_sends_as_events_are_texts_for_log_and_agent(tmp_path: Path) -> None:
+    sky = Sky(tmp_path)
+    sky.downlink += [event(NO_TAKEOFF_FIRST), event(LOW_BATTERY), event(1)]
+    sky.wait(1)
+    rejected = "mission rejected: the takeoff is not its first item that is flown"
+    assert believed(sky) == [(Atom("critical"), rejected), (Atom("warning"), "battery low")]
+
+
+def test_an_event_is_not_told_again_where_the_vehicle_sends_texts() -> None:
+    texts = Texts()
+    texts.receive(text("Low battery\t"), 1.0)
+    assert texts.receive_event(EVENTS[LOW_BATTERY], 1.1) == []
+    assert len(texts.receive_event(EVENTS[NO_TAKEOFF_FIRST], 1.1)) == 1
