@@ -8,12 +8,12 @@ from schemas.mission.model import Mission
 from schemas.wire.records import Note
 
 REMEDIES = {
-    "autopilot_unknown": "is this the right vehicle at the robot's `link` and `sysid`? Only ArduPilot is flown "
-    "(docs/guides/mavlink.md)",
-    "failsafe_none": "if the vehicle's own ground-station failsafe (FS_GCS_ENABLE) is to watch this bridge: "
+    "autopilot_unknown": "is this the right vehicle at the robot's `link` and `sysid`? Only ArduPilot and PX4 "
+    "are flown (docs/guides/mavlink.md)",
+    "failsafe_none": "if the vehicle's own ground-station failsafe is to watch this bridge: "
     "`failsafe: {gcs: bridge}` at the robot in the mission, else `human` or `none` (docs/guides/mavlink.md)",
-    "failsafe_off": "set FS_GCS_ENABLE on the vehicle, or set `failsafe: {gcs: none}` in the mission",
-    "failsafe_unknown": "is it an ArduPilot? `failsafe: {gcs: none}` for vehicles that have none",
+    "failsafe_off": "set that parameter on the vehicle, or set `failsafe: {gcs: none}` in the mission",
+    "failsafe_unknown": "is it an ArduPilot or a PX4? `failsafe: {gcs: none}` for vehicles that have none",
     "foreign_packets": "who speaks there? Sign the vehicle's link (docs/guides/mavlink.md, signing)",
     "link_down": "see `vehicles`: cable, device, baud rate or address of the robot's `link` in the mission",
     "link_renewed": "was its commd stopped, or without processor? Nothing to do (docs/guides/fleets.md, restarts)",
@@ -23,6 +23,8 @@ REMEDIES = {
     "operator_order": "when the agents may act again: `argosy stop release`",
     "robot_unattended": "`argosy why AGENT` shows what its program did last; `argosy stop land|rtl` acts now",
     "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/guides/security.md)",
+    "texts_missing": "`failsafe: {gcs: bridge}` if this bridge is the only station; otherwise read them in the ground "
+    "station (docs/guides/mavlink.md, Autopilots)",
     "two_vehicles": "give each its own MAV_SYSID; if there is only one, another sender forges it: sign its link",
 }
 """Remedy of each note, by its code."""
