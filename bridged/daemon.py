@@ -43,6 +43,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="mission seconds per wall second (default: the mission's; simulation only)",
     )
     parser.add_argument("--state", type=Path, metavar="DIR", help="folder of the action log")
+    text = "folder of logs downloaded from vehicles (default: logs, beside the action log)"
+    parser.add_argument("--logs", type=Path, metavar="DIR", help=text)
     parser.add_argument("--link", help="link to the robots (default: the mission's)")
     parser.add_argument(
         "--until-home",
@@ -137,6 +139,7 @@ async def bind(
             simulated=args.simulated,
             shared=shared,
             loop=unit.loop(),
+            logs=args.logs,
         )
     except (ValueError, OSError) as error:
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)

@@ -17,6 +17,7 @@ from argosy.cli.port_check import in_use
 from argosy.processes import simulators
 from argosy.processes.mavlink_links import together
 from argosy.recording.run_recorder import RunRecording, record_command
+from commd.process.state_dir import state_directory
 from schemas.mission.model import Mission
 
 _PORT = re.compile(r"(?P<before>.+:)(?P<port>\d+)")
@@ -101,7 +102,7 @@ class Setup:
     restart: bool = False
     """Whether a daemon that dies is started again."""
     logs: Path | None = None
-    """Folder for what simulators write for a referee."""
+    """Folder of the report: what simulators write for a referee, and logs downloaded from vehicles."""
     recording: RunRecording | None = None
     """Where everything published is recorded."""
     links: Mapping[str, str] = field(default_factory=dict)
@@ -111,6 +112,11 @@ class Setup:
     def file(self) -> str:
         """The mission file, whatever the working directory of a daemon is."""
         return str(self.mission.path.resolve())
+
+    @property
+    def vehicle_logs(self) -> Path:
+        """Folder of logs downloaded from vehicles: of the report, or of this user, as `state` ends with the run."""
+        return (self.logs or state_directory(None) / self.mission.fleet).resolve() / "logs"
 
     def place(self, board: str) -> Place:
         """Where the router of a board is on this machine."""
@@ -168,7 +174,8 @@ def _bridge(setup: Setup, robots: str) -> list[str]:
     twins = [] if setup.real.intersection(served) else ["--simulated"]
     found = [word for name in served if name in setup.links for word in ("--link", setup.links[name])]
     where = [*_router(setup, _board_of_robots(setup, robots)), *found, *_speed(setup), *_state(setup)]
-    return ["bridged", "serve", setup.file, *served, *where, "--until-home", *twins]
+    logs = ["--logs", str(setup.vehicle_logs)]
+    return ["bridged", "serve", setup.file, *served, *where, *logs, "--until-home", *twins]
 
 
 def _agents(setup: Setup, agents: str) -> list[str]:

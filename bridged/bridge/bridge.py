@@ -59,8 +59,10 @@ class Bridge:
         simulated: bool = False,
         shared: dict[str, Any] | None = None,
         loop: Loop | None = None,
+        logs: Path | None = None,
     ) -> None:
-        """`shared` is what the drivers of one process share; each turn of the robot's own driver is a beat of `loop`.
+        """`shared` is what the drivers of one process share; each turn of the robot's own driver is a beat of `loop`;
+        `logs` is the folder for downloaded logs (default: beside the action log).
 
         Raises OSError if the action log cannot be opened, ValueError for what a driver cannot use.
         """
@@ -84,6 +86,7 @@ class Bridge:
                 on_turn=loop.beat,
                 bus=bus,
                 state=action_log_file.parent,
+                logs=logs or action_log_file.parent / "logs",
                 simulated=simulated,
                 shared={} if shared is None else shared,
             ),

@@ -128,6 +128,8 @@ class Setup:
     """The board's bus; None in tests of drivers that do not need it."""
     state: Path = Path()
     """Folder for what must outlive this process."""
+    logs: Path = Path()
+    """Folder for logs that are downloaded from the robot."""
     simulated: bool = False
     """The robot is its simulated twin in this run."""
     shared: dict[str, Any] = field(default_factory=dict)

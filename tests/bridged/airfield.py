@@ -55,6 +55,7 @@ class Airfield:
             link=self.link,
             simulated=True,
             until_home=False,
+            logs=None,
         )
 
     def start(self) -> asyncio.Task[int]:

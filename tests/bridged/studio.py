@@ -79,6 +79,7 @@ async def in_the_studio(
             state=state,
             link=None,
             until_home=False,
+            logs=None,
             simulated=True,
         )
         daemon = asyncio.create_task(serve(declared, arguments, stop))

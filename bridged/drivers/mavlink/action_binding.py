@@ -14,7 +14,15 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Value
 from bridged.drivers.argument_check import fields_of
-from bridged.drivers.mavlink.actions import flight, mission_actions, mission_execution, outputs, parameters, setpoints
+from bridged.drivers.mavlink.actions import (
+    flight,
+    log_download,
+    mission_actions,
+    mission_execution,
+    outputs,
+    parameters,
+    setpoints,
+)
 from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, Procedure, Triple
 from bridged.drivers.mavlink.actions.setpoints import RC_CHANNELS, RC_IGNORE, RC_IGNORE_HIGH
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
@@ -133,6 +141,7 @@ CALLS: Mapping[str, CallForm] = MappingProxyType({
     "param_pull": CallForm((), Procedure(parameters.pull_parameters, ("params", "of"))),
     "param_get": CallForm(("name",), Procedure(parameters.get_parameter), ("name",)),
     "param_set": CallForm(("name", "value"), Procedure(parameters.set_parameter), ("name", "value")),
+    "log_download": CallForm(("log",), Procedure(log_download.download_log, ("bytes", "of"))),
     "takeoff_by_mode": CallForm(
         ("altitude",), Procedure(flight.take_off_by_mode, _CLIMB), ("altitude",)
     ),

@@ -54,7 +54,7 @@ class MavlinkDriver(VehicleSession):
             limits=robot.limits,
             failsafe=robot.failsafe,
         )
-        self.flight.files = Files(setup.name, setup.folder, setup.state)
+        self.flight.files = Files(setup.name, setup.folder, setup.logs)
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn
         self._links = Links.of(setup.shared)

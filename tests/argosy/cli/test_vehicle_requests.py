@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bridged.drivers.mavlink.plan_files import read_plan
+from schemas.humanize import size
 from tests.argosy.tools.flying import Trial, trial
 from tests.support import forked
 from tests.support.processes import ROOT
@@ -96,6 +97,13 @@ def test_the_stored_mission_is_saved_as_a_file_that_ground_stations_and_argosy_r
     assert [(item.command, item.z) for item in read_plan(path).items] == [(22, 10), (16, 20.5), (20, 0)]
     assert argosy(parked, "plan", "save", "uav1", str(path))[0] == 2
     assert argosy(parked, "plan", "save", "uav1", str(path), "--force")[0] == 0
+
+
+def test_a_log_is_downloaded_by_hand_and_the_command_says_where_it_is(parked: Trial) -> None:
+    code, lines, said = argosy(parked, "act", "uav", "download_log")
+    (path,) = (parked.path.parent / "state" / "trial" / "logs").iterdir()
+    assert (code, said) == (0, "")
+    assert lines[-1] == f"uav: download_log succeeded: log 1, {size(path.stat().st_size)}, is in {path}"
 
 
 def test_nothing_is_written_without_a_mission_a_robot_or_a_known_kind_of_file(parked: Trial, tmp_path: Path) -> None:

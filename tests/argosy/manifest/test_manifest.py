@@ -52,6 +52,7 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
             link=None,
             simulated=False,
             until_home=False,
+            logs=None,
         )
         async with open_bus(
             endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from argosy.processes.mavlink_links import bound_links, check_links, peer_of, to
 from argosy.processes.process_table import Place, Setup, places, plan, real_robots
 from argosy.processes.simulators import only_real
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
+from commd.process.state_dir import state_directory
 from schemas.mission.model import Mission, read_mission
 
 TWO = """\
@@ -75,6 +77,7 @@ def commands(real: frozenset[str] = frozenset(), text: str = TWO) -> dict[str, s
 def test_every_process_has_its_command_in_the_order_of_the_start_and_each_daemon_the_router_of_its_board() -> None:
     file, speed = "/missions/two.yaml", "--speed 5"
     pi1, pi2, state = "--router tcp/127.0.0.1:9000", "--router tcp/127.0.0.1:9001", "--state /state"
+    logs = f"--logs {state_directory(None)}/two/logs"
     assert list(commands().items()) == [
         ("commd pi1", f"commd serve {file} --board pi1 {pi1} --listen tcp/127.0.0.1:9002 {state}"),
         (
@@ -89,8 +92,14 @@ def test_every_process_has_its_command_in_the_order_of_the_start_and_each_daemon
             "simulator uav2",
             f"bridged simulate copter --link tcpin:127.0.0.1:5760 --home=1.5,2.5,0.0 --sysid 2 {speed}",
         ),
-        ("bridged pi1 uav1", f"bridged serve {file} uav1 {pi1} {speed} {state} --until-home --simulated"),
-        ("bridged pi2 uav2", f"bridged serve {file} uav2 {pi2} {speed} {state} --until-home --simulated"),
+        (
+            "bridged pi1 uav1",
+            f"bridged serve {file} uav1 {pi1} {speed} {state} {logs} --until-home --simulated",
+        ),
+        (
+            "bridged pi2 uav2",
+            f"bridged serve {file} uav2 {pi2} {speed} {state} {logs} --until-home --simulated",
+        ),
         ("agentd pi1", f"agentd serve {file} scout ground {pi1} {speed} {state}"),
         ("agentd pi2", f"agentd serve {file} rescuer {pi2} {speed} {state}"),
     ]
@@ -144,10 +153,11 @@ def test_a_simulated_copter_is_told_its_parameters_its_battery_and_its_faults() 
 
 def test_robots_that_share_a_link_share_a_bridge_and_each_calls_it_by_its_own_simulator() -> None:
     file, router, speed = "/missions/two.yaml", "--router tcp/127.0.0.1:9000", "--speed 5"
+    logs = f"--logs {state_directory(None)}/two/logs"
     started = commands(text=SHARED)
     assert (
         started["bridged pi1 uav1 uav2"]
-        == f"bridged serve {file} uav1 uav2 {router} {speed} --state /state --until-home --simulated"
+        == f"bridged serve {file} uav1 uav2 {router} {speed} --state /state {logs} --until-home --simulated"
     )
     links = [line.split()[4] for name, line in started.items() if name.startswith("simulator")]
     assert links == ["udpout:127.0.0.1:14550"] * 2
@@ -282,3 +292,9 @@ def test_when_argosy_is_killed_only_the_bridge_of_a_real_robot_lives_on_to_bring
     assert [process.name for process in plan(setup) if process.orphaned != signal.SIGKILL] == ["bridged pi1 uav1"]
     setup = Setup(mission(SHARED), "tcp/127.0.0.1:9000", 1.0, frozenset({"uav1", "uav2"}), Path("/state"))
     assert [process.name for process in plan(setup) if process.orphaned != signal.SIGKILL] == ["bridged pi1 uav1 uav2"]
+
+
+def test_logs_of_vehicles_outlast_the_run_in_its_report_or_in_the_users_state() -> None:
+    setup = Setup(mission(), "tcp/127.0.0.1:9000", 5.0, frozenset(), Path("/state"), places=PLACES)
+    assert setup.vehicle_logs == state_directory(None) / "two" / "logs"
+    assert replace(setup, logs=Path("/report")).vehicle_logs == Path("/report/logs")

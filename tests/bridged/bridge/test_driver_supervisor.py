@@ -247,6 +247,7 @@ def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple
         state=state,
         link=None,
         until_home=False,
+        logs=None,
         simulated=False,
     )
     return asyncio.create_task(serve(mission, said, stop)), stop

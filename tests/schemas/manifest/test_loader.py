@@ -41,9 +41,8 @@ def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
     papers = {"set_mode": 1, "arm_motors": 1, "takeoff": 1, "setpoint": 3, "goto": 3, "land": 0, "return_to_launch": 0}
     more = {
         "reposition": 3, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1, "download_mission": 0,
-            "clear_mission": 0,
-        "set_mission_item": 1, "start_mission": 0, "get_param": 1, "set_param": 2, "enable_fence": 1,
-        "fence_radius": 1, "fence_altitude": 1, "drop_buoy": 0,
+        "clear_mission": 0, "set_mission_item": 1, "start_mission": 0, "download_log": range(2), "get_param": 1,
+        "set_param": 2, "enable_fence": 1, "fence_radius": 1, "fence_altitude": 1, "drop_buoy": 0,
     }  # fmt: skip
     assert manifest.action_arities() == papers | more
 

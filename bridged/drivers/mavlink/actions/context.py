@@ -64,8 +64,8 @@ class Files:
     robot: str = ""
     mission: Path = Path()
     """Folder of the mission file: plan files are read there and below."""
-    state: Path = Path()
-    """Folder of the bridge's state: logs of the vehicle are written below."""
+    logs: Path = Path()
+    """Folder for logs that are downloaded from the vehicle."""
 
 
 NO_FILES = Files()
@@ -198,6 +198,8 @@ class ProcedureContext:
         """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
         self.files = NO_FILES
         self.plan = Plan()
+        self.downloading = ""
+        """The action that is downloading a log now: the vehicle sends one at a time."""
         self.parameters: dict[str, float] = {}
         """Those that were asked for, under the name that was asked for."""
         self.send = send

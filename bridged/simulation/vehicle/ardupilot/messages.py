@@ -10,6 +10,7 @@ from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContex
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
 from bridged.simulation.vehicle.ardupilot.parameters import Parameter
+from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.notifications import (
     Event,
@@ -116,6 +117,9 @@ class ArduPilotMessages(MessageHandler[Copter]):
                 return self._parameter(message, kind, channel)
             case _ if kind in _MISSION_MESSAGES:
                 return self._mission.receive(message)
+            case _ if kind in LOG_MESSAGES:
+                log = dataflash_log(copter.parameters.items())
+                return LogTransfer([log]).receive(message, armed=copter.armed)
         return []
 
     def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:

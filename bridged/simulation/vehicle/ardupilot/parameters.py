@@ -1,6 +1,7 @@
 """Parameters of the simulated copter: ArduCopter's names and defaults for what the simulation or a client uses."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -138,6 +139,10 @@ class Parameters:
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
+
+    def items(self) -> Iterator[tuple[str, float]]:
+        """Yield name and value of each parameter, in the order of the list."""
+        yield from self._values.items()
 
     def find(self, name: str) -> Parameter | None:
         """Return the parameter of a name, None if there is none."""
