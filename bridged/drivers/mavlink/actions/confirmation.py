@@ -95,9 +95,12 @@ ASK_REASONS_EVERY = (5.0, 1.0)
 LASTING = (
     "not armable", "not calibrated", "calibration needed", "requires reboot", "reboot required", "safety switch",
     "below minimum arming", "internal error", "fences invalid", "no sd card", "check frame", "check fs_thr_value",
+    "rtl_autoland disabled",
 )  # fmt: skip
 """Parts of such texts, in lower case, whose cause needs a person (AP_Arming.cpp, AP_Arming_Copter.cpp). Others (GPS,
 EKF, gyros that settle) are assumed to pass: they are waited for and reported."""
+LANDED_BY_MISSION = "in landing sequence"
+"""Part of the text of a plane that its mission has landed: it is armed again when the mission is at its first item."""
 FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
 """Parts of texts that may appear briefly after a start: faults if two checks in a row report them."""
 FALLS, STATIONARY_FOR = 2.0, (2.0, 1.0)
@@ -196,6 +199,7 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """
     before = asked = ask_at = flight.now
     named_before: set[str] = set()
+    restarted = False
     while missing := flight.vehicle.not_ready():
         answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
         texts = sorted(flight.texts.beginning(flight.autopilot.pre_arm, asked if answered else before))
@@ -205,6 +209,9 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
         lasting = {one for one in texts if any(part in one.lower() for part in LASTING)}
         if lasting := lasting | {one for one in faults if any(part in one.lower() for part in FAULTS)}:
             raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(sorted(lasting))}")
+        if not restarted and any(LANDED_BY_MISSION in one.lower() for one in texts):
+            restarted = True
+            flight.send(dialect.MAVLink_mission_set_current_message(*flight.addressee, 1))
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(flight.autopilot.pre_arm, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
@@ -316,13 +323,12 @@ def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: 
             return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
         if vehicle.position is not None:
             distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
-            run.feedback = {
-                "distance": round(distance, 2),
-                "altitude": round(vehicle.position.altitude, 2),
-                "speed": round(vehicle.speed, 2),
-            }
-            run.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
+            run.feedback = {"distance": round(distance, 2), "speed": round(vehicle.speed, 2)}
             level = vehicle.modes.ground or abs(height) <= near
+            if not vehicle.modes.ground:
+                run.feedback["altitude"] = round(vehicle.position.altitude, 2)
+            higher = "" if vehicle.modes.ground else f" and {height:+.1f} m of height"
+            run.waits_for = f"arrival; {distance:.1f} m{higher} to go"
             if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.can_stop):
                 return SUCCEEDED
         yield

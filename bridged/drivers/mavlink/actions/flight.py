@@ -214,7 +214,7 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     if not modes.lands:
         hint = "" if modes.ground else "; end a mission with an item `land`"
         return Outcome("refused", f"a {modes.vehicle} of this kind has no mode that lands where it is{hint}")
-    yield from enter(flight, run, action, modes.land)
+    yield from enter(flight, run, action if modes.lands_by_command else mode_action(modes, modes.land), modes.land)
     yield from down(flight, run)
     return SUCCEEDED
 
@@ -282,7 +282,14 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
     under_way = vehicle.modes.order_of(vehicle.mode)
     if run.yields and defers(vehicle.modes.order_of(action.mode), under_way):
         return Outcome("succeeded", f"{under_way} is under way: the vehicle is in {vehicle.mode_name}")
-    return (yield from _enter_mode_of(flight, run, action))
+    otherwise = vehicle.modes.land_otherwise
+    if action.mode != vehicle.modes.land or otherwise is None:
+        return (yield from _enter_mode_of(flight, run, action))
+    landing = yield from _outcome_of(_enter_mode_of(flight, run, action))
+    if landing.state == "succeeded":
+        return landing
+    instead = yield from _enter_mode_of(flight, run, mode_action(vehicle.modes, otherwise))
+    return replace(instead, reason=f"{instead.reason}; {landing.reason}")
 
 
 def _enter_mode_of(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

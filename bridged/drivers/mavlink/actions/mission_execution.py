@@ -153,6 +153,8 @@ def _fly(
             over_at = min(over_at, vehicle.heartbeats)
             stays = vehicle.mode == modes.auto != modes.after_mission
             if vehicle.mode in (modes.auto, modes.after_mission) and vehicle.heartbeats > over_at + stays:
+                if modes.ground and stays:  # armed again in AUTO it would drive off
+                    yield from enter(flight, run, mode_action(modes, modes.after_mission), modes.after_mission)
                 return SUCCEEDED
         over = over_at < math.inf and vehicle.mode == modes.after_mission
         returning = vehicle.mode == modes.rtl and items[last].command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH

@@ -42,6 +42,10 @@ class ModeTable:
     """A mode that takes off by itself, for vehicles that take no command for it."""
     lands: bool = True
     """Whether the mode of the order `land` ends on the ground, disarmed."""
+    lands_by_command: bool = True
+    """Whether NAV_LAND enters that mode; otherwise it is set."""
+    land_otherwise: int | None = None
+    """The mode of the order `land` if the vehicle refuses the first."""
     can_stop: bool = True
     """Whether it can stay at a point; a plane cannot."""
     ground: bool = False
@@ -143,22 +147,26 @@ ARDUPLANE = ModeTable(
     names=_names("PLANE_MODE", {5: "FBWA", 6: "FBWB", 16: "INITIALISING", 25: "LOITERALTQLAND"}),
     guided=15,
     hold=12,
-    land=11,
+    land=26,
     rtl=11,
     auto=10,
     after_mission=11,
     without_position=frozenset({0, 2, 3, 4, 5, 6, 8, 17, 18, 22, 23}),
     returning=frozenset({21}),
-    landing=frozenset({20, 26}),
+    landing=frozenset({20}),
     takeoff=13,
-    lands=False,
+    lands_by_command=False,
+    land_otherwise=11,
     can_stop=False,
     stay_guided=False,
 )
-"""ArduPilot ArduPlane/mode.h of 2025-10. A fixed wing has no mode that lands wherever it is, so the order `land` takes
-it home (RTL), where it circles or does what RTL_AUTOLAND says; the order `hold` circles (LOITER)."""
+"""ArduPilot ArduPlane/mode.h of 2025-10. A fixed wing lands by AUTOLAND, along the direction of its takeoff. Where it
+refuses that (older versions, a takeoff by hand), the order `land` takes it home (RTL), where it circles or does what
+RTL_AUTOLAND says; the order `hold` circles (LOITER)."""
 
-ARDUPLANE_VTOL = replace(ARDUPLANE, types=frozenset(range(19, 26)), land=20, lands=True)
+ARDUPLANE_VTOL = replace(
+    ARDUPLANE, types=frozenset(range(19, 26)), land=20, landing=frozenset({26}), land_otherwise=None
+)
 """A plane that reports vertical takeoff: the order `land` is QLAND."""
 
 ARDUROVER = ModeTable(

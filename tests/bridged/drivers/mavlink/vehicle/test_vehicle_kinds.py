@@ -101,7 +101,7 @@ def test_a_vehicle_that_does_not_say_what_it_is_contradicts_nothing() -> None:
     ("kind", "modes", "vehicle", "order", "mode"),
     [
         (PLANE, ARDUPLANE, "plane", "hold", "LOITER"),
-        (PLANE, ARDUPLANE, "plane", "land", "RTL"),
+        (PLANE, ARDUPLANE, "plane", "land", "AUTOLAND"),
         (PLANE, ARDUPLANE, "plane", "rtl", "RTL"),
         (dialect.MAV_TYPE_VTOL_TILTROTOR, ARDUPLANE, "plane", "land", "QLAND"),
         (ROVER, ARDUROVER, "rover", "hold", "HOLD"),
@@ -128,9 +128,26 @@ def test_orders_from_above_mean_what_they_can_mean_for_the_vehicle(
     assert state[0] == mode
 
 
+def test_a_plane_that_refuses_to_land_by_itself_is_taken_home_and_the_order_says_why(plane: Sky) -> None:
+    assert plane.do("arm_motors", True).state == "succeeded"
+    assert plane.do("takeoff", 60).state == "succeeded"
+    autoland = dialect.MAV_CMD_DO_SET_MODE
+    plane.pretend(
+        lambda one: one.get_type() == "COMMAND_LONG" and one.command == autoland and one.param2 == ARDUPLANE.land,
+        dialect.MAV_RESULT_FAILED,
+        "AUTOLAND: no takeoff direction",
+    )
+    execution = plane.driver.order("land", by_operator("land"), insist=True)
+    plane.forward(lambda: execution.over, "the order", 30)
+    assert execution.outcome is not None
+    assert execution.outcome.state == "succeeded"
+    assert execution.outcome.reason.startswith("the vehicle is in RTL; the vehicle refused MAV_CMD_DO_SET_MODE")
+    assert plane.do("land").state == "refused"
+
+
 def test_of_orders_with_one_mode_the_mode_carries_out_the_least_safe() -> None:
     assert ARDUROVER.order_of(ARDUROVER.land) == "hold", "`rtl` may follow the HOLD of a rover"
-    assert ARDUPLANE.order_of(ARDUPLANE.land) == "rtl"
+    assert ARDUPLANE.order_of(ARDUPLANE.land) == "land"
     assert {ARDUPLANE_VTOL.order_of(mode) for mode in (20, 26)} == {"land"}
     assert ARDUCOPTER.order_of(21) == "rtl"
     assert ARDUCOPTER.order_of(ARDUCOPTER.guided) is None
