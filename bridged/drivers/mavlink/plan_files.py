@@ -246,7 +246,7 @@ def _index(name: str, value: object) -> int:
 
 
 def _number(name: str, value: object) -> float:
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER:
         return float(value)
     raise ValueError(f"expected `{name}`: numbers or null, got {_shown(value)}")
 

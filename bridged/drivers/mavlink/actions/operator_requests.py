@@ -6,6 +6,7 @@ Nothing of it becomes a percept.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 
 from bridged.drivers.api import Outcome
@@ -22,6 +23,8 @@ from bridged.drivers.mavlink.actions.parameters import guard, pull, write_parame
 from bridged.drivers.mavlink.vehicle.safety_parameters import safety_kind
 from schemas.wire.vehicle_records import PlanItem
 
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,15}")
+"""MAVLink has room for 16 characters, and cuts what is longer."""
 ARMED = "the vehicle is armed; parameters are set while it is not"
 
 
@@ -61,9 +64,11 @@ def set_parameter(name: str, value: float, *, allow_safety: bool) -> ProcedureRu
     def steps(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
         if flight.vehicle.armed:
             return Outcome("refused", ARMED, "busy")
+        if not _NAME.fullmatch(name):
+            return Outcome("refused", f"expected the name of a parameter, got {name[:40]!r}", "request")
         if guarded := guard(flight, name, value):
             return Outcome("refused", guarded, "limits")
-        if (kind := safety_kind(name)) and not allow_safety:
+        if (kind := safety_kind(name.upper())) and not allow_safety:
             return Outcome("refused", f"{name} is a parameter of the vehicle's safety ({kind})", "request")
         yield from write_parameter(flight, run, name, value)
         return SUCCEEDED

@@ -185,6 +185,7 @@ def guard(flight: ProcedureContext, name: str, value: float) -> str:
 
 def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Part:
     """Set a parameter to a value that fits into 32 bits, until the vehicle reports it."""
+    exact = wanted
     try:
         wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will report it
     except OverflowError:
@@ -195,8 +196,10 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
     if found is None:
         raise Ended("failed", f"the vehicle knows no parameter {name}")
     kind = found.type if flight.autopilot.typed_parameters else dialect.MAV_PARAM_TYPE_REAL32
-    if kind != dialect.MAV_PARAM_TYPE_REAL32 and not (wanted.is_integer() and abs(wanted) < 2**31):
-        raise Ended("refused", f"{name} is a whole number on the vehicle, got {wanted:g}")
+    if kind != dialect.MAV_PARAM_TYPE_REAL32:
+        if not (float(exact).is_integer() and abs(exact) < 2**31):
+            raise Ended("refused", f"{name} is a whole number on the vehicle, got {exact:.10g}")
+        wanted = float(exact)  # its bytes are sent: all 32 bits count
     reported = None
     for _ in range(SET_TRIES):
         flight.send(dialect.MAVLink_param_set_message(*flight.addressee, found.name.encode(), wanted, kind))

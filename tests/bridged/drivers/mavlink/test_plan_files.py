@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
+import random
+import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.actions.mission_items import MAX_ITEMS, Item
 from bridged.drivers.mavlink.plan_files import BadPlan, find_plan, parse_plan, read_plan, write_plan
 from tests.bridged.sky import MISSION, Sky
+from tests.support.amount import some_of
 
 LIMITED = MISSION + "    limits: {altitude: 30, radius: 100}\n"
 ON_LAND, NEAR = (-27.604033, -48.518363), (-27.603683, -48.518052)
@@ -151,6 +155,18 @@ def test_a_file_that_cannot_be_used_is_refused_by_its_place_and_what_was_expecte
     with pytest.raises(BadPlan) as refused:
         parse_plan(text)
     assert said in str(refused.value)
+
+
+def test_no_file_is_a_defect_whatever_it_holds() -> None:
+    chance, texts = random.Random(7), [WPL, plan(TAKEOFF, survey(THERE), HOME)]
+    values = ["null", "1e400", "-1", "{}", "[]", '"x"', "9" * 400, "NaN", "true", "16", "\t", "", "\x00", "\ud800"]
+    for _ in range(some_of(20_000)):
+        words = re.split(r"([\s,:\[\]{}]+)", chance.choice(texts))
+        for _ in range(chance.randint(1, 3)):
+            words[chance.randrange(len(words))] = chance.choice(values)
+        with suppress(BadPlan):
+            for item in parse_plan("".join(words)).items:
+                assert write_plan((item, item), "plan")
 
 
 @pytest.mark.parametrize(
