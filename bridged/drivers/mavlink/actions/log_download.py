@@ -27,7 +27,7 @@ MAX_BYTES = 2**30
 SPARE_BYTES = 64 * 2**20
 """Bytes that stay free on the disk: mail and the action log are there too."""
 MAX_LOGS = 2000
-"""Entries of the list that are kept; ArduPilot stores 500 logs at most."""
+"""In the list; ArduPilot stores 500 at most."""
 PIECE, WINDOW = 90, 512 * 90
 """Bytes of a LOG_DATA, and of what is requested together."""
 TRIES = 8
@@ -85,13 +85,16 @@ def _look(flight: ProcedureContext) -> Part:
 def _find(
     flight: ProcedureContext, run: ProcedureRun, wanted: int
 ) -> Generator[None, None, dialect.MAVLink_log_entry_message]:
-    """Return the list's entry of a log. Raises Ended if there is none, or if the list does not arrive as a whole."""
+    """Return the list's entry of a log. Raises Ended if there is none, or if the list does not arrive as a whole.
+
+    The list is heard to its end in any case: ArduPilot ignores what is requested meanwhile.
+    """
     entries: dict[int, dialect.MAVLink_log_entry_message] = {}
     count = None
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_log_request_list_message(*flight.addressee, 0, 0xFFFF))
         until = flight.now + flight.wait(*QUIET)
-        while flight.now <= until:
+        while flight.now <= until and (count is None or len(entries) < count):
             run.waits_for = f"the list of logs; {len(entries)} of {'?' if count is None else count} entries came"
             yield from _look(flight)
             entry = flight.message
@@ -100,11 +103,12 @@ def _find(
             count = entry.num_logs
             if not count:
                 raise Ended("failed", "the vehicle has no logs")
-            if len(entries) < MAX_LOGS:
-                entries[entry.id] = entry
+            if count > MAX_LOGS:
+                raise Ended("failed", f"the vehicle lists {count} logs; {MAX_LOGS} are read at most: erase some")
+            entries[entry.id] = entry
             until = flight.now + flight.wait(*QUIET)
-            if len(entries) >= min(count, MAX_LOGS) or entry.id == wanted:
-                return _chosen(entries, wanted)
+        if len(entries) == count or wanted in entries:
+            return _chosen(entries, wanted)
     came = f"{len(entries)} of {count} entries came" if count else f"asked {TRIES} times"
     raise Ended("failed", f"the vehicle did not send the list of its logs, {came}")
 

@@ -242,6 +242,19 @@ def test_an_agent_uploads_a_plan_beside_the_mission_and_is_told_what_is_not_take
     assert (missing.state, missing.cause) == ("refused", "request")
 
 
+def test_a_plan_is_flown_to_its_end(sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [simple(16, 0, 0, 0, None, ON_LAND[0] + north, ON_LAND[1], 12) for north in (1e-4, 2e-4)]
+    jump = simple(177, 2, 1, 0, 0, 0, 0, 0, frame=2, jump=9)
+    (tmp_path / "survey.plan").write_text(plan(TAKEOFF, THERE, survey(*lines), jump, HOME))
+    for name, *arguments in (("set_mode", "GUIDED"), ("upload_plan", "survey.plan"), ("arm_motors", True)):
+        assert sky.do(str(name), *arguments).state == "succeeded"
+    status = sky.do("start_mission", within=600)
+    assert (status.state, status.feedback["reached"]) == ("succeeded", 6), status.reason
+    reached = [one.parameters[0] for who, one in sky.percepts if (who, one.name) == ("uav", "item_reached")]
+    assert reached == [1, 2, 3, 4, 2, 3, 4, 6], "it jumps back to THERE once"
+
+
 def test_the_limits_of_the_mission_hold_for_the_items_of_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

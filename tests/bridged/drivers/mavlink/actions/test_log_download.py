@@ -89,6 +89,14 @@ def test_the_latest_is_that_of_the_latest_time_and_any_other_is_had_by_its_numbe
     assert (missing.state, missing.reason) == ("failed", "the vehicle has no log 9; it has 0 to 2")
 
 
+def test_a_list_that_loses_entries_is_asked_for_again_until_all_of_it_is_there(sky: Sky, tmp_path: Path) -> None:
+    serve(sky, [b"a log" * 40] * 20, times=[*range(1_790_000_000, 1_790_000_019), 1_780_000_000])
+    sky.we_hear = every(3, "LOG_ENTRY")
+    assert sky.do("download_log").state == "succeeded"
+    assert [path.name[:13] for path in logs(tmp_path)] == ["uav1-log00019"]
+    assert sum(message.get_type() == "LOG_REQUEST_LIST" for message in sky.sent) > 1
+
+
 def test_without_known_times_the_latest_is_the_last_of_the_list(sky: Sky, tmp_path: Path) -> None:
     serve(sky, [b"first" * 40, b"second" * 40], times=[1_790_000_000, 0])
     assert sky.do("download_log").state == "succeeded"
