@@ -146,7 +146,7 @@ def _save(
     flight: ProcedureContext, run: ProcedureRun, entry: dialect.MAVLink_log_entry_message
 ) -> Generator[None, None, Path]:
     """Copy a log into a file that appears when it is complete. Returns its path. Raises OSError, Ended."""
-    path = flight.files.logs / file_name(flight.files.robot, entry, flight.vehicle.autopilot)
+    path = flight.files.logs / file_name(flight.files.robot, entry, flight.vehicle.autopilot, datetime.now(UTC))
     part = path.with_name(f".{path.name}.part")
     for left in path.parent.glob(f".{flight.files.robot}-log*.part"):  # of a bridge that was killed
         left.unlink()
@@ -165,10 +165,14 @@ def _save(
     return path
 
 
-def file_name(robot: str, entry: dialect.MAVLink_log_entry_message, autopilot: int | None) -> str:
-    """Return a name for a log, of nothing that is text of the vehicle: `uav1-log00012-20261101T101500Z.bin`."""
-    at = f"-{datetime.fromtimestamp(entry.time_utc, UTC):%Y%m%dT%H%M%SZ}" if entry.time_utc else ""
-    return f"{robot}-log{entry.id:05d}{at}{SUFFIXES.get(autopilot or 0, '.log')}"
+def file_name(robot: str, entry: dialect.MAVLink_log_entry_message, autopilot: int | None, now: datetime) -> str:
+    """Return a name for a log, of nothing that is text of the vehicle: `uav1-log00012-20261101T101500Z.bin`.
+
+    Numbers begin again when logs are erased: the time is that of the log, or of its download where that is not known.
+    """
+    at = datetime.fromtimestamp(entry.time_utc, UTC) if entry.time_utc else now
+    of = "" if entry.time_utc else "downloaded-"
+    return f"{robot}-log{entry.id:05d}-{of}{at:%Y%m%dT%H%M%SZ}{SUFFIXES.get(autopilot or 0, '.log')}"
 
 
 def _window(

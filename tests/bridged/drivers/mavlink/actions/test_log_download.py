@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 from collections import namedtuple
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -51,7 +53,8 @@ def ends(sky: Sky) -> int:
 def test_the_latest_log_is_written_below_the_bridges_state_and_pymavlink_reads_it(sky: Sky, tmp_path: Path) -> None:
     status = sky.do("download_log")
     (path,) = logs(tmp_path)
-    assert (status.state, path.name, path.stat().st_mode & 0o777) == ("succeeded", "uav1-log00001.bin", 0o600)
+    assert (status.state, path.stat().st_mode & 0o777) == ("succeeded", 0o600)
+    assert re.fullmatch(r"uav1-log00001-downloaded-\d{8}T\d{6}Z\.bin", path.name)
     assert str(path) in status.reason
     reader = DFReader.DFReader_binary(str(path))
     assert reader.recv_match(type="MSG").Message == "simulated vehicle of Argosy"
@@ -100,13 +103,15 @@ def test_a_list_that_loses_entries_is_asked_for_again_until_all_of_it_is_there(s
 def test_without_known_times_the_latest_is_the_last_of_the_list(sky: Sky, tmp_path: Path) -> None:
     serve(sky, [b"first" * 40, b"second" * 40], times=[1_790_000_000, 0])
     assert sky.do("download_log").state == "succeeded"
-    assert [path.name for path in logs(tmp_path)] == ["uav1-log00002.bin"]
+    assert [path.name[:24] for path in logs(tmp_path)] == ["uav1-log00002-downloaded"]
 
 
 def test_a_name_has_nothing_of_the_vehicles_text_and_its_end_is_that_of_the_autopilot() -> None:
     entry = dialect.MAVLink_log_entry_message(7, 9, 9, 0, 100)
-    assert file_name("uav1", entry, dialect.MAV_AUTOPILOT_PX4) == "uav1-log00007.ulg"
-    assert file_name("uav1", entry, dialect.MAV_AUTOPILOT_GENERIC) == "uav1-log00007.log"
+    now = datetime(2026, 11, 28, 10, 15, 0, tzinfo=UTC)
+    assert file_name("uav1", entry, dialect.MAV_AUTOPILOT_PX4, now) == "uav1-log00007-downloaded-20261128T101500Z.ulg"
+    entry.time_utc = 1_790_000_000
+    assert file_name("uav1", entry, dialect.MAV_AUTOPILOT_GENERIC, now) == "uav1-log00007-20260921T141320Z.log"
 
 
 def test_an_armed_vehicle_is_left_alone_and_one_that_is_armed_meanwhile_ends_the_download(
