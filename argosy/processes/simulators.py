@@ -12,8 +12,8 @@ from pathlib import Path
 from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.python.plugins import TWINS, has_plugin, names
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.fault_injection import Faults
+from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.world import Area, Victim, victims_of
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.manifest.loader import Manifest, load_manifest
@@ -28,13 +28,14 @@ SHORTEST_RECHARGE = 1.0
 """Shortest time to charge it, in seconds."""
 
 
-def _copter(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
+def _vehicle(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
     robot = mission.robots[name]
     assert robot.simulate is not None
     settings = robot.simulate
     home = ",".join(map(repr, settings.home or ()))
     link = str(peer_of(LinkAddress.parse(robot.link), address))
     arguments = ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
+    arguments += [] if settings.autopilot == "ardupilot" else ["--autopilot", settings.autopilot]
     arguments += [f"--param={name}={value!r}" for name, value in settings.parameters.items()]
     arguments += [f"--fault={fault}" for fault in settings.faults]
     arguments += [] if settings.battery is None else [f"--battery-minutes={settings.battery / 60:g}"]
@@ -50,7 +51,13 @@ def _turtle(mission: Mission, name: str, router: str, address: str | None) -> li
     return ["--router", router, *(["--prefix", prefix] if prefix else [])]  # its manifest names it
 
 
-VEHICLES: dict[str, Callable[[Mission, str, str, str | None], list[str]]] = {"copter": _copter, "turtle": _turtle}
+ON_MAVLINK = tuple(dict.fromkeys(vehicle for vehicle, _ in KINDS))
+"""Simulated vehicles that have an autopilot."""
+
+VEHICLES: dict[str, Callable[[Mission, str, str, str | None], list[str]]] = {
+    **dict.fromkeys(ON_MAVLINK, _vehicle),
+    "turtle": _turtle,
+}
 """What `bridged simulate` can be, and its arguments for a robot, the endpoint of its board's router and the address of
 its board, if that is another machine."""
 
@@ -74,7 +81,7 @@ def command(
     LinkAddressError if the simulator could not reach the bridge.
     """
     vehicle = vehicle_of(mission.robots[name])
-    logged = ["--servo-log", str(servo_log(logs, name))] if vehicle == "copter" and logs is not None else []
+    logged = ["--servo-log", str(servo_log(logs, name))] if vehicle in ON_MAVLINK and logs is not None else []
     return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address), *logged]
 
 
@@ -89,10 +96,10 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
         if vehicle and vehicle not in VEHICLES:
             text = f"simulate.vehicle: there is no simulated `{vehicle}`{did_you_mean(vehicle, VEHICLES)}"
             findings.append(mission.positions.finding((*where, "vehicle"), text))
-        elif vehicle == "copter" and robot.simulate.home is None:
-            text = "simulate: a copter needs the field `home`: [latitude, longitude, metres above mean sea level]"
+        elif vehicle in ON_MAVLINK and robot.simulate.home is None:
+            text = f"simulate: a {vehicle} needs the field `home`: [latitude, longitude, metres above mean sea level]"
             findings.append(mission.positions.finding(where, text))
-        elif problems := _of_a_copter(robot):
+        elif problems := _of_a_vehicle(robot):
             findings += [mission.positions.finding((*where, field), text) for field, text in problems]
         elif not vehicle and manifest is not None and manifest.robot.driver == _NO_TWIN:
             text = "simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, home: [...]}`"
@@ -100,28 +107,32 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
     return findings
 
 
-def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
-    """Return the problems of settings that only a simulated copter has: field and text."""
+def _of_a_vehicle(robot: Robot) -> list[tuple[str, str]]:
+    """Return the problems of settings that only a simulated vehicle on MAVLink has: field and text."""
     settings = robot.simulate
     assert settings is not None
-    given = {
+    given: dict[str, object] = {
         "parameters": settings.parameters,
         "battery": settings.battery,
         "recharge": settings.recharge,
         "camera": settings.camera,
         "faults": settings.faults,
     }
-    if vehicle_of(robot) != "copter":
-        return [(field, f"simulate.{field}: only a simulated copter has this") for field in given if given[field]]
+    if vehicle_of(robot) not in ON_MAVLINK:
+        given["autopilot"] = settings.autopilot != "ardupilot"
+        vehicles = f"{', '.join(ON_MAVLINK[:-1])} or {ON_MAVLINK[-1]}" if len(ON_MAVLINK) > 1 else ON_MAVLINK[0]
+        return [(field, f"simulate.{field}: only a simulated {vehicles} has this") for field in given if given[field]]
     problems = []
     try:
         Faults.parse(settings.faults)
     except ValueError as error:
         problems.append(("faults", f"simulate.faults: {error}"))
-    known = Parameters(robot.sysid)
+    kind = KINDS[vehicle_of(robot), settings.autopilot]
     for name, value in settings.parameters.items():
-        if known.set(name, value) is None:
-            problems.append(("parameters", f"simulate.parameters: the simulated copter has no parameter {name!r}"))
+        try:
+            kind.check((name, value))
+        except ValueError as error:
+            problems.append(("parameters", f"simulate.parameters: {error}"))
     if settings.battery is not None and settings.battery < SHORTEST_BATTERY:
         problems.append(("battery", f"simulate.battery: expected at least {SHORTEST_BATTERY:g} s"))
     if settings.recharge is not None and settings.recharge < SHORTEST_RECHARGE:

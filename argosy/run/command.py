@@ -28,7 +28,7 @@ from argosy.fleet_model.robots import MAX_POINTS
 from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
 from argosy.processes.process_table import Setup, free_after, places, real_robots
 from argosy.processes.resource_usage import Meter
-from argosy.processes.simulators import only_real, vehicle_of
+from argosy.processes.simulators import ON_MAVLINK, only_real, vehicle_of
 from argosy.recording.run_recorder import RunRecording, recording_of
 from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
@@ -137,7 +137,7 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
 
 def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, str]]:
     """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
-    open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) == "copter" and not robot.link]
+    open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
     if wanted := [name for name in open_ones if name in real]:
         raise BadInput(f"--real {wanted[0]}: the mission names no `link` to it")
     links = free_links(open_ones)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from argosy.cli.errors import BadInput
-from argosy.processes.simulators import servo_log, vehicle_of, victims
+from argosy.processes.simulators import ON_MAVLINK, servo_log, vehicle_of, victims
 from bridged.drivers.registry import load_robot_manifest
 from bridged.simulation.vehicle.world import ServoMove, Victim, read_moves
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -253,7 +253,7 @@ def judge_run(mission: Mission, report: Path) -> Verdict:
         raise ValueError(f"{mission.path}: the mission has no `world`")
     drops: list[Drop] = []
     for name, robot in mission.robots.items():
-        if vehicle_of(robot) == "copter":
+        if vehicle_of(robot) in ON_MAVLINK:
             drops += drops_of(name, read_moves(servo_log(report, name)))
     return judge(victims(mission.world), drops)
 

@@ -15,7 +15,7 @@ from typing import Annotated, Final, Literal, TypeAlias, get_args
 import msgspec
 
 from argosy.processes.process_table import Process
-from argosy.processes.simulators import vehicle_of
+from argosy.processes.simulators import ON_MAVLINK, vehicle_of
 from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.files.findings import Finding, Findings
 from schemas.files.text_files import read_text
@@ -268,7 +268,7 @@ def read(path: Path, mission: Mission) -> list[Fault]:
 def _check(fault: Fault, mission: Mission) -> None:
     """Raise ValueError if a fault names what the mission does not have."""
     robots = list(mission.robots)
-    copters = [name for name, one in mission.robots.items() if vehicle_of(one) == "copter"]
+    vehicles = [name for name, one in mission.robots.items() if vehicle_of(one) in ON_MAVLINK]
     match fault:
         case LinkCut() | LinkNoise():
             _expect(fault.sender, mission.board_names)
@@ -276,10 +276,10 @@ def _check(fault: Fault, mission: Mission) -> None:
         case BoardDown() | DiskFull() | ClockStep():
             _expect(fault.board, mission.board_names)
         case Vehicle():
-            _expect(fault.robot, copters)
+            _expect(fault.robot, vehicles)
             Faults.parse([fault.fault])
         case Battery():
-            _expect(fault.robot, copters)
+            _expect(fault.robot, vehicles)
         case Operator():
             _expect(fault.robot or robots[0], robots)
         case Kill():

@@ -154,7 +154,9 @@ def main_of(argv: Sequence[str]) -> Coroutine[Any, Any, int]:
     if (module, command) != ("bridged", "simulate") or vehicle not in SIMULATED:
         raise ValueError(f"{' '.join(argv[:3])} cannot run in a trial")
     simulator = import_module(VEHICLES[vehicle][0])
-    return _simulate(simulator, _parsed(simulator, rest))
+    args = _parsed(simulator, rest)
+    args.vehicle = vehicle
+    return _simulate(simulator, args)
 
 
 def _parsed(module: Any, words: Sequence[str]) -> Namespace:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from argosy.processes.simulators import vehicle_of
+from argosy.processes.simulators import ON_MAVLINK, vehicle_of
 from argosy.trial.process import SIMULATED
 from bridged.bridge.robot_setup import prepare
 from schemas.files.findings import Finding
@@ -43,5 +43,5 @@ def _refusals(mission: Mission) -> Iterator[Finding]:
                 f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle: copter` or `vehicle: "
                 "turtle`, which a trial has in virtual time",
             )
-        elif vehicle == "copter" and not robot.link.startswith("udp"):
+        elif vehicle in ON_MAVLINK and not robot.link.startswith("udp"):
             yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")

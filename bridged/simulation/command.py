@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 VEHICLES = {
-    "copter": ("bridged.simulation.vehicle.command", "an ArduCopter on MAVLink"),
+    "copter": ("bridged.simulation.vehicle.command", "a copter on MAVLink"),
     "turtle": ("bridged.simulation.turtle.command", "a turtle on Zenoh keys, as turtlesim's"),
 }
 """Vehicles that can be simulated: the module of each command, and its description."""

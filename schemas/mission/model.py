@@ -126,7 +126,9 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     """The simulated counterpart of a robot; without any field the robot's driver simulates itself."""
 
     vehicle: str = ""
-    """Vehicle of `bridged simulate`: `copter` or `turtle`."""
+    """Vehicle of `bridged simulate`: `copter`, `plane`, `rover` or `turtle`."""
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """The autopilot of a copter, plane or rover."""
     home: tuple[Latitude, Longitude, float] | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
     board: str | None = None

@@ -81,8 +81,8 @@ class Autopilot(ABC):
         """Whether the estimator has a position."""
 
     @abstractmethod
-    def set_mode(self, number: int) -> object:
-        """Change the flight mode to that of a number, as a pilot does by his switch."""
+    def pilot_sets(self, number: int) -> None:
+        """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
 
     @abstractmethod
     def restarted(self, place: Place) -> Self:

@@ -1,4 +1,4 @@
-"""The command `bridged simulate copter`."""
+"""The commands `bridged simulate copter`, `plane` and `rover`."""
 
 import argparse
 import asyncio
@@ -27,7 +27,13 @@ HOME = "-27.604033,-48.518363,21"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `bridged simulate copter`."""
+    """Declare the arguments of `bridged simulate copter`, `plane` and `rover`."""
+    parser.add_argument(
+        "--autopilot",
+        default="ardupilot",
+        choices=["ardupilot", "px4"],
+        help="the autopilot that it behaves as (default ardupilot)",
+    )
     parser.add_argument(
         "--link",
         required=True,
@@ -64,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--boot",
         default="quick",
         choices=["quick", "real"],
-        help="quick: ready to fly after 3 s; real: after 41 s, as a real ArduCopter (default quick)",
+        help="quick: ready after 3 s; real: after as long as the recorded vehicle, an ArduCopter 41 s (default quick)",
     )
     parser.add_argument(
         "--param",
@@ -157,8 +163,8 @@ async def simulation(args: argparse.Namespace, stop: asyncio.Event) -> None:
     """Simulate until `stop` is set. Raises OSError (a link or the servo log) and ValueError (an argument)."""
     from bridged.drivers.mavlink.transport.address import LinkAddress
     from bridged.drivers.mavlink.transport.signing import read_key
-    from bridged.simulation.vehicle.ardupilot.battery import battery_parameters
     from bridged.simulation.vehicle.fault_injection import Faults
+    from bridged.simulation.vehicle.kinds import KINDS
     from bridged.simulation.vehicle.process import simulate
     from bridged.simulation.vehicle.vehicle import Vehicle
     from bridged.simulation.vehicle.world import ServoLog
@@ -166,15 +172,17 @@ async def simulation(args: argparse.Namespace, stop: asyncio.Event) -> None:
     home: Place = args.home
     addresses = [LinkAddress.parse(link) for link in args.link]
     faults = Faults.parse(args.fault)
+    kind = KINDS[args.vehicle, args.autopilot]
     vehicle = Vehicle(
         home,
+        kind,
         system=args.sysid,
         heading=math.radians(args.heading),
         boot=args.boot,
         channels=len(addresses),
         faults=faults,
         key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
-        parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
+        parameters=(kind.battery(args.battery_minutes) if args.battery_minutes else []) + args.param,
         charge_time=args.recharge_seconds,
     )
     if args.servo_log is not None:
@@ -183,7 +191,7 @@ async def simulation(args: argparse.Namespace, stop: asyncio.Event) -> None:
             vehicle.autopilot, vehicle.system, vehicle.age, output, pulse
         )
     started = (
-        f"simulated copter {args.sysid} on {' and '.join(map(str, addresses))}, "
+        f"simulated {kind.name} {args.sysid} on {' and '.join(map(str, addresses))}, "
         f"home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, speed {args.speed:g}"
     )
 

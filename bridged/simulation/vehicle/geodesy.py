@@ -54,5 +54,9 @@ class FlatMap:
 
     def vector(self, place: Place) -> Vector:
         """Return the vector of a place."""
-        east = math.remainder(place.lon - self.origin.lon, 360.0) * self._east_scale
-        return Vector((place.lat - self.origin.lat) * METRES_PER_DEGREE, east, place.alt - self.origin.alt)
+        return self.at(place.lat, place.lon, place.alt)
+
+    def at(self, lat: float, lon: float, alt: float) -> Vector:
+        """Return the vector of degrees, even beyond the poles, and metres above mean sea level."""
+        east = math.remainder(lon - self.origin.lon, 360.0) * self._east_scale
+        return Vector((lat - self.origin.lat) * METRES_PER_DEGREE, east, alt - self.origin.alt)

@@ -6,12 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from bridged.simulation.vehicle.ardupilot.battery import battery_parameters as ardupilot_battery
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.messages import ArduPilotMessages
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.autopilot import Autopilot, BootKind
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import MessageHandler
+from bridged.simulation.vehicle.px4.battery import battery_parameters as px4_battery
+from bridged.simulation.vehicle.px4.copter import Px4Copter
+from bridged.simulation.vehicle.px4.fence import Fence
+from bridged.simulation.vehicle.px4.messages import Px4Messages
+from bridged.simulation.vehicle.px4.missions import Missions
+from bridged.simulation.vehicle.px4.parameters import Parameters as Px4Parameters
+from bridged.simulation.vehicle.px4.px4 import Stored
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -30,6 +38,12 @@ class VehicleKind:
     that were set before, seconds to charge the battery. Raises ValueError for a parameter that it does not have."""
     messages: Callable[[Any], MessageHandler[Any]]
     """Makes the MAVLink side of that autopilot."""
+    battery: Callable[[float], list[tuple[str, float]]]
+    """Parameters of a battery that lasts so many minutes in the air."""
+
+    def check(self, setting: tuple[str, float]) -> None:
+        """Raises ValueError for a parameter that the autopilot does not have."""
+        self.autopilot(Place(0.0, 0.0, 0.0), 0.0, "quick", 1, [setting], CHARGE_S)
 
 
 def _copter(
@@ -42,4 +56,22 @@ def _copter(
     return Copter(place, heading=heading, boot=boot, parameters=stored, charge_time=charge_time)
 
 
-COPTER = VehicleKind("copter", _copter, ArduPilotMessages)
+def _px4(kind: str, made: type[Px4Copter]) -> VehicleKind:
+    def make(
+        place: Place, heading: float, boot: BootKind, system: int, settings: Settings, charge_time: float
+    ) -> Autopilot:
+        parameters = Px4Parameters(system, *made.TABLES)
+        unknown = parameters.set_all(settings)
+        if unknown is not None:
+            raise ValueError(f"the simulated {kind} has no parameter {unknown!r}")
+        return made.made(place, heading, boot, Stored(parameters, Missions(), Fence(parameters)), charge_time)
+
+    return VehicleKind(kind, make, Px4Messages, px4_battery)
+
+
+COPTER = VehicleKind("copter", _copter, ArduPilotMessages, ardupilot_battery)
+KINDS = {
+    ("copter", "ardupilot"): COPTER,
+    ("copter", "px4"): _px4("copter", Px4Copter),
+}
+"""All kinds by vehicle and autopilot."""

@@ -97,6 +97,8 @@ class Channel:
     heard: bool = False
     list_at: int | None = None  # the parameter that comes next in a list that was asked for
     outbox: Messages = field(default_factory=list)
+    station_at: float | None = None  # when the HEARTBEAT of a ground station was heard last, in vehicle seconds
+    held: list[tuple[float, str, int]] = field(default_factory=list)  # texts that wait for one: since when, severity
 
     def take(self) -> Messages:
         """Return and clear the outbox."""

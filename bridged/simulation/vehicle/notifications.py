@@ -12,6 +12,7 @@ class Result(IntEnum):
     DENIED = 2
     UNSUPPORTED = 3
     FAILED = 4
+    IN_PROGRESS = 5
 
 
 class Severity(IntEnum):
@@ -54,4 +55,27 @@ class ItemReached:
     seq: int
 
 
-Event = Text | ModeChanged | HomeChanged | ParameterChanged | ItemReached
+@dataclass(frozen=True, slots=True)
+class MissionChanged:
+    """Another item is the current one, or the state of the mission has changed: PX4 sends MISSION_CURRENT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """News by a number (EVENT of PX4)."""
+
+    number: int
+    levels: int
+    """log_levels: the severity for others in its low four bits, for logs in the high ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A command that took its time is done: the acknowledgement with its result."""
+
+    command: int
+    result: Result
+    peer: tuple[int, int]
+
+
+Event = Text | ModeChanged | HomeChanged | ParameterChanged | ItemReached | MissionChanged | Number | Done

@@ -83,7 +83,7 @@ class Simulation:
         self._links: list[FaultyLink] = []
         self._seen = 0.0
         self.pace = RealtimeMonitor(
-            lambda words: print(f"simulated copter {vehicle.system} {words}", file=sys.stderr, flush=True)
+            lambda words: print(f"simulated {vehicle.kind.name} {vehicle.system} {words}", file=sys.stderr, flush=True)
         )
 
     async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:

@@ -116,7 +116,7 @@ class Vehicle:
         """Called with each output and its new pulse in microseconds."""
         self.on_step: Callable[[], None] = lambda: None
         """Called after each step."""
-        self._kind = kind
+        self.kind = kind
         self._faults = faults or Faults()
         self._wind = Wind.of(self._faults)
         self._channel_count = channels
@@ -127,7 +127,7 @@ class Vehicle:
     def _power_on(self, autopilot: Autopilot) -> None:
         self.autopilot = autopilot
         autopilot.on_servo = lambda output, pulse: self.on_servo(output, pulse)
-        self.handler = self._kind.messages(autopilot)
+        self.handler = self.kind.messages(autopilot)
         self.channels = [Channel(self.handler.streams()) for _ in range(self._channel_count)]
         self._reboot_in: float | None = None
         self._lag = 0.0
@@ -195,7 +195,7 @@ class Vehicle:
         if self._faults.pilots:
             mode = self.character.switched_mode(self.age, autopilot.mode, airborne=autopilot.flight.airborne)
             if mode is not None:
-                autopilot.set_mode(mode)
+                autopilot.pilot_sets(mode)
         autopilot.step(dt)
         self.on_step()
         self._send_events()

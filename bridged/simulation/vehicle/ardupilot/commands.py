@@ -12,9 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.mission import GLOBAL_FRAMES, RELATIVE_FRAMES, do, whole
+from bridged.simulation.vehicle.ardupilot.mission import do
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import Streams
+from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, whole
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo
 from bridged.simulation.vehicle.notifications import Result, Severity

@@ -7,12 +7,13 @@ from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, M
 from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, CopterTuning
 from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationWatch, watch_over
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Item, Mission, do, task_of
+from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do, task_of
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
 from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
 from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Land, Return, Stop, TakeOff, Task
@@ -124,6 +125,10 @@ class Copter(Autopilot):
             case _:
                 self.flight.begin(Stop(hard=mode is Mode.BRAKE))
         return Result.ACCEPTED
+
+    def pilot_sets(self, number: int) -> None:
+        """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
+        self.set_mode(number)
 
     def _problem_with(self, mode: Mode) -> str | None:
         if not mode.simulated:

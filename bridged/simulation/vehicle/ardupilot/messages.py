@@ -88,6 +88,7 @@ class ArduPilotMessages(MessageHandler[Copter]):
                 return [self._value_of(parameter)] if parameter is not None else []
             case ItemReached(seq):
                 return [dialect.MAVLink_mission_item_reached_message(seq)]
+        return []
 
     def answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
         """Answer a message of another system."""

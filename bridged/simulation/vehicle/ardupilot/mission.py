@@ -1,7 +1,6 @@
 """Missions: the items that AUTO mode flies, its progress, and DO commands."""
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -9,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Grip
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
+from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, Item, whole
 from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, Return, Stage, Stop, TakeOff, Task
@@ -60,26 +60,6 @@ _STAYING = frozenset(
 
 MOST_STEPS = 255
 """Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
-
-GLOBAL_FRAMES = (0, 5)
-"""Coordinate frames whose altitude is above mean sea level."""
-
-RELATIVE_FRAMES = (3, 6, 10, 11)
-"""Coordinate frames whose altitude is above home; terrain counts as flat at home's height."""
-
-
-@dataclass(frozen=True, slots=True)
-class Item:
-    """One mission item with the fields of MISSION_ITEM_INT."""
-
-    seq: int
-    frame: int
-    command: int
-    params: tuple[float, float, float, float]
-    x: int
-    y: int
-    z: float
-    autocontinue: int = 1
 
 
 class Mission:
@@ -215,11 +195,6 @@ def do(copter: "Copter", command: int, params: tuple[float, float, float, float]
         case dialect.MAV_CMD_DO_GRIPPER:
             return _grip(copter, second)
     return Result.ACCEPTED
-
-
-def whole(value: float) -> int:
-    """A whole number from a field that any sender can fill with anything; -1 for what is none."""
-    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1
 
 
 def _change_speed(copter: "Copter", kind: float, speed: float) -> Result:

@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.mission import KNOWN, Item, goal_of
+from bridged.simulation.vehicle.ardupilot.mission import KNOWN, goal_of
+from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.tasks import GoTo
 from bridged.simulation.vehicle.notifications import Severity
 

@@ -5,7 +5,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
-from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Land, Landed, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.tasks import (
+    Circle,
+    Drift,
+    GoTo,
+    Land,
+    Landed,
+    Return,
+    Stage,
+    Stop,
+    TakeOff,
+    Task,
+)
 
 _LOOK_AHEAD_SPEED = 0.8
 """m/s: slower than this the copter does not turn to where it goes."""
@@ -37,6 +48,8 @@ class Tuning:
     """Height above home of a return from a place so far away, if the copter is not higher."""
     over_home: float
     """Around home, within which a return ends."""
+    lands_over_home: bool = False
+    """Whether the descent at its end goes on to home."""
     return_wait: float
     """From the end of a return to the descent."""
     descent: Callable[[float], float]
@@ -96,6 +109,11 @@ class Flight:
         self.armed, self._lift_at, self.touchdown_at = False, None, None
         if not self.airborne:
             self.landed = Landed.ON_GROUND
+
+    @property
+    def lift_at(self) -> float | None:
+        """When it will lift, in vehicle seconds; None: it is not about to."""
+        return self._lift_at
 
     @property
     def idle_since(self) -> float | None:
@@ -170,6 +188,8 @@ class Flight:
                 self._return(back, dt)
             case Land():
                 self._descend(dt)
+            case Circle() as circle:
+                self._circle(circle, dt)
 
     def _limits(self, leg: float | None = None) -> Limits:
         """Return the limits set by parameters; `leg` is the length of a smooth leg in metres."""
@@ -231,15 +251,29 @@ class Flight:
                 if self.now - back.since >= self.tuning.return_wait:
                     self._enter(back, Stage.DESCEND)
             case Stage.DESCEND:
-                self._descend(dt)
+                self._descend(dt, home if self.tuning.lands_over_home else None)
 
     def _enter(self, back: Return, stage: Stage) -> None:
         back.stage, back.since = stage, self.now
 
-    def _descend(self, dt: float) -> None:
+    def _descend(self, dt: float, over: Vector | None = None) -> None:
         self.landed = Landed.LANDING
-        speed = self.tuning.descent(self.height)
-        self.motion.fly(Vector(up=-speed), self.tuning.stop, dt)
+        towards = Vector() if over is None else self.motion.course_to(over, self.tuning.legs)
+        towards.up = -self.tuning.descent(self.height)
+        self.motion.fly(towards, self.tuning.stop, dt)
+
+    def _circle(self, circle: Circle, dt: float) -> None:
+        """Fly along the tangent, and to the circle; the nose points to its centre."""
+        here, centre = self.motion.position, circle.centre
+        north, east = here.north - centre.north, here.east - centre.east
+        away = max(0.1, math.hypot(north, east))
+        inward = max(-1.0, min(1.0, (away - abs(circle.radius)) / 4))
+        along = math.copysign(math.sqrt(1 - inward * inward), circle.radius) * circle.speed / away
+        inward *= circle.speed / away
+        climb = max(-1.0, min(1.0, centre.up - here.up))
+        velocity = Vector(-east * along - north * inward, north * along - east * inward, climb)
+        self.motion.fly(velocity, self.tuning.drift, dt)
+        self._turn(math.atan2(-east, -north) % (2 * math.pi), dt)
 
     def _turn(self, heading: float | None, dt: float) -> None:
         if heading is not None:

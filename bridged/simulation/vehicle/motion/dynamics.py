@@ -67,6 +67,7 @@ class Limits:
     settle: float = 2.0  # 1/s: speed per metre in the last decimetres
     climb_accel: float = 1.1
     climb_brake: float = 0.58
+    climb_settle: float = 1.5  # 1/s: vertical speed per metre in the last decimetres
     response: float = 0.15  # s in which a higher speed is reached, within accel and jerk
     release: float = 0.15  # s in which a lower speed is reached
 
@@ -202,9 +203,16 @@ class Motion:
             # The line is kept: the slower of the two directions sets the pace.
             pace = min(limits.speed / flat, climb / abs(up))
             speed, climb = min(speed, pace * flat), min(climb, pace * abs(up))
-        climb = math.copysign(min(climb, _braking_speed(abs(up), limits.climb_brake, 1.5)), up)
+        climb = math.copysign(min(climb, _braking_speed(abs(up), limits.climb_brake, limits.climb_settle)), up)
         scale = speed / flat if flat > 1e-6 else 0.0
         self.fly(Vector(north * scale, east * scale, climb), limits, dt)
+
+    def course_to(self, goal: Vector, limits: Limits) -> Vector:
+        """Return the horizontal velocity to a goal from which the target stops there."""
+        north, east = goal.north - self.north.target, goal.east - self.east.target
+        flat = math.hypot(north, east)
+        scale = min(limits.speed, _braking_speed(flat, limits.brake, limits.settle)) / flat if flat > 1e-6 else 0.0
+        return Vector(north * scale, east * scale)
 
     def fly(self, velocity: Vector, limits: Limits, dt: float) -> None:
         """Move for `dt` seconds with this velocity as the wish."""

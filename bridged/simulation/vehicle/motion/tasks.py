@@ -74,4 +74,13 @@ class Land:
     """Straight down."""
 
 
-Task = TakeOff | GoTo | Drift | Stop | Return | Land
+@dataclass(slots=True)
+class Circle:
+    """Around a place at its height, by a radius in metres and a speed in m/s; anticlockwise if the radius is < 0."""
+
+    centre: Vector
+    radius: float
+    speed: float
+
+
+Task = TakeOff | GoTo | Drift | Stop | Return | Land | Circle

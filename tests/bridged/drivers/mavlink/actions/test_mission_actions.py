@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions import mission_actions
 from bridged.drivers.mavlink.actions.mission_items import Item, read_items
-from bridged.simulation.vehicle.ardupilot.mission import Item as Stored
+from bridged.simulation.vehicle.mission_items import Item as Stored
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky

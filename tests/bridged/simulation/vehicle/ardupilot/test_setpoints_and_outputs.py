@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.ardupilot.mission import Item as Stored
 from bridged.simulation.vehicle.fault_injection import Faults
+from bridged.simulation.vehicle.mission_items import Item as Stored
 from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.sky import GOAL, MISSION, Sky, is_command
 from tests.support.notes import identities

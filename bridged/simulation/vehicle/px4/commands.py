@@ -1,0 +1,188 @@
+"""Commands of the simulated PX4: effects and acknowledgements."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.messages import Messages, Streams
+from bridged.simulation.vehicle.mission_items import whole
+from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.tasks import Circle
+from bridged.simulation.vehicle.notifications import Done, Result
+from bridged.simulation.vehicle.px4 import telemetry
+from bridged.simulation.vehicle.px4.modes import Mode, selected
+from bridged.simulation.vehicle.px4.px4 import Px4
+from bridged.simulation.vehicle.px4.telemetry import AVAILABLE_MODES_ID
+from bridged.simulation.vehicle.px4.texts import CRITICAL
+
+FORCE = 21196.0
+"""Parameter 2 of COMPONENT_ARM_DISARM: without checks."""
+GRIPPER_S = 1.1
+"""Seconds until a gripper has moved (recorded)."""
+_NOWHERE = 2**31 - 1
+"""x or y of COMMAND_INT: no place."""
+_TAKEN = frozenset((187, 401))
+"""Commands that are acknowledged and change nothing that is simulated: DO_SET_ACTUATOR, RUN_PREARM_CHECKS."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command; `lat` and `lon` in degrees, `alt` in metres, whatever its frame is; NaN: not given."""
+
+    number: int
+    params: tuple[float, float, float, float]
+    lat: float
+    lon: float
+    alt: float
+    peer: tuple[int, int]
+
+    @classmethod
+    def of(cls, message: dialect.MAVLink_message) -> Command:
+        """Read a COMMAND_LONG or COMMAND_INT."""
+        params = (message.param1, message.param2, message.param3, message.param4)
+        peer = (message.get_srcSystem(), message.get_srcComponent())
+        if message.get_type() == "COMMAND_LONG":
+            return cls(message.command, params, message.param5, message.param6, message.param7, peer)
+        lat, lon = (math.nan if degrees == _NOWHERE else degrees / 1e7 for degrees in (message.x, message.y))
+        return cls(message.command, params, lat, lon, message.z, peer)
+
+
+@dataclass(slots=True)
+class CommandContext:
+    """The vehicle that commands act on, and their messages besides the acknowledgement."""
+
+    px4: Px4
+    streams: Streams
+    ahead: Messages = field(default_factory=list)
+    later: list[tuple[float, Done]] = field(default_factory=list)
+    """What is done after so many seconds."""
+
+    def carry_out(self, command: Command) -> Result:
+        """Carry out a command."""
+        px4, (first, second, third, _) = self.px4, command.params
+        match command.number:
+            case dialect.MAV_CMD_DO_SET_MODE:
+                return set_mode(px4, whole(second) & 0xFF, whole(third) & 0xFF)
+            case dialect.MAV_CMD_COMPONENT_ARM_DISARM if first in (0.0, 1.0):
+                force = second == FORCE
+                return px4.arm(force=force) if first else px4.disarm("external command", force=force)
+            case dialect.MAV_CMD_NAV_TAKEOFF:
+                return px4.take_off(command.alt) if px4.takes_off else Result.DENIED
+            case dialect.MAV_CMD_NAV_LAND:
+                px4.send_text("Landing at current position")
+                return px4.set_mode(Mode.LAND)
+            case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+                px4.send_text("Returning to launch")
+                return px4.set_mode(Mode.RTL)
+            case dialect.MAV_CMD_DO_REPOSITION:
+                return _reposition(px4, command)
+            case dialect.MAV_CMD_DO_CHANGE_ALTITUDE:
+                return px4.change_altitude(first)
+            case dialect.MAV_CMD_DO_CHANGE_SPEED:
+                px4.flight.cruise_speed = second if second > 0 else px4.flight.cruise_speed
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_DO_ORBIT:
+                return px4.orbit(_circle(px4, command))
+            case dialect.MAV_CMD_MISSION_START:
+                return _start_mission(px4)
+            case dialect.MAV_CMD_DO_SET_MISSION_CURRENT:
+                if whole(first) > 0:  # 0 was acknowledged, and changed nothing
+                    px4.navigator.jump_to(whole(first))
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_DO_SET_HOME:
+                if first == 1.0:
+                    px4.set_home(px4.place)
+                    return Result.ACCEPTED
+                return _set_home(px4, command)
+            case dialect.MAV_CMD_DO_GRIPPER:
+                self.later.append((GRIPPER_S, Done(command.number, Result.ACCEPTED, command.peer)))
+                return Result.IN_PROGRESS
+            case dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
+                return Result.DENIED
+            case number if number in _TAKEN:
+                return Result.ACCEPTED
+        return self._about_messages(command.number, whole(first), second)
+
+    def _about_messages(self, number: int, message: int, interval_us: float) -> Result:
+        px4 = self.px4
+        match number:
+            case dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+                if not math.isfinite(interval_us):
+                    return Result.DENIED
+                return Result.ACCEPTED if self.streams.set(message, interval_us, px4.now) else Result.FAILED
+            case dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
+                if not 0 <= message <= 65535:
+                    return Result.FAILED
+                self.ahead.append(dialect.MAVLink_message_interval_message(message, self.streams.interval_us(message)))
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_REQUEST_MESSAGE if message == AVAILABLE_MODES_ID:
+                self.ahead += telemetry.available_modes()
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_REQUEST_MESSAGE:
+                return self._send(message)
+        return Result.UNSUPPORTED
+
+    def _send(self, message: int) -> Result:
+        """Send a message before the acknowledgement (recorded)."""
+        builder = telemetry.REQUESTED.get(message)
+        built = None if builder is None else builder(self.px4)
+        if built is None:
+            return Result.DENIED
+        self.ahead.append(built)
+        return Result.ACCEPTED
+
+
+def set_mode(px4: Px4, main: int, sub: int) -> Result:
+    """Change the mode by its two numbers."""
+    mode = selected(main, sub)
+    if mode is None:
+        kind = "auto" if main == 4 else "main"
+        px4.send_text(f"Unsupported {kind} mode", CRITICAL)
+        return Result.TEMPORARILY_REJECTED
+    if mode is Mode.TAKEOFF:
+        return px4.take_off(math.nan)
+    return px4.set_mode(mode)
+
+
+def _reposition(px4: Px4, command: Command) -> Result:
+    speed, flags, radius, yaw = command.params
+    if not whole(flags) & 1 and px4.mode is not Mode.LOITER:
+        return Result.DENIED
+    if not any(map(math.isfinite, (command.lat, command.lon, command.alt))):
+        px4.reposition(None, speed, None, radius)
+        return Result.ACCEPTED
+    px4.reposition(_goal(px4, command), speed, yaw % (2 * math.pi) if math.isfinite(yaw) else None, radius)
+    return Result.ACCEPTED
+
+
+def _goal(px4: Px4, command: Command) -> Vector:
+    """Return the goal of a command; what it does not give is that of the present place."""
+    here = px4.place
+    lat, lon, alt = (
+        given if math.isfinite(given) else present
+        for given, present in ((command.lat, here.lat), (command.lon, here.lon), (command.alt, here.alt))
+    )
+    return px4.chart.at(lat, lon, alt)
+
+
+def _circle(px4: Px4, command: Command) -> Circle:
+    radius, speed, *_ = command.params
+    radius = radius if math.isfinite(radius) and abs(radius) >= 1 else 10.0
+    return Circle(_goal(px4, command), radius, min(10.0, abs(speed)) if math.isfinite(speed) and speed else 3.0)
+
+
+def _start_mission(px4: Px4) -> Result:
+    if not px4.missions.items or px4.missions.problem is not None:
+        px4.send_text("Mission start denied! No valid mission", CRITICAL)
+        return Result.DENIED
+    return px4.set_mode(Mode.MISSION)
+
+
+def _set_home(px4: Px4, command: Command) -> Result:
+    if not all(map(math.isfinite, (command.lat, command.lon, command.alt))):
+        return Result.DENIED
+    px4.set_home(px4.chart.place(px4.chart.at(command.lat, command.lon, command.alt)))
+    return Result.ACCEPTED

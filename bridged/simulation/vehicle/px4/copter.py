@@ -1,0 +1,49 @@
+"""A copter with PX4."""
+
+import math
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.autopilot import BootKind
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.motion.copter_flight import Flight
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.tasks import GoTo, Land, TakeOff, Task
+from bridged.simulation.vehicle.px4 import parameters
+from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, CopterTuning
+from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+
+
+class Px4Copter(Px4):
+    """A quadrotor."""
+
+    TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
+    TABLES: ClassVar = (parameters.COPTER,)
+    DETECTED_S: ClassVar = DETECTED_S
+    flight: Flight
+
+    @classmethod
+    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> "Px4Copter":
+        """Make one at a place, with a heading in radians."""
+        return cls(place, Motion(heading), _flight, stored, boot, charge_time)
+
+    def begin_takeoff(self, up: float) -> None:
+        """Take off to an altitude on the map."""
+        self.flight.begin(TakeOff(up))
+
+    def landing(self) -> Task:
+        """Return what it does in AUTO.LAND."""
+        return Land()
+
+    def going(self, goal: Vector, heading: float | None = None, radius: float = math.nan) -> Task:
+        """Return how it goes to a goal and stays there."""
+        return GoTo(goal, heading)
+
+    def return_height(self) -> float:
+        """Return the height above home of a return from here, in metres."""
+        return self.flight.tuning.return_height(self.motion.position.distance(self.home_on_chart))
+
+
+def _flight(motion: Motion, values: parameters.Parameters) -> Flight:
+    return Flight(motion, CopterTuning(values))

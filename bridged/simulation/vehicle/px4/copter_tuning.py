@@ -1,0 +1,82 @@
+"""How PX4 flies a copter: constants fitted to the recorded flights, and what its parameters set."""
+
+import math
+
+from bridged.simulation.vehicle.motion.copter_flight import Tuning
+from bridged.simulation.vehicle.motion.dynamics import Limits
+from bridged.simulation.vehicle.px4.parameters import Parameters
+
+LIFT_S = 3.0
+"""From the order to take off, or from `SPOOL_UP_S` after arming, until it moves: the thrust rises slowly."""
+SPOOL_UP_S = 1.0
+DETECTED_S = 2.15
+"""Before that, PX4 detects a takeoff."""
+TOP = 0.75
+"""Metres below its goal at which a takeoff ends (recorded: 0.1 to 0.8)."""
+TOUCHDOWN_TO_LANDED_S = 2.6
+NEAR_HOME = 26.0
+"""Metres; a return from nearer than this is flown lower (recorded: 20 m above home from 25 m, 30 m from 28 m)."""
+
+_SLIP = 0.85
+"""Share of a wanted speed that is flown: the recorded simulator has drag, and its PX4 no integral for seconds."""
+_CRAWL, _CRAWL_HEIGHT = 0.32, 0.7
+
+
+class CopterTuning:
+    """The tuning of a copter, made anew when a parameter or the speed of its legs has changed."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._made_of: tuple[float | None, int] | None = None
+        self._tuning: Tuning
+
+    def __call__(self, speed: float | None) -> Tuning:
+        """Return the tuning; `speed` of legs in m/s, None: that of the parameters."""
+        made_of = speed, self._parameters.changes
+        if made_of != self._made_of:
+            self._made_of, self._tuning = made_of, _tuning(self._parameters, speed)
+        return self._tuning
+
+
+def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
+    speed = min(cruise_speed or values["MPC_XY_CRUISE"], values["MPC_XY_VEL_MAX"])
+    up, down = max(0.1, values["MPC_Z_V_AUTO_UP"]), max(0.1, values["MPC_Z_V_AUTO_DN"])
+    slow, high, low = max(0.3, values["MPC_LAND_SPEED"]), values["MPC_LAND_ALT1"], values["MPC_LAND_ALT2"]
+    takeoff = Limits(climb=0.92 * max(0.1, values["MPC_TKO_SPEED"]), climb_accel=0.9, climb_brake=0.45, jerk=6.0)
+    acceptance, highest = values["NAV_ACC_RAD"], values["RTL_RETURN_ALT"]
+    legs = Limits(
+        _SLIP * max(0.2, speed), 0.88 * up, down, accel=2.4, brake=0.75, jerk=4.0, settle=4.0,
+        climb_accel=1.9, climb_brake=0.6, climb_settle=0.55, response=0.3, release=0.3,
+    )  # fmt: skip
+    stream = Limits(
+        _SLIP * values["MPC_XY_VEL_MAX"], 0.88 * up, down, accel=4.0, brake=3.3, jerk=8.0, settle=0.95,
+        climb_accel=2.0, climb_brake=1.0, climb_settle=1.0,
+    )  # fmt: skip
+
+    def landing(height: float) -> float:
+        if height < _CRAWL_HEIGHT:
+            return _CRAWL
+        share = min(1.0, max(0.0, (height - low) / max(0.1, high - low)))
+        return slow + (down - slow) * share
+
+    def return_height(away: float) -> float:
+        return -math.inf if away < acceptance else highest if away > NEAR_HOME else min(highest, 2 * acceptance)
+
+    return Tuning(
+        legs=legs,
+        smooth=lambda length: stream,
+        drift=Limits(accel=3.0, jerk=6.0),
+        stop=Limits(accel=2.5),
+        hard_stop=Limits(accel=2.5),
+        spool_up=SPOOL_UP_S + LIFT_S,
+        lift_delay=LIFT_S,
+        takeoff=lambda height, rising: takeoff,
+        takeoff_done=lambda off, rising: off < TOP,
+        radius=0.8,
+        return_height=return_height,
+        over_home=acceptance,
+        lands_over_home=True,
+        return_wait=0.0,
+        descent=landing,
+        touchdown_to_landed=TOUCHDOWN_TO_LANDED_S,
+    )

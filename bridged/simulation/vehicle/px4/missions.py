@@ -1,0 +1,99 @@
+"""The stored mission of the simulated PX4: its items from 0, whether it can be flown, and its progress."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.mission_items import RELATIVE_FRAMES, Item
+
+WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY = 16, 17, 19, 20, 21, 22, 31, 93
+NAV_COMMANDS = frozenset((WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY))
+"""Navigation commands that are flown."""
+WITH_PLACE = frozenset((WAYPOINT, LOITER_UNLIM, LOITER_TIME, LAND, TAKEOFF, LOITER_TO_ALT))
+LAND_START = dialect.MAV_CMD_DO_LAND_START
+KNOWN = NAV_COMMANDS | frozenset((
+    84, 85, 112, 114, 115, 177, 178, 179, 183, 187, LAND_START, 195, 196, 197, 200, 201, 203, 204, 205, 206, 211, 214,
+    530, 531, 532, 1000, 2000, 2001, 2500, 2501, 3000,
+))  # fmt: skip
+"""A mission with other commands is refused."""
+
+REPEATS = 10
+"""Times that MISSION_ITEM_REACHED is sent again, each second (recorded)."""
+MOST_STEPS = 255
+"""Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
+
+
+class State(IntEnum):
+    """mission_state of MISSION_CURRENT (MISSION_STATE)."""
+
+    NONE = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+@dataclass(slots=True)
+class Missions:
+    """Items of the mission, and where it is."""
+
+    items: list[Item] = field(default_factory=list)
+    current: int = 0
+    problem: tuple[int, int] | str | None = None
+    """Why it cannot be flown: an EVENT without a text, or a text; None: it can, if there is one."""
+    complete: bool = False
+    reached: int | None = None
+    """The item that was reached last, reported again ..."""
+    repeats: int = 0
+    """... so many times more ..."""
+    next_repeat: float = math.inf
+    """... and next at this time (vehicle seconds)."""
+    entered_at: float = 0.0
+    jumped: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is a mission that can be flown."""
+        return bool(self.items) and self.problem is None
+
+    def store(self, items: list[Item], *, keep_current: bool) -> None:
+        """Replace the items; `keep_current` in flight: the mission goes on with the new ones."""
+        self.items = items
+        self.current = min(self.current, len(items) - 1) if keep_current and items else 0
+        self.complete = False
+        self.jumped.clear()
+
+    def item(self, seq: int) -> Item | None:
+        """Return the item of this number, from 0."""
+        return self.items[seq] if 0 <= seq < len(self.items) else None
+
+    def next_place(self, seq: int, do: Callable[[Item], None]) -> Item | None:
+        """Return the next item to fly from item `seq` on, after doing what is between; None at the mission's end."""
+        for _ in range(MOST_STEPS):
+            item = self.item(seq)
+            if item is None or item.command in NAV_COMMANDS:
+                return item
+            if item.command == dialect.MAV_CMD_DO_JUMP:
+                times = self.jumped.get(seq, 0)
+                if (item.params[1] < 0 or times < item.params[1]) and self.item(int(item.params[0])) is not None:
+                    self.jumped[seq], seq = times + 1, int(item.params[0])
+                    continue
+            else:
+                do(item)
+            seq += 1
+        return None
+
+    @property
+    def landing(self) -> int | None:
+        """The item with which the landing begins: DO_LAND_START, or the last LAND."""
+        starts = [item.seq for item in self.items if item.command == LAND_START]
+        lands = [item.seq for item in self.items if item.command == LAND]
+        return starts[0] if starts else lands[-1] if lands else None
+
+
+def above_sea(item: Item, home: float) -> float:
+    """Return the altitude of an item in metres above mean sea level; `home`: that of home."""
+    return home + item.z if item.frame in RELATIVE_FRAMES else item.z

@@ -1,0 +1,148 @@
+"""Parameters of the simulated PX4: names and values of the recorded vehicles, for what is simulated or used."""
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Kind(IntEnum):
+    """param_type of PARAM_VALUE (MAV_PARAM_TYPE): PX4 has these two."""
+
+    INT32 = 6
+    REAL32 = 9
+
+
+NO_SUCH, WRONG_TYPE = 1, 7
+"""error of PARAM_ERROR (MAV_PARAM_ERROR)."""
+
+_I, _F = Kind.INT32, Kind.REAL32
+
+COMMON: Mapping[str, tuple[float, Kind]] = {
+    "BAT1_A_PER_V": (36.4, _F),
+    "BAT1_CAPACITY": (-1, _F),
+    "BAT1_N_CELLS": (4, _I),
+    "BAT_CRIT_THR": (0.07, _F),
+    "BAT_EMERGEN_THR": (0.05, _F),
+    "BAT_LOW_THR": (0.15, _F),
+    "COM_DISARM_LAND": (2, _F),
+    "COM_DISARM_PRFLT": (10, _F),
+    "COM_DL_LOSS_T": (10, _I),
+    "COM_FAIL_ACT_T": (5, _F),
+    "COM_LOW_BAT_ACT": (3, _I),
+    "COM_OBL_RC_ACT": (0, _I),
+    "COM_OF_LOSS_T": (1, _F),
+    "COM_POS_LOW_ACT": (3, _I),
+    "COM_RC_IN_MODE": (1, _I),
+    "COM_RC_LOSS_T": (0.5, _F),
+    "GF_ACTION": (2, _I),
+    "GF_MAX_HOR_DIST": (0, _F),
+    "GF_MAX_VER_DIST": (0, _F),
+    "MAN_OVERRIDE_SPD": (1.5, _F),
+    "MAV_SYS_ID": (1, _I),
+    "MIS_TAKEOFF_ALT": (2.5, _F),
+    "NAV_ACC_RAD": (10, _F),
+    "NAV_DLL_ACT": (0, _I),
+    "NAV_LOITER_RAD": (80, _F),
+    "NAV_RCL_ACT": (2, _I),
+    "RTL_LOITER_RAD": (80, _F),
+    "RTL_MIN_DIST": (10, _F),
+    "RTL_RETURN_ALT": (30, _F),
+    "RTL_TYPE": (0, _I),
+    "SIM_BAT_DRAIN": (60, _F),
+    "SIM_BAT_MIN_PCT": (50, _F),
+    "SYS_AUTOSTART": (10040, _I),
+    "SYS_FAILURE_EN": (1, _I),
+}
+"""Of every kind of vehicle."""
+
+COPTER: Mapping[str, tuple[float, Kind]] = {
+    "MPC_ACC_HOR": (3, _F),
+    "MPC_LAND_ALT1": (10, _F),
+    "MPC_LAND_ALT2": (5, _F),
+    "MPC_LAND_SPEED": (0.7, _F),
+    "MPC_TKO_SPEED": (1.5, _F),
+    "MPC_VEL_MANUAL": (10, _F),
+    "MPC_XY_CRUISE": (5, _F),
+    "MPC_XY_VEL_MAX": (12, _F),
+    "MPC_Z_V_AUTO_DN": (1.5, _F),
+    "MPC_Z_V_AUTO_UP": (3, _F),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter with the fields of PARAM_VALUE."""
+
+    name: str
+    value: float
+    kind: Kind
+    index: int
+
+    @property
+    def encoded(self) -> float:
+        """param_value: an integer as a float of the same bytes."""
+        if self.kind is Kind.REAL32:
+            return self.value
+        (number,) = struct.unpack("<f", struct.pack("<i", int(self.value)))
+        return float(number)
+
+
+class Parameters:
+    """All parameters of one vehicle. They survive a restart."""
+
+    def __init__(self, system: int, *tables: Mapping[str, tuple[float, Kind]]) -> None:
+        """`system`: its id (1..255). A later table overrides an earlier one."""
+        rows = {name: row for table in (COMMON, *tables) for name, row in table.items()}
+        self._names = sorted(rows)
+        self._values = {name: rows[name][0] for name in self._names}
+        self._kinds = {name: rows[name][1] for name in self._names}
+        self._values["MAV_SYS_ID"] = float(system)
+        self.changes = 0
+        """How often one was changed."""
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def find(self, name: str) -> Parameter | None:
+        """Return the parameter of a name, None if there is none."""
+        if name not in self._values:
+            return None
+        return Parameter(name, self._values[name], self._kinds[name], self._names.index(name))
+
+    def at(self, index: int) -> Parameter | None:
+        """Return the parameter at an index of the list."""
+        return self.find(self._names[index]) if 0 <= index < len(self._names) else None
+
+    def set(self, name: str, value: float) -> bool:
+        """Store a value; returns whether it was another one. Raises KeyError for an unknown name."""
+        if not math.isfinite(value):
+            return False
+        value = float(round(value)) if self._kinds[name] is Kind.INT32 else value
+        changed = self._values[name] != value
+        self._values[name] = value
+        self.changes += changed
+        return changed
+
+    def set_all(self, settings: Iterable[tuple[str, float]]) -> str | None:
+        """Store values by name; returns a name that there is not."""
+        for name, value in settings:
+            if name not in self:
+                return name
+            self.set(name, value)
+        return None
+
+
+def decoded(value: float, kind: int) -> float:
+    """Return the number in param_value of a PARAM_SET: an integer by its bytes."""
+    if kind != Kind.INT32:
+        return value
+    (number,) = struct.unpack("<i", struct.pack("<f", value))
+    return float(number)

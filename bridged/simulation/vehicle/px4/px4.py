@@ -1,0 +1,478 @@
+"""The simulated PX4 without MAVLink: state, arming checks, modes, takeoff and landing."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, Self
+
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.mission_items import Item
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.vehicle.notifications import MissionChanged, Number, Result, Severity, Text
+from bridged.simulation.vehicle.px4 import missions
+from bridged.simulation.vehicle.px4.battery import Battery
+from bridged.simulation.vehicle.px4.failsafes import Failsafes, Links
+from bridged.simulation.vehicle.px4.fence import Fence
+from bridged.simulation.vehicle.px4.missions import Missions
+from bridged.simulation.vehicle.px4.modes import Mode, name_of
+from bridged.simulation.vehicle.px4.navigator import Navigator
+from bridged.simulation.vehicle.px4.parameters import Kind, Parameters
+from bridged.simulation.vehicle.px4.sticks import Sticks
+from bridged.simulation.vehicle.px4.texts import CRITICAL, INFO, event_of
+
+FIRST_HEARTBEAT_S = 1.45
+"""Seconds after power on; the times below count from here."""
+_HOME_S: Mapping[BootKind, float] = {"real": 0.9, "quick": 0.4}
+_READY_S: Mapping[BootKind, float] = {"real": 2.7, "quick": 1.0}
+_COMPLAINT_S = 1.0
+"""When the first arming check that fails is reported (recorded: 0.1 to 1.2)."""
+
+PREFLIGHT_EXTRA_S = 1.1
+"""Besides COM_DISARM_PRFLT, until a vehicle that does nothing is disarmed (recorded)."""
+
+
+class Flight(Locomotion, Protocol):
+    """What PX4 needs of the motion of a vehicle."""
+
+    task: Task
+    reached: bool
+    cruise_speed: float | None
+
+    def arm(self) -> None:
+        """Start the motors."""
+
+    def begin(self, task: Task) -> None:
+        """Begin another task from the present motion."""
+
+    @property
+    def target(self) -> Vector | None:
+        """Goal of the present task, if there is one."""
+
+    @property
+    def lift_at(self) -> float | None:
+        """When it will leave the ground, in vehicle seconds; None: it is not about to."""
+
+
+@dataclass(slots=True)
+class Stored:
+    """What survives a restart."""
+
+    parameters: Parameters
+    missions: Missions
+    fence: Fence
+
+
+class Px4(Autopilot):
+    """One vehicle with PX4."""
+
+    PILOTED = Mode.POSCTL
+    LANDING = Mode.LAND
+    TYPE: ClassVar[int]
+    """MAV_TYPE"""
+    TABLES: ClassVar[tuple[Mapping[str, tuple[float, Kind]], ...]]
+    """Its parameters besides the common ones."""
+    DETECTED_S: ClassVar[float] = 0.0
+    """Seconds before it leaves the ground at which a takeoff is detected."""
+    mode: Mode
+    flight: Flight
+
+    def __init__(
+        self,
+        start: Place,
+        motion: Motion,
+        make_flight: Callable[[Motion, Parameters], Flight],
+        stored: Stored,
+        boot: BootKind = "quick",
+        charge_time: float = CHARGE_S,
+    ) -> None:
+        """At home an empty battery is full after `charge_time` seconds."""
+        super().__init__(start, motion, FIRST_HEARTBEAT_S)
+        self.stored = stored
+        self.parameters, self.missions, self.fence = stored.parameters, stored.missions, stored.fence
+        self.boot = boot
+        self.make_flight = make_flight
+        self.flight = make_flight(motion, self.parameters)
+        self.battery = Battery(self.parameters, charge_time)
+        self.sticks = Sticks()
+        self.links = Links()
+        self.failsafes = Failsafes(self)
+        self.navigator = Navigator(self)
+        self.mode = self.intended = Mode.LOITER
+        self.takeoff_up: float | None = None
+        """Altitude on the map of the takeoff that was ordered; None: MIS_TAKEOFF_ALT above here."""
+        self.setpoint: Task | None = None
+        """The last setpoint for OFFBOARD ..."""
+        self.setpoint_at = -math.inf
+        """... and when it came, in vehicle seconds."""
+        self.flown = False
+        """Whether it has taken off since it was armed."""
+        self.armed_at = self.landed_at = 0.0
+        self._complained = False
+        self._returning = False
+
+    def restarted(self, place: Place) -> Self:
+        """Return the vehicle after a restart at a place on the ground."""
+        motion = type(self.motion)(self.motion.heading)
+        self.missions.current, self.missions.complete = 0, False
+        return type(self)(place, motion, self.make_flight, self.stored, self.boot, self.battery.charge_time)
+
+    @property
+    def age(self) -> float:
+        """Seconds since the first HEARTBEAT."""
+        return self.now - FIRST_HEARTBEAT_S
+
+    @property
+    def ready(self) -> bool:
+        """Whether the estimator has started, so that it can be armed."""
+        return self.age >= _READY_S[self.boot]
+
+    @property
+    def booting(self) -> bool:
+        """Whether the boot sequence goes on."""
+        return not self.ready
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether the GPS has started."""
+        return True
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the estimator has a position."""
+        return self.ready and not self.estimate.lost
+
+    def send_text(self, text: str, severity: Severity = INFO) -> None:
+        """Queue a STATUSTEXT, and the EVENT of the same news."""
+        self.events.append(Text(severity, f"{text}\t"))
+        if event := event_of(text):
+            self.events.append(Number(*event))
+
+    def problems(self) -> list[str]:
+        """Return the failed arming checks that do not depend on the mode, in the vehicle's words."""
+        if not self.ready:
+            return ["no heading reference"]
+        problems = [self.hindrance] if self.hindrance else []
+        if self.estimate.gps is None or not self.has_position:
+            problems.append("no valid global position estimate")
+        if self.parameters["NAV_DLL_ACT"] > 0 and not self.links.station_present(self.now):
+            problems.append("No connection to the ground control station")
+        return problems
+
+    def mode_problem(self, mode: Mode) -> bool:
+        """Return whether something that a mode needs is missing."""
+        if mode.piloted:
+            return not self.sticks.alive(self.now)
+        if mode is Mode.MISSION:
+            return not self.missions.valid
+        if mode is Mode.OFFBOARD:
+            return not self.setpoints_come
+        return False
+
+    @property
+    def setpoints_come(self) -> bool:
+        """Whether setpoints are streamed."""
+        return self.now - self.setpoint_at <= self.parameters["COM_OF_LOSS_T"]
+
+    @property
+    def healthy(self) -> bool:
+        """Bit 28 of SYS_STATUS: whether all checks pass in the present mode."""
+        ground_only = not self.armed and self.mode in (Mode.RTL, Mode.LAND, Mode.PRECLAND, Mode.DESCEND)
+        return not self.problems() and not self.mode_problem(self.mode) and not ground_only
+
+    def arm(self, *, force: bool = False) -> Result:
+        """Start the motors and set home here."""
+        if self.armed:
+            return Result.ACCEPTED
+        if not self.healthy and not force:
+            self.send_text("Arming denied: Resolve system health failures first", CRITICAL)
+            for problem in self.problems():
+                self.events.append(Text(CRITICAL, f"Preflight Fail: {problem}"))
+            return Result.TEMPORARILY_REJECTED
+        self.flight.arm()
+        self.armed_at, self.flown = self.now, False
+        self.set_home(self.place)
+        self.send_text("Armed by external command")
+        if self.mode in (Mode.TAKEOFF, Mode.MISSION):
+            self._enter(self.mode)
+        return Result.ACCEPTED
+
+    def disarm(self, by: str, *, force: bool = False) -> Result:
+        """Stop the motors; refused in the air unless forced."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if self.flight.airborne and not force:
+            self.send_text("Disarming denied: not landed", CRITICAL)
+            return Result.TEMPORARILY_REJECTED
+        self.flight.disarm()
+        self.flight.begin(Stop())
+        self.failsafes.clear()
+        self.send_text(f"Disarmed by {by}")
+        if self.intended in (Mode.TAKEOFF, Mode.LAND, Mode.PRECLAND, Mode.RTL, Mode.ORBIT):
+            self.intended = Mode.LOITER
+        self.mode = self.intended
+        return Result.ACCEPTED
+
+    def set_mode(self, number: int) -> Result:
+        """Change the mode as somebody wants it; in flight it must be possible. A change ends a failsafe."""
+        mode = Mode(number)
+        if self.armed and self.mode_problem(mode):
+            self.send_text(f"Switching to {name_of(mode)} is currently not available", CRITICAL)
+            return Result.TEMPORARILY_REJECTED
+        self.failsafes.overruled()
+        self.intended = mode
+        self.switch_to(mode)
+        return Result.ACCEPTED
+
+    def pilot_sets(self, number: int) -> None:
+        """Change the mode as a pilot does, whose radio is on while he has the vehicle."""
+        self.sticks.radio = number in (self.PILOTED, self.LANDING)
+        self.set_mode(number)
+
+    def switch_to(self, mode: Mode) -> None:
+        """Do what a mode does, whatever was wanted; nothing new if it is the present one."""
+        if mode is self.mode:
+            return
+        was_mission = self.mode is Mode.MISSION
+        self.mode = mode
+        self._returning = False
+        if was_mission or mode is Mode.MISSION:
+            self.events.append(MissionChanged())
+        self._enter(mode)
+
+    def settle_in(self, mode: Mode, task: Task | None = None) -> None:
+        """Change to a mode by itself, where the present one has ended; `task` is what it does there."""
+        if self.intended is self.mode:
+            self.intended = mode
+        self.switch_to(mode)
+        if task is not None:
+            self.flight.begin(task)
+
+    def _enter(self, mode: Mode) -> None:
+        match mode:
+            case Mode.TAKEOFF:
+                self._take_off()
+            case Mode.MISSION:
+                self.navigator.start()
+            case Mode.RTL:
+                self._begin_return()
+            case Mode.LAND | Mode.PRECLAND:
+                self.flight.begin(self.landing())
+            case Mode.OFFBOARD:
+                self.flight.begin(self.setpoint or self.holding())
+            case Mode.ORBIT:
+                pass  # its task comes with it
+            case _:
+                self.flight.begin(self.holding())
+
+    def take_off(self, altitude: float) -> Result:
+        """NAV_TAKEOFF to an altitude in metres above mean sea level; NaN: MIS_TAKEOFF_ALT above here."""
+        self.takeoff_up = altitude - self.chart.origin.alt if math.isfinite(altitude) else None
+        if self.mode is Mode.TAKEOFF:
+            self.mode = Mode.LOITER
+        return self.set_mode(Mode.TAKEOFF)
+
+    def _take_off(self) -> None:
+        if not self.armed:
+            return
+        up, here = self.takeoff_up, self.motion.up.position
+        if up is None:
+            up = here + self.parameters["MIS_TAKEOFF_ALT"]
+            self.send_text(f"Using default takeoff altitude: {self.parameters['MIS_TAKEOFF_ALT']:.1f} m")
+        if up <= here:
+            self.send_text("Already higher than takeoff altitude", CRITICAL)
+            self.flight.begin(self.holding())
+        else:
+            self.begin_takeoff(up)
+
+    @abstractmethod
+    def begin_takeoff(self, up: float) -> None:
+        """Take off to an altitude on the map."""
+
+    def holding(self) -> Task:
+        """Return what it does in AUTO.LOITER without a target."""
+        return Stop()
+
+    @abstractmethod
+    def landing(self) -> Task:
+        """Return what it does in AUTO.LAND."""
+
+    @abstractmethod
+    def going(self, goal: Vector, heading: float | None = None, radius: float = math.nan) -> Task:
+        """Return how it goes to a goal and stays there; heading in radians, radius of a circle in metres."""
+
+    def _begin_return(self) -> None:
+        self.flight.cruise_speed = None
+        self.flight.begin(self.returning())
+        if self.armed and self.flight.airborne:
+            self._announce_return()
+
+    def returning(self) -> Task:
+        """Return what it does in AUTO.RTL."""
+        return Return(self.home_on_chart)
+
+    @abstractmethod
+    def return_height(self) -> float:
+        """Return the height above home of a return from here, in metres."""
+
+    def _announce_return(self) -> None:
+        self._returning = True
+        above = max(self.return_height(), self.motion.up.position - self.home_on_chart.up)
+        home = self.home or self.chart.origin
+        self.send_text(f"RTL: start return at {math.ceil(home.alt + above)} m ({math.ceil(above)} m above destination)")
+
+    def reposition(self, goal: Vector | None, speed: float, heading: float | None, radius: float) -> None:
+        """Go to a goal and stay there; None: stay here."""
+        if goal is not None and not self.fence.allows(goal, self.home_on_chart, self.chart):
+            self.send_text("Reposition is outside geofence", CRITICAL)
+            return
+        self.set_mode(Mode.LOITER)
+        if self.flight.airborne:
+            self.flight.cruise_speed = speed if speed > 0 else None
+            self.flight.begin(self.holding() if goal is None else self.going(goal, heading, radius))
+
+    def change_altitude(self, altitude: float) -> Result:
+        """DO_CHANGE_ALTITUDE to metres above mean sea level; only in AUTO.LOITER."""
+        if self.mode is not Mode.LOITER or not math.isfinite(altitude):
+            return Result.TEMPORARILY_REJECTED
+        at = self.flight.target or self.motion.position
+        up = altitude - self.chart.origin.alt
+        if self.flight.airborne:
+            self.flight.begin(self.going(Vector(at.north, at.east, up), self.motion.heading))
+        return Result.ACCEPTED
+
+    def orbit(self, circle: Circle) -> Result:
+        """DO_ORBIT"""
+        if not self.flight.airborne:
+            return Result.TEMPORARILY_REJECTED
+        self.set_mode(Mode.ORBIT)
+        self.flight.begin(circle)
+        return Result.ACCEPTED
+
+    def guide(self, setpoint: Task) -> None:
+        """Take a setpoint; it is followed in OFFBOARD, now or later."""
+        self.setpoint, self.setpoint_at = setpoint, self.now
+        if self.mode is Mode.OFFBOARD:
+            if isinstance(setpoint, GoTo) and isinstance(self.flight.task, GoTo):
+                setpoint.length = self.flight.task.length
+                self.flight.task = setpoint
+            else:
+                self.flight.begin(setpoint)
+
+    def _boot(self) -> None:
+        if self.home is None and self.age >= _HOME_S[self.boot]:
+            self.set_home(self.place)
+        if not self._complained and not self.ready and self.age >= _COMPLAINT_S:
+            self._complained = True
+            self.events.append(Text(CRITICAL, f"Preflight Fail: {self.problems()[0]}"))
+
+    def _guard(self, dt: float) -> None:
+        self.failsafes.check(dt)
+        self.navigator.report()
+        if not self.armed:
+            self.battery.rest(dt, at_home=self.motion.position.distance(self.home_on_chart) <= 5.0)
+        if self.sticks.alive(self.now) and self.flight.airborne:
+            if self.sticks.override(self.parameters["MAN_OVERRIDE_SPD"]) and self._yields_to_sticks:
+                self.send_text("Pilot took over using sticks")
+                self.set_mode(Mode.POSCTL)
+            if self.mode.piloted:
+                self.flight.begin(self.sticks.drift(self.motion.heading, self.now, self.top_speed))
+
+    takes_off: ClassVar[bool] = True
+    """Whether NAV_TAKEOFF is taken."""
+    has_airspeed: ClassVar[bool] = False
+
+    @property
+    def circle(self) -> Circle | None:
+        """The circle that it flies."""
+        task = self.flight.task
+        return task if isinstance(task, Circle) else None
+
+    @property
+    def top_speed(self) -> float:
+        """m/s of a stick at its end."""
+        return 10.0
+
+    @property
+    def _yields_to_sticks(self) -> bool:
+        return self.mode.automatic or self.mode in (Mode.OFFBOARD, Mode.ORBIT)
+
+    def _move(self, dt: float) -> None:
+        flight, was = self.flight, self.flight.landed
+        if flight.lift_at is not None and self.now >= flight.lift_at - self.DETECTED_S and not self.flown:
+            self.flown, flight.landed = True, Landed.TAKEOFF
+            self.set_home(self.place)
+            self.send_text("Takeoff detected")
+        flight.step(dt)
+        if self.armed:
+            self.battery.step(dt)
+            if self.battery.empty:
+                self.disarm("an empty battery", force=True)
+        if flight.landed is Landed.ON_GROUND and was is not Landed.ON_GROUND:
+            self.touched_down()
+        if self.armed and flight.airborne:
+            self._follow()
+        elif self.armed:
+            self._idle()
+
+    def touched_down(self) -> None:
+        """Take note of a landing."""
+        self.landed_at = self.now
+        self.send_text("Landing detected")
+        if self.mode is Mode.MISSION:
+            self.navigator.landed()
+
+    skips_takeoff: ClassVar[bool] = False
+    """Whether a takeoff item is passed over in the air."""
+    climbs_first: ClassVar[bool] = True
+    """Whether it reports to what height it climbs for a takeoff item."""
+    altitude_acceptance: ClassVar[float] = 0.0
+    """Metres beside the altitude of an item at which it is reached, at least."""
+
+    def landing_problem(self, items: list[Item]) -> tuple[int, int] | None:
+        """Return why the landing of a mission cannot be flown: an EVENT; None: it can."""
+        return None
+
+    def near(self, goal: Vector) -> bool:
+        """Return whether it is near enough to a goal to fly on."""
+        return self.motion.position.distance(goal) <= self.parameters["NAV_ACC_RAD"]
+
+    def loiter_to_altitude_done(self, goal: Vector) -> bool:
+        """Return whether it may leave a LOITER_TO_ALT at a goal."""
+        return self.near(goal) and abs(goal.up - self.motion.up.position) < 1.0
+
+    def mission_task(self, item: Item, goal: Vector) -> Task:
+        """Return how an item of the mission is flown."""
+        if item.command == missions.LAND:
+            return Return(goal, Stage.CRUISE, Vector(goal.north, goal.east, max(2.0, self.motion.up.position)))
+        return self.going(goal)
+
+    def _follow(self) -> None:
+        flight = self.flight
+        if self.mode is Mode.TAKEOFF and flight.reached and isinstance(flight.task, TakeOff):
+            flight.landed = Landed.IN_AIR
+            self.settle_in(Mode.LOITER, self.after_takeoff(flight.task))
+        elif self.mode is Mode.MISSION:
+            self.navigator.follow()
+        elif self._returning and isinstance(flight.task, Return) and flight.task.stage is Stage.DESCEND:
+            self._returning = False
+            self.send_text("RTL: land at destination")
+
+    def after_takeoff(self, task: TakeOff) -> Task:
+        """Return what it does when a takeoff has ended."""
+        here = self.motion.position
+        return self.going(Vector(here.north, here.east, task.up), self.motion.heading)
+
+    def _idle(self) -> None:
+        if self.flown and self.flight.landed is Landed.ON_GROUND:
+            delay = self.parameters["COM_DISARM_LAND"]
+            if delay > 0 and self.now - self.landed_at >= delay:
+                self.disarm("landing")
+        elif not self.flown and self.flight.lift_at is None:
+            delay = self.parameters["COM_DISARM_PRFLT"]
+            if delay > 0 and self.now - self.armed_at >= delay + PREFLIGHT_EXTRA_S:
+                self.disarm("auto preflight disarming")
