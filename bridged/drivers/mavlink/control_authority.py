@@ -35,8 +35,6 @@ class ControlAuthority:
     def __init__(
         self, flight: ProcedureContext, runs: Collection[ProcedureRun], end: Callable[[ProcedureRun, Outcome], None]
     ) -> None:
-        self.overridden = False
-        """Whether others set the present mode of the vehicle."""
         self.override = ""
         """The mode that others set while an agent had control, or in which an armed vehicle was first heard; empty once
         an agent has set the mode again, or they have handed the vehicle over."""
@@ -50,6 +48,15 @@ class ControlAuthority:
         """The agents do not perceive the override yet."""
         self._doubt_until = -math.inf
         """Until when a mode that the vehicle may have started with counts as nobody's."""
+
+    @property
+    def overridden(self) -> bool:
+        """Whether others set the present mode of the vehicle."""
+        return self._flight.vehicle.overridden
+
+    @overridden.setter
+    def overridden(self, by_others: bool) -> None:
+        self._flight.vehicle.overridden = by_others
 
     @property
     def in_doubt(self) -> bool:

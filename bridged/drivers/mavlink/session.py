@@ -321,7 +321,10 @@ class VehicleSession:
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
             if run in self._runs:
                 self._runs.remove(run)
+            name = self.vehicle.mode_name
             self.control.ended(run, outcome)  # first: it may report that an override is over
+            if self.vehicle.mode_name != name:
+                self._report_state()
             run.end(outcome)
 
     def _keep_velocity(self) -> None:

@@ -64,6 +64,8 @@ class ModeTable:
     """Modes that the vehicle enters by itself when its motors have stopped."""
     hands_over: bool = True
     """Whether others who set `guided` hand the vehicle over: it is a mode for computers only."""
+    guided_by_others: str = ""
+    """The name of `guided` while others have the vehicle, where it is their mode too."""
     main_and_sub: bool = False
     """A mode is requested by two numbers, which `custom_mode` holds in its third and fourth byte."""
 
@@ -231,6 +233,7 @@ PX4_COPTER = ModeTable(
     at_arming=frozenset({_TAKEOFF, _MISSION}),
     resting=frozenset({_LOITER}),
     hands_over=False,
+    guided_by_others="HOLD",
     main_and_sub=True,
 )
 """PX4 main of 2026-08 (px4_custom_mode.h). A pilot's Hold is the mode that takes targets too, so only an agent takes

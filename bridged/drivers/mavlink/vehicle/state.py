@@ -67,6 +67,8 @@ class Vehicle:
         self.mode = -1
         self.wanted_mode = -1
         """The mode that somebody set last (CURRENT_MODE); a failsafe is in another. -1 = not reported."""
+        self.overridden = False
+        """Whether others set the present mode; set by the control authority."""
         self.armed = False
         self.base_mode = 0
         """MAV_MODE_FLAG bits of its HEARTBEAT."""
@@ -106,6 +108,8 @@ class Vehicle:
     @property
     def mode_name(self) -> str:
         """Name of the mode; empty before the first HEARTBEAT."""
+        if self.overridden and self.mode == self.modes.guided and self.modes.guided_by_others:
+            return self.modes.guided_by_others
         return self.modes.name(self.mode) if self.mode >= 0 else ""
 
     @property

@@ -1,0 +1,21 @@
+/* Copters and planes, of ArduPilot or PX4: they take off, and are home again when they have landed, or when a plane that
+   lands on no order circles above home. */
+
+{ include("relay.asl") }
+
++!departed : height(Height)
+  <- !in_hand;
+     arm_motors(true);
+     .print("taking off to ", Height, " m");
+     takeoff(Height).
+
+// A copter takes off in the mode that takes orders; a plane has a mode for its takeoff, and enters it by itself.
++!in_hand <- set_mode("GUIDED").
+
++!visited(Lat, Long) : height(Height) <- goto(Lat, Long, Height).
+
++!home_again <- return_to_launch; !down.
+
++!down : not state(_, _, true).
++!down <- land.
+-!down[error_msg(Why)] <- .print("circles above home: ", Why).
