@@ -108,7 +108,16 @@ class MavlinkDriver(VehicleSession):
         if (two := self._two()) and not leads_down(entry, action, self.modes):
             return Execution(name, Outcome("refused", two))
         procedure = procedure_of(entry, action.number)
-        return self.begin(ProcedureRun(name, procedure=procedure, action=action, moves=entry.motion, by_agent=True))
+        return self.begin(
+            ProcedureRun(
+                name,
+                procedure=procedure,
+                action=action,
+                bind=lambda: bind_action(entry, arguments, self.modes),
+                moves=entry.motion,
+                by_agent=True,
+            )
+        )
 
     def refuses(self, entry: ActionEntry) -> Outcome | None:
         """Why an action cannot begin now; None if it can. Setting the mode takes control again.

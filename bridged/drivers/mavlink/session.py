@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -129,7 +130,8 @@ class VehicleSession:
         if vehicle.autopilot != autopilot or vehicle.modes is not kind:
             self._autopilot_changed()
         self.streams.received[name] += 1
-        if name in self._sources and name != "HEARTBEAT":  # that one is reported with its mode's name
+        again = name == "MISSION_ITEM_REACHED" and vehicle.reached_again and self.flight.autopilot.repeats_reached
+        if name in self._sources and name != "HEARTBEAT" and not again:  # that one is reported with its mode's name
             self._on_reading(Reading(name, MessageFields(message)))
         if vehicle.reboots != reboots:
             self._rebooted()
@@ -222,7 +224,14 @@ class VehicleSession:
             self.stop(other, ending)
         self._commanded = True
         return self.begin(
-            ProcedureRun(order, procedure=SECURE, action=self._ordered(order), moves=False, yields=not insist)
+            ProcedureRun(
+                order,
+                procedure=SECURE,
+                action=self._ordered(order),
+                bind=partial(self._ordered, order),
+                moves=False,
+                yields=not insist,
+            )
         )
 
     def _ordered(self, order: Order) -> BoundAction:
@@ -240,17 +249,19 @@ class VehicleSession:
             self._mode_before_pause = self.vehicle.mode
             self.flight.interrupted = [run.action for run in interrupted if isinstance(run, ProcedureRun)]
         self._commanded = False
-        return self.begin(ProcedureRun("pause", procedure=HOLD, action=self._ordered("hold"), moves=False))
+        bind = partial(self._ordered, "hold")
+        return self.begin(ProcedureRun("pause", procedure=HOLD, action=bind(), bind=bind, moves=False))
 
     def resume(self) -> ProcedureRun:
         """Set the mode before `pause`; after a restart of the bridge the one that takes targets."""
         before = self._mode_before_pause
-        mode = self.modes.guided if before is None else before
+
+        def bind() -> BoundAction:
+            return mode_action(self.modes, self.modes.guided if before is None else before)
+
         for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet
             self.stop(run, Outcome("cancelled", "the operator continues", "operator"))
-        return self.begin(
-            ProcedureRun("continue", procedure=LEAVE_HOLD, action=mode_action(self.modes, mode), moves=False)
-        )
+        return self.begin(ProcedureRun("continue", procedure=LEAVE_HOLD, action=bind(), bind=bind, moves=False))
 
     def stop(self, run: Execution, outcome: Outcome, *, hold: bool = False) -> None:
         """End a run from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
@@ -357,6 +368,11 @@ class VehicleSession:
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
+        if waited and run.bind is not None:
+            try:
+                run.action = run.bind()
+            except ValueError as error:
+                return Outcome("refused", str(error))
         if waited and run.by_agent and self.control.overridden and self.vehicle.armed:
             reason = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
             return Outcome("failed", f"{reason} (pilot, ground station or failsafe)", "pilot")
@@ -369,8 +385,8 @@ class VehicleSession:
 
     def _beat(self) -> None:
         self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY
-        if self._speaks_for_agent or not self.failsafe.claims_ground_station:
-            kind = self.failsafe.heartbeat_type
+        kind = self.failsafe.heartbeat_type
+        if kind is not None and (self._speaks_for_agent or not self.failsafe.claims_ground_station):
             self._send(dialect.MAVLink_heartbeat_message(kind, *_HEARTBEAT))
 
     def _heard(self, mode_before: int, silence: float) -> None:
@@ -448,6 +464,7 @@ class VehicleSession:
     def _autopilot_changed(self) -> None:
         """Speak to the autopilot that the vehicle turns out to have; end what was asked of another one."""
         self.flight.autopilot = AUTOPILOTS.get(self.vehicle.autopilot, ARDUPILOT)
+        self.failsafe.begin(self.flight.now, self.flight.autopilot, self.modes)
         self.streams.adopt(self._manifest, self.flight.autopilot, self.flight.now)
         if refusal := self.vehicle.not_commanded:
             log.error("system %d: %s", self.identity.vehicle, refusal)

@@ -133,6 +133,8 @@ class ProcedureRun(Execution):
     procedure: Procedure
     action: BoundAction
     steps: Steps = field(init=False)
+    bind: Callable[[], BoundAction] | None = None
+    """Binds the action again, for a vehicle that was not heard when it began: its autopilot decides what is sent."""
     moves: bool = True
     """A mode that nobody here asked for ends it."""
     yields: bool = False

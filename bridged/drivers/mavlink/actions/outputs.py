@@ -9,7 +9,7 @@ from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledge
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
-from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
+from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters, write_parameter
 
 SERVOS = 16
 """Outputs in one SERVO_OUTPUT_RAW message."""
@@ -78,6 +78,8 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
     wanted = action.parameters[0] >= 1.0
     if not wanted and (guarded := guard(flight, FENCE_ENABLE, 0.0)):
         return Outcome("refused", guarded)
+    if flight.autopilot.fence_switch is not None:
+        return (yield from _fence_by_parameter(flight, run, *flight.autopilot.fence_switch, wanted=wanted))
     bit = dialect.MAV_SYS_STATUS_GEOFENCE
     agrees = _Seen(flight, run, "SYS_STATUS", lambda m: bool(m.onboard_control_sensors_enabled & bit) == wanted)
     command = flight.submit(run, action, in_frame=True)
@@ -100,6 +102,16 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
         raise refusal
     state = "enabled" if wanted else "disabled"
     return Outcome("failed", f"{command.name} was acknowledged, but the fence is not {state}")
+
+
+def _fence_by_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, on: float, *, wanted: bool) -> Steps:
+    """Switch the fence by a parameter: on as it is if it is, off at 0."""
+    found = yield from read_parameter(flight, run, name)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {name}")
+    if (found.value != 0.0) != wanted:
+        yield from write_parameter(flight, run, name, on if wanted else 0.0)
+    return SUCCEEDED
 
 
 def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, what: str, fits: Fits) -> Steps:

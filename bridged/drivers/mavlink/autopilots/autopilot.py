@@ -25,6 +25,8 @@ class Autopilot(ABC):
     name: ClassVar[str]
     needs: ClassVar[Mapping[str, float]]
     """Hz at least of the messages that readiness and the confirmations look at."""
+    unrequestable: ClassVar[frozenset[str]] = frozenset()
+    """Messages that it sends by itself and that cannot be requested."""
     unasked: ClassVar[tuple[str, ...]] = ()
     """Messages that it streams fast without being asked: stopped where no percept needs them."""
     stream_denials: ClassVar[frozenset[int]]
@@ -39,10 +41,14 @@ class Autopilot(ABC):
     """Whether outputs and parameters show what a gripper does; otherwise it acknowledges when that is done."""
     local_places: ClassVar[bool]
     """Whether it takes SET_POSITION_TARGET_LOCAL_NED with a place in the mode that takes targets."""
+    fence_switch: ClassVar[tuple[str, float] | None] = None
+    """The parameter that switches the fence, and its value for on; None = DO_FENCE_ENABLE does."""
     settles: ClassVar[float] = 0.0
     """Metres beside the altitude of a takeoff at which it ends one by itself."""
     home_is_an_item: ClassVar[bool] = True
     """Whether the first item of a stored mission is home, and an item at 0/0 is flown where the vehicle is."""
+    repeats_reached: ClassVar[bool] = False
+    """Whether it reports an item as reached again and again."""
     judges_missions_later: ClassVar[bool] = False
     """Whether it stores a mission before it judges whether the mission can be flown."""
 

@@ -56,8 +56,8 @@ class Px4(Autopilot):
         "EXTENDED_SYS_STATE": 2.0,
         "POSITION_TARGET_GLOBAL_INT": 2.0,
         "CURRENT_MODE": 0.5,
-        "MISSION_CURRENT": 1.0,
     }
+    unrequestable: ClassVar = frozenset({"MISSION_CURRENT", "RC_CHANNELS"})
     unasked: ClassVar = (
         "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "HIGHRES_IMU", "LOCAL_POSITION_NED", "ODOMETRY",
         "ALTITUDE", "TIMESYNC", "SERVO_OUTPUT_RAW", "VFR_HUD", "SCALED_PRESSURE", "PING",
@@ -70,9 +70,12 @@ class Px4(Autopilot):
     typed_parameters: ClassVar = True
     outputs_show: ClassVar = False
     local_places: ClassVar = False
+    fence_switch: ClassVar = ("GF_ACTION", 2.0)
+    """2 = it holds, PX4's default; what it does otherwise is the value that somebody has set."""
     settles: ClassVar = 1.0
     """Seen: up to 0.8 m low."""
     home_is_an_item: ClassVar = False
+    repeats_reached: ClassVar = True
     judges_missions_later: ClassVar = True
 
     def station_failsafe(self, modes: ModeTable) -> str:
@@ -154,6 +157,7 @@ class Px4(Autopilot):
         modes = flight.vehicle.modes
         flight.velocity = stream = VelocityStream(lambda: flight.send_local(target), PX4_OFFBOARD)
         if flight.vehicle.mode != PX4_OFFBOARD:
+            flight.expect_mode(PX4_OFFBOARD)
             while stream.sent < SETPOINTS_BEFORE:
                 run.waits_for = "the first setpoints to be sent"
                 yield

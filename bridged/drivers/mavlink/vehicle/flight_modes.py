@@ -64,6 +64,8 @@ class ModeTable:
     """Modes that the vehicle enters by itself when its motors have stopped."""
     hands_over: bool = True
     """Whether others who set `guided` hand the vehicle over: it is a mode for computers only."""
+    also_guided: frozenset[int] = frozenset()
+    """Modes besides `guided` that obey agents, and have its name while agents have the vehicle."""
     guided_by_others: str = ""
     """The name of `guided` while others have the vehicle, where it is their mode too."""
     main_and_sub: bool = False
@@ -233,6 +235,7 @@ PX4_COPTER = ModeTable(
     at_arming=frozenset({_TAKEOFF, _MISSION}),
     resting=frozenset({_LOITER}),
     hands_over=False,
+    also_guided=frozenset({_OFFBOARD}),
     guided_by_others="HOLD",
     main_and_sub=True,
 )

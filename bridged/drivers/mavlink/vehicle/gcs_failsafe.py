@@ -81,11 +81,14 @@ class FailsafeCheck:
             self.value, self._tries, self._next_at = None, 0, now
 
     @property
-    def heartbeat_type(self) -> int:
+    def heartbeat_type(self) -> int | None:
         """MAV_TYPE of our heartbeats: a ground station's where the vehicle sends its texts to those only.
 
-        Such heartbeats would hide the loss of another ground station from a failsafe that is on.
+        Such heartbeats would hide the loss of another ground station from a failsafe that is on, so none (None) is sent
+        until the vehicle has reported that. An onboard controller whose heartbeats end would be missed.
         """
+        if self._for_texts and self.value is None and self._tries < TRIES:
+            return None
         stands_in = self._for_texts and self.value == 0
         if stands_in or (self.claims_ground_station and self.parameter == "NAV_DLL_ACT"):
             return int(dialect.MAV_TYPE_GCS)

@@ -102,6 +102,10 @@ class Vehicle:
         """The vehicle's own target (message 87), AMSL."""
         self.targets = 0
         """Count of such messages."""
+        self.reached = -1
+        """The item of the mission that it reported last as reached; -1 = none."""
+        self.reached_again = False
+        """Whether the last such report repeats the one before, as PX4's does each second."""
         self.reboots = 0
         self._boot_ms = 0
 
@@ -110,6 +114,8 @@ class Vehicle:
         """Name of the mode; empty before the first HEARTBEAT."""
         if self.overridden and self.mode == self.modes.guided and self.modes.guided_by_others:
             return self.modes.guided_by_others
+        if self.mode in self.modes.also_guided and not self.overridden:
+            return self.modes.name(self.modes.guided)
         return self.modes.name(self.mode) if self.mode >= 0 else ""
 
     @property
@@ -176,6 +182,10 @@ class Vehicle:
                 self.wanted_mode = message.intended_custom_mode or message.custom_mode
             case "GPS_RAW_INT":
                 self.gps_fix = message.fix_type
+            case "MISSION_ITEM_REACHED":
+                self.reached_again, self.reached = message.seq == self.reached, message.seq
+            case "MISSION_CURRENT" if message.seq < self.reached:
+                self.reached = -1
             case "EXTENDED_SYS_STATE":
                 self.landed_state, self.landed_at = message.landed_state, now
             case "HOME_POSITION":

@@ -174,7 +174,7 @@ class Streams:
 def _wanted(manifest: Manifest, autopilot: Autopilot) -> Iterable[_Stream]:
     rates = dict.fromkeys(autopilot.unasked, 0.0) | dict(autopilot.needs)
     for percept in manifest.percepts.values():
-        if percept.source not in UNASKED:
+        if percept.source not in UNASKED | autopilot.unrequestable:
             rates[percept.source] = max(rates.get(percept.source, 0.0), percept.rate or DEFAULT_RATE)
     for name, rate in rates.items():
         yield _Stream(message_number(name), name, rate)

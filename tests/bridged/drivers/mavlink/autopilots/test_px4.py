@@ -1,0 +1,357 @@
+"""A PX4 is flown by the manifest that flies an ArduCopter, and each danger that it once was is gone: real bytes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.bridge.safety_orders import Step, by_operator
+from bridged.drivers.api import Order, Outcome
+from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER
+from bridged.simulation.vehicle.kinds import KINDS
+from bridged.simulation.vehicle.vehicle import Vehicle
+from tests.bridged.bridge.test_safety_orders import leaving, passing
+from tests.bridged.sky import GOAL, HOME, MISSION, Message, Sky
+from tests.support.buses import async_test
+
+MANUAL, ALTCTL, POSCTL, AUTO = 1, 2, 3, 4
+TAKEOFF, LOITER, MISSION_MODE, RTL, LAND = 2, 3, 4, 5, 6
+FLIGHT = [["takeoff", 0, 0, 15], [-27.6036, -48.5182, 20], [-27.6038, -48.5184, 20], ["rtl"]]
+
+
+def px4(tmp_path: Path, robot: str = "", **settings: float) -> Sky:
+    """A PX4 copter that has just been switched on. `robot`: further lines of the robot in the mission."""
+    vehicle = Vehicle(HOME, KINDS["copter", "px4"], parameters=settings.items())
+    return Sky(tmp_path, vehicle=vehicle, mission=MISSION + robot)
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    return px4(tmp_path)
+
+
+def station(sky: Sky, main: int, sub: int = 0) -> None:
+    """Another station sets a mode."""
+    request = dialect.MAVLink_command_long_message(1, 1, dialect.MAV_CMD_DO_SET_MODE, 0, 1, main, sub, 0, 0, 0, 0)
+    sky.downlink.extend(sky.vehicle.receive(request))
+
+
+def mode(sky: Sky) -> str:
+    state = sky.belief("state")
+    assert state is not None
+    return str(state[0])
+
+
+def done(sky: Sky, name: str, *arguments: object) -> None:
+    final = sky.do(name, *arguments)  # type: ignore[arg-type]
+    assert final.state == "succeeded", final.reason
+
+
+def altitude(sky: Sky) -> float:
+    found = sky.belief("altitude")
+    assert found is not None
+    assert isinstance(found[0], float)
+    return found[0]
+
+
+def speed(sky: Sky) -> float:
+    found = sky.belief("velocity")
+    assert found is not None
+    return math.hypot(*found)  # type: ignore[arg-type]
+
+
+def modes_seen(sky: Sky) -> set[int]:
+    """custom_mode of all HEARTBEATs of the vehicle from now on."""
+    seen: set[int] = set()
+
+    def look(message: Message) -> bool:
+        if message.get_type() == "HEARTBEAT":
+            seen.add(message.custom_mode)
+        return True
+
+    sky.we_hear = look
+    return seen
+
+
+def test_what_is_asked_of_it_before_it_is_heard_is_asked_in_its_own_terms(sky: Sky) -> None:
+    seen = modes_seen(sky)
+    done(sky, "set_mode", "GUIDED")
+    assert seen == {PX4_COPTER.guided}, "ArduCopter's GUIDED, 4, would be AUTO.MISSION"
+    assert mode(sky) == "GUIDED"
+
+
+def test_an_order_that_is_given_before_it_is_heard_is_given_in_its_own_terms(sky: Sky) -> None:
+    station(sky, POSCTL)
+    execution = sky.driver.order("rtl", by_operator("rtl"), insist=True)
+    sky.forward(lambda: execution.over, "the order", 20)
+    assert not [one for one in sky.commands(dialect.MAV_CMD_DO_SET_MODE) if one.param2 != AUTO]
+
+
+def test_it_flies_by_the_actions_of_a_copter_and_altitudes_count_from_home(sky: Sky) -> None:
+    sky.flying(15)
+    assert altitude(sky) == pytest.approx(15, abs=1.1)
+    done(sky, "goto", *GOAL)
+    assert altitude(sky) == pytest.approx(GOAL[2], abs=1.1)
+    done(sky, "setpoint", -27.603683, -48.5182, 20)
+    done(sky, "reposition", -27.603683, -48.5182, 32)
+    sky.forward(lambda: abs(altitude(sky) - 32) < 1, "32 m above home", 30)
+    done(sky, "move", 10.0, 5.0, 12.0)
+    assert altitude(sky) == pytest.approx(12, abs=1.1)
+    done(sky, "land")
+    assert mode(sky) == "GUIDED", "PX4 rests in AUTO.LOITER"
+    assert sky.belief("override") is None
+    assert sky.driver.notes() == []
+
+
+def test_landing_and_returning_are_no_overrides_and_the_next_flight_begins(sky: Sky) -> None:
+    sky.flying(10)
+    done(sky, "return_to_launch")
+    sky.flying(10)
+    done(sky, "land")
+    done(sky, "arm_motors", True)
+    assert sky.belief("override") is None
+
+
+def test_a_takeoff_is_refused_disarmed_where_px4_would_begin_it_whenever_somebody_arms(sky: Sky) -> None:
+    sky.wait(10)
+    final = sky.do("takeoff", 10)
+    assert (final.state, final.reason) == (
+        "refused", "a takeoff begins armed; the vehicle is not armed, on the ground, in GUIDED",
+    )  # fmt: skip
+    assert not sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)
+
+
+@pytest.mark.parametrize("sub", [TAKEOFF, MISSION_MODE])
+def test_it_is_not_armed_in_a_mode_in_which_that_begins_a_flight(sky: Sky, sub: int) -> None:
+    sky.wait(10)
+    station(sky, AUTO, sub)
+    sky.wait(2)
+    final = sky.do("arm_motors", True)
+    assert final.state == "refused"
+    assert "would move by itself" in final.reason
+    assert not sky.vehicle.autopilot.armed
+
+
+def test_a_velocity_is_streamed_in_offboard_and_ended_on_purpose(sky: Sky) -> None:
+    sky.flying(15)
+    seen = modes_seen(sky)
+    done(sky, "fly", 2.0, 0.0, 0.0)
+    sky.wait(1)
+    assert speed(sky) == pytest.approx(2, abs=0.3)
+    assert mode(sky) == "GUIDED", "it obeys agents"
+    done(sky, "fly", 0.0, 2.0, 0.5)
+    sky.wait(5)
+    assert speed(sky) < 0.3
+    sky.wait(5)
+    assert seen == {PX4_COPTER.guided, *PX4_COPTER.also_guided}, "the end of the stream is no failsafe"
+    assert sky.belief("override") is None
+
+
+def test_a_target_after_a_velocity_ends_the_stream_and_not_the_target(sky: Sky) -> None:
+    sky.flying(15)
+    done(sky, "fly", 2.0, 0.0, 0.0)
+    done(sky, "goto", *GOAL)
+    sent = len(sky.sent)
+    sky.wait(5)
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in {one.get_type() for one in sky.sent[sent:]}
+
+
+def test_lost_setpoints_are_its_failsafe_and_it_is_not_pulled_back_into_offboard(sky: Sky) -> None:
+    sky.flying(15)
+    done(sky, "fly", 2.0, 0.0, 0.0)
+    sky.hears_us = lambda message: False
+    sky.forward(lambda: mode(sky) == "RTL", "the failsafe", 10)
+    sky.hears_us = lambda message: True
+    sky.wait(5)
+    assert mode(sky) == "RTL"
+    assert sky.belief("override") == ("RTL",)
+
+
+@pytest.mark.parametrize(("order", "name"), [("hold", "GUIDED"), ("land", "LAND"), ("rtl", "RTL")])
+def test_an_operators_order_is_confirmed_in_flight(sky: Sky, order: Order, name: str) -> None:
+    sky.flying(20)
+    heard = sky.begin("goto", -27.6020, -48.5180, 30)
+    sky.wait(4)
+    assert speed(sky) > 3
+    execution = sky.bridge.action_server.order(order, by_operator(order), block=True, insist=True)
+    sky.forward(lambda: execution.over, "the order", 10)
+    assert execution.outcome == Outcome("succeeded", f"the vehicle is in {name}")
+    assert heard[-1].state == "failed"
+    if order == "hold":
+        sky.forward(lambda: speed(sky) < 0.3, "it stands still", 8)
+
+
+@async_test
+async def test_a_lost_agents_vehicle_holds_and_returns(tmp_path: Path) -> None:
+    sky = px4(tmp_path).flying(20)
+    sky.begin("goto", -27.6020, -48.5180, 30)
+    await passing(sky, 4)
+    sky.bridge.orders.agent_lost("uav", "a test", (Step("hold", 5.0), Step("rtl")))
+    await passing(sky, 5)
+    assert speed(sky) < 0.5
+    await passing(sky, 5)
+    assert mode(sky) == "RTL"
+    await passing(sky, 60)
+    assert sky.belief("state") == ("GUIDED", True, False)
+
+
+@async_test
+async def test_a_bridge_that_ends_takes_it_home(tmp_path: Path) -> None:
+    sky = px4(tmp_path).flying(20)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert left.state == "ordered"
+    assert mode(sky) == "RTL"
+
+
+def test_a_motion_that_is_cancelled_or_late_holds_and_never_flies_the_stored_mission(sky: Sky) -> None:
+    done(sky, "upload_mission", FLIGHT)
+    sky.flying(20)
+    seen = modes_seen(sky)
+    heard = sky.begin("goto", -27.6020, -48.5180, 30)
+    sky.wait(4)
+    sky.bridge.action_server.cancel("uav", heard[0].id)
+    sky.forward(lambda: speed(sky) < 0.3, "it stands still", 8)
+    assert sky.do("goto", -27.5900, -48.5180, 30, deadline=3.0).state == "timed_out"
+    sky.wait(6)
+    assert speed(sky) < 0.3
+    assert altitude(sky) == pytest.approx(25, abs=6)
+    assert seen == {PX4_COPTER.guided}
+
+
+def test_a_stations_mode_is_an_override_and_a_pilots_hold_hands_nothing_over(sky: Sky) -> None:
+    sky.flying(20)
+    heard = sky.begin("goto", -27.6020, -48.5180, 30)
+    sky.wait(3)
+    station(sky, AUTO, RTL)
+    sky.wait(3)
+    assert heard[-1].cause == "pilot"
+    assert sky.belief("override") == ("RTL",)
+    station(sky, AUTO, LOITER)
+    sky.wait(3)
+    assert mode(sky) == "HOLD"
+    assert sky.do("goto", *GOAL).cause == "pilot"
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "goto", *GOAL)
+
+
+def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
+    sky.wait(10)
+    done(sky, "arm_motors", True)
+    heard = sky.begin("takeoff", 30)
+    sky.forward(lambda: altitude(sky) > 5, "5 m", 20)
+    station(sky, AUTO, LOITER)
+    sky.wait(4)
+    assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
+    assert mode(sky) == "HOLD"
+
+
+def test_sticks_of_a_pilot_take_it(sky: Sky) -> None:
+    sky.flying(20)
+    heard = sky.begin("goto", -27.6020, -48.5180, 30)
+    sky.wait(2)
+    for push in (0, 0, 600, 900, 900, 900, 900):
+        sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_manual_control_message(1, push, 0, 500, 0, 0)))
+        sky.wait(0.2)
+    sky.wait(1.5)
+    assert heard[-1].cause == "pilot"
+    assert sky.belief("override") == ("POSCTL",)
+
+
+def test_a_lost_link_ends_its_actions_and_its_own_failsafe_is_told(tmp_path: Path) -> None:
+    sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n", NAV_DLL_ACT=2).flying(20)
+    heard = sky.begin("goto", -27.5900, -48.5180, 30)
+    sky.wait(3)
+    sky.hears_us = sky.we_hear = lambda message: False
+    sky.wait(30)
+    assert heard[-1].cause == "link"
+    sky.hears_us = sky.we_hear = lambda message: True
+    sky.wait(3)
+    assert mode(sky) == "RTL"
+    assert sky.belief("override") == ("RTL",)
+
+
+def test_the_bridge_is_its_ground_station_and_says_if_its_failsafe_is_off(tmp_path: Path) -> None:
+    sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n")
+    sky.wait(10)
+    assert {one.type for one in sky.sent if one.get_type() == "HEARTBEAT"} == {dialect.MAV_TYPE_GCS}
+    assert [(note.code, note.text) for note in sky.driver.notes()] == [
+        ("failsafe_off", "failsafe: NAV_DLL_ACT is 0 on the vehicle: its ground-station failsafe is off")
+    ]
+
+
+def test_a_human_ground_station_is_not_hidden_and_texts_that_miss_are_noted(tmp_path: Path) -> None:
+    sky = px4(tmp_path, "    failsafe: {gcs: human}\n", NAV_DLL_ACT=2)
+    sky.wait(10)
+    assert {one.type for one in sky.sent if one.get_type() == "HEARTBEAT"} == {dialect.MAV_TYPE_ONBOARD_CONTROLLER}
+    assert [note.code for note in sky.driver.notes()] == ["texts_missing"]
+
+
+def test_its_words_reach_a_refusal(sky: Sky) -> None:
+    sky.flying(10)
+    final = sky.do("set_mode", "OFFBOARD")
+    assert final.state == "refused"
+    assert "Switching to Offboard is currently not available" in final.reason
+
+
+def test_integers_and_unknown_names_of_parameters(sky: Sky) -> None:
+    sky.wait(5)
+    done(sky, "set_param", "GF_ACTION", 3.0)
+    done(sky, "get_param", "GF_ACTION")
+    assert sky.belief("parameter") == ("GF_ACTION", 3.0)
+    assert sky.do("set_param", "GF_ACTION", 2.5).reason == "GF_ACTION is a whole number on the vehicle, got 2.5"
+    done(sky, "set_param", "RTL_RETURN_ALT", 25.5)
+    before = sky.clock.time
+    assert sky.do("get_param", "NO_SUCH").reason == "the vehicle knows no parameter NO_SUCH"
+    assert sky.clock.time - before < 1, "PX4 answers at once"
+
+
+def test_the_fence_of_a_copters_manifest(sky: Sky) -> None:
+    sky.wait(5)
+    done(sky, "fence_radius", 300.0)
+    done(sky, "enable_fence", False)
+    done(sky, "enable_fence", True)
+    done(sky, "get_param", "GF_ACTION")
+    present = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "parameter"]
+    assert sorted(present) == [("FENCE_RADIUS", 300.0), ("GF_ACTION", 2.0)]
+
+
+def test_a_mission_is_stored_without_home_and_flown_to_its_end(sky: Sky) -> None:
+    sky.wait(5)
+    done(sky, "upload_mission", FLIGHT)
+    counts = [one.count for one in sky.sent if one.get_type() == "MISSION_COUNT"]
+    assert counts == [len(FLIGHT)]
+    done(sky, "download_mission")
+    sky.wait(2)
+    assert sky.belief("mission_item") == (1, len(FLIGHT)), "agents count from 1"
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "arm_motors", True)
+    sky.percepts.clear()
+    done(sky, "start_mission")
+    assert sky.belief("state") == ("GUIDED", True, False)
+    assert sky.belief("override") is None
+    flown = [one.parameters for agent, one in sky.percepts if agent == "uav" and one.name == "item_reached"]
+    assert len(flown) == len(set(flown)) > 2, "each once, though PX4 repeats them each second"
+
+
+def test_a_mission_that_cannot_be_flown_is_refused_with_its_reason(sky: Sky) -> None:
+    sky.wait(5)
+    final = sky.do("upload_mission", [[-27.6036, -48.5182, 20], ["takeoff", 0, 0, 15], ["rtl"]])
+    assert final.state == "refused"
+    assert "reports that it cannot be flown" in final.reason
+    assert "takeoff is not its first item" in final.reason
+
+
+def test_a_pilots_mode_during_a_mission_ends_it(sky: Sky) -> None:
+    sky.wait(5)
+    done(sky, "upload_mission", FLIGHT)
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "arm_motors", True)
+    heard = sky.begin("start_mission")
+    sky.forward(lambda: altitude(sky) > 10, "10 m", 30)
+    station(sky, AUTO, LOITER)
+    sky.wait(8)
+    assert heard[-1].state == "failed"
+    assert "nobody here asked for" in heard[-1].reason
