@@ -141,7 +141,10 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
         manifest = load_manifest(named, mission.path.parent)
     except Findings:
         return None
-    return {name: {"source": entry.source, "ttl": entry.ttl} for name, entry in manifest.percepts.items()}
+    return {
+        name: {"source": entry.source, "ttl": entry.ttl, "optional": entry.optional}
+        for name, entry in manifest.percepts.items()
+    }
 
 
 def show(diagnoses: Sequence[Diagnosis], *, as_json: bool) -> None:

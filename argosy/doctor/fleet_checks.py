@@ -275,14 +275,16 @@ def failsafes(facts: Facts) -> list[Diagnosis]:
 def percepts(facts: Facts) -> list[Diagnosis]:
     """Report percepts of the running manifests that are missing.
 
-    Only those with a `ttl` are expected: events and overrides, which have none, may be absent.
+    Only those with a `ttl` are expected: events and overrides, which have none, and optional ones may be absent.
     """
     diagnoses: list[Diagnosis] = []
     for robot, found in facts.robots.items():
         if found.problem:
             diagnoses.append(Diagnosis("warning", "percepts", f"{robot}: {found.problem}", "see `daemons`"))
             continue
-        live = {name for name, entry in found.declared.items() if entry.get("ttl") is not None}
+        live = {
+            name for name, entry in found.declared.items() if entry.get("ttl") is not None and not entry.get("optional")
+        }
         missing = sorted(live - found.percepts.keys())
         if missing:
             sources = sorted({str(found.declared[name].get("source", "?")) for name in missing})

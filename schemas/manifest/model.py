@@ -71,6 +71,8 @@ class PerceptEntry(_Entry, frozen=True, kw_only=True):
     """The belief is removed when its source has been silent for this long; none = it stays."""
     deadband: Annotated[float, Meta(ge=0, le=1e15)] = 0.0
     """A number that differs by no more than this, in the unit of the percept, is no change, also within a list."""
+    optional: bool = False
+    """Not every robot of this kind has the source: its absence is no warning."""
 
     @property
     def arity(self) -> int:

@@ -30,6 +30,7 @@ from bridged.drivers.mavlink.autopilots.ardupilot import ArduPilot
 from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
+from bridged.drivers.mavlink.vehicle.derived_readings import derived
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.px4_events import EVENTS
@@ -100,7 +101,7 @@ class VehicleSession:
         """Messages of the vehicle so far."""
         self._speaks_for_agent = True
         self._manifest = manifest
-        self._sources = {percept.source for percept in manifest.percepts.values()}
+        self._read_for(manifest)
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         """Mission seconds of silence that are a link loss."""
         self._link_state = LinkState(on_reading)
@@ -131,8 +132,8 @@ class VehicleSession:
             self._autopilot_changed()
         self.streams.received[name] += 1
         again = name == "MISSION_ITEM_REACHED" and vehicle.reached_again and self.flight.autopilot.repeats_reached
-        if name in self._sources and name != "HEARTBEAT" and not again:  # that one is reported with its mode's name
-            self._on_reading(Reading(name, MessageFields(message)))
+        if name != "HEARTBEAT" and not again:  # that one is reported with its mode's name
+            self._report(name, message)
         if vehicle.reboots != reboots:
             self._rebooted()
         match name:
@@ -211,7 +212,7 @@ class VehicleSession:
     def adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest: other sources, other rates."""
         self._manifest = manifest
-        self._sources = {percept.source for percept in manifest.percepts.values()}
+        self._read_for(manifest)
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         self.streams.adopt(manifest, self.flight.autopilot, self.flight.now)
 
@@ -233,6 +234,18 @@ class VehicleSession:
                 yields=not insist,
             )
         )
+
+    def _read_for(self, manifest: Manifest) -> None:
+        """Report what the percepts of a manifest are made of."""
+        self._sources = {percept.source for percept in manifest.percepts.values()}
+        self._derived = derived(self._sources)
+
+    def _report(self, name: str, message: dialect.MAVLink_message) -> None:
+        if name in self._sources:
+            self._on_reading(Reading(name, MessageFields(message)))
+        if name in self._derived:
+            source, make = self._derived[name]
+            self._on_reading(Reading(source, make(message)))
 
     def _ordered(self, order: Order) -> BoundAction:
         modes = self.modes

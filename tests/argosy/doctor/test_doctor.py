@@ -114,7 +114,7 @@ def test_a_vehicle_whose_autopilot_is_not_commanded_is_an_error(facts: Facts) ->
     note = Note(code="autopilot_unknown", text="the autopilot of the vehicle is PX4")
     found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note,))])), "error")
     assert found.text == "bridged uav: the autopilot of the vehicle is PX4"
-    assert "Only ArduPilot is flown" in found.do
+    assert "Only ArduPilot and PX4 are flown" in found.do
 
 
 def test_a_robot_that_nobody_attends_is_an_error_and_told_once(facts: Facts) -> None:
@@ -249,6 +249,7 @@ def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_sour
         "altitude": {"source": "GLOBAL_POSITION_INT", "ttl": 3},
         "gps": {"source": "GPS_RAW_INT", "ttl": 5},
         "override": {"source": "OVERRIDE"},
+        "adsb": {"source": "ADSB_VEHICLE", "ttl": 60, "optional": True},
     }
     at = 1_000_000_000_000
     some = RobotFacts({"altitude": at}, declared)

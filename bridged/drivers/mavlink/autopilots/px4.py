@@ -29,6 +29,7 @@ from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
+from bridged.drivers.mavlink.vehicle.derived_readings import WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
 from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 
@@ -62,6 +63,7 @@ class Px4(Autopilot):
         "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "HIGHRES_IMU", "LOCAL_POSITION_NED", "ODOMETRY",
         "ALTITUDE", "TIMESYNC", "SERVO_OUTPUT_RAW", "VFR_HUD", "SCALED_PRESSURE", "PING",
     )  # fmt: skip
+    sources: ClassVar = {**Autopilot.sources, WIND_ESTIMATE: "WIND_COV"}
     stream_denials: ClassVar = frozenset({
         dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED,
     })  # fmt: skip

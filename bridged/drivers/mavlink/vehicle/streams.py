@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand
+from bridged.drivers.mavlink.vehicle.derived_readings import derived
 from schemas.manifest.loader import Manifest, Retry
 from schemas.wire.records import Note
 
@@ -22,6 +23,7 @@ UNASKED = frozenset({
     "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "VEHICLE_TEXT", "MISSION",
     "MISSION_LIST",
     "PARAM_VALUE", "MISSION_ITEM_REACHED", "MISSION_ACK", "MISSION_COUNT",
+    "COLLISION", "CAMERA_FEEDBACK", "CAMERA_IMAGE_CAPTURED", "CAMERA_TRIGGER",
 })  # fmt: skip
 """Come by themselves, on request, or are the driver's own."""
 SPORADIC = frozenset({
@@ -46,6 +48,8 @@ class _Stream:
     name: str
     rate: float
     """Hz while the vehicle is at work; 0 = nobody needs it, and it is stopped."""
+    optional: bool = False
+    """Not every vehicle has it: its absence is no warning."""
     asked: float = 0.0
     """Hz asked for last."""
     denied: bool = False
@@ -53,7 +57,8 @@ class _Stream:
 
     def starved(self, received: int, window: float) -> bool:
         """Whether fewer than half of the messages were `received` in the `window` seconds that end now."""
-        return not self.denied and self.name not in SPORADIC and received < self.asked * window / 2
+        sporadic = self.optional or self.name in SPORADIC
+        return not self.denied and not sporadic and received < self.asked * window / 2
 
     @property
     def interval(self) -> float:
@@ -89,7 +94,7 @@ class Streams:
         self._streams = {}
         for stream in _wanted(manifest, autopilot):
             known = old.get(stream.name, stream)
-            known.rate = stream.rate
+            known.rate, known.optional = stream.rate, stream.optional
             self._streams[stream.name] = known
             if self._judge_at < math.inf and known.asked != self._rate(known):
                 self._ask(known, now)
@@ -110,7 +115,7 @@ class Streams:
         self.at_work = at_work
         if self._judge_at < math.inf:
             for stream in self._streams.values():
-                if stream.asked != self._rate(stream):
+                if stream.asked != self._rate(stream) and not stream.denied:
                     self._ask(stream, now)
             self._open_window(now)
 
@@ -145,7 +150,9 @@ class Streams:
 
     def notes(self) -> list[Note]:
         """Return what the vehicle was asked for and does not send."""
-        denied = [stream.name for stream in self._streams.values() if stream.denied and stream.rate]
+        denied = [
+            stream.name for stream in self._streams.values() if stream.denied and stream.rate and not stream.optional
+        ]
         notes = [Note("message_unknown", f"the vehicle does not know {name}", name) for name in denied]
         return notes + [
             Note("message_late", f"{name} arrives too rarely; requested again", name) for name in self._starved
@@ -173,11 +180,15 @@ class Streams:
 
 def _wanted(manifest: Manifest, autopilot: Autopilot) -> Iterable[_Stream]:
     rates = dict.fromkeys(autopilot.unasked, 0.0) | dict(autopilot.needs)
+    needed = set(autopilot.needs)
     for percept in manifest.percepts.values():
-        if percept.source not in UNASKED | autopilot.unrequestable:
-            rates[percept.source] = max(rates.get(percept.source, 0.0), percept.rate or DEFAULT_RATE)
+        name = autopilot.sources.get(percept.source, percept.source)
+        if name not in UNASKED | autopilot.unrequestable:
+            rates[name] = max(rates.get(name, 0.0), percept.rate or DEFAULT_RATE)
+            if not percept.optional:
+                needed.add(name)
     for name, rate in rates.items():
-        yield _Stream(message_number(name), name, rate)
+        yield _Stream(message_number(name), name, rate, optional=name not in needed)
 
 
 def message_number(name: str) -> int:
@@ -189,12 +200,13 @@ def message_number(name: str) -> int:
 
 
 FOR_PERCEPTS_ONLY = (
-    "AHRS", "AHRS2", "AHRS3", "ALTITUDE", "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "DISTANCE_SENSOR",
+    "ADSB_VEHICLE", "AHRS", "AHRS2", "AHRS3", "ALTITUDE", "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET",
+    "COLLISION", "DISTANCE_SENSOR",
     "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "GPS2_RAW", "GPS_RTK", "HIGHRES_IMU", "HWSTATUS", "MCU_STATUS",
     "MEMINFO", "OPTICAL_FLOW", "PID_TUNING", "POWER_STATUS", "RAW_IMU", "RC_CHANNELS_RAW", "RC_CHANNELS_SCALED",
     "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3", "SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3",
     "SENSOR_OFFSETS", "SIMSTATE", "SIM_STATE", "TERRAIN_REPORT", "TIMESYNC", "VFR_HUD", "VIBRATION",
-    "WIND",
+    "WIND", "WIND_COV",
 )  # fmt: skip
 """Telemetry that the driver itself does not need: read only for percepts."""
 
@@ -202,6 +214,7 @@ FOR_PERCEPTS_ONLY = (
 def unread(manifest: Manifest) -> frozenset[int]:
     """Return the ids of messages that nobody reads: they are not decoded."""
     sources = {percept.source for percept in manifest.percepts.values()}
+    sources |= derived(sources).keys()
     return frozenset(getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in FOR_PERCEPTS_ONLY if name not in sources)
 
 

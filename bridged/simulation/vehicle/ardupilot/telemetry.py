@@ -218,6 +218,13 @@ def servo_output_raw(copter: Copter) -> dialect.MAVLink_message:
     return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *pulses)
 
 
+def wind(copter: Copter) -> dialect.MAVLink_message:
+    """WIND: from where it blows, in degrees from -180 to 180 (recorded)."""
+    air = copter.motion.air
+    direction = math.degrees(math.atan2(-air.east, -air.north))
+    return dialect.MAVLink_wind_message(direction, math.hypot(air.north, air.east), 0.0)
+
+
 def fence_status(copter: Copter) -> dialect.MAVLink_message | None:
     """FENCE_STATUS, while the fence is enabled."""
     fence = copter.fence
@@ -267,6 +274,7 @@ BUILDERS: dict[int, Builder] = {
     148: autopilot_version,
     152: lambda copter: dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072),
     162: fence_status,
+    168: wind,
     193: ekf_status_report,
     241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
     242: home_position,
