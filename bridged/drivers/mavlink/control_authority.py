@@ -163,7 +163,7 @@ class ControlAuthority:
             elif run.by_agent and run.moves:
                 self._by_agent = True
         elif self.overridden and (
-            run.procedure.judges_mode or (run.procedure.sets_mode and self._flight.vehicle.armed)
+            run.judges_mode or run.procedure.judges_mode or (run.procedure.sets_mode and self._flight.vehicle.armed)
         ):
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
@@ -173,7 +173,7 @@ class ControlAuthority:
         name, now = self._flight.vehicle.mode_name, self._flight.now
         for run in [run for run in self._runs if run.yields]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
-        if any(run.procedure.sets_mode or run.procedure.judges_mode for run in self._runs):
+        if any(run.judges_mode or run.procedure.sets_mode or run.procedure.judges_mode for run in self._runs):
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:

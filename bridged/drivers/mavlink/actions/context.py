@@ -139,6 +139,8 @@ class ProcedureRun(Execution):
     """A mode that nobody here asked for ends it."""
     yields: bool = False
     """It is nobody's wish but the bridge's own: a mode that others set ends it."""
+    judges_mode: bool = False
+    """It knows by itself which changes of the mode end it, as if its procedure did."""
     by_agent: bool = False
     """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
     trouble: str = ""

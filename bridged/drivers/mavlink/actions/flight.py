@@ -7,6 +7,7 @@ a generator: the session resumes it on every message and tick, so it runs in vir
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -97,7 +98,7 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
         climbed = vehicle.position is not None and vehicle.armed and vehicle.position.altitude > ground + OFF_GROUND
         return (vehicle.aloft or climbed) and not aloft_before
 
-    asked = flight.now
+    asked, run.judges_mode = flight.now, flight.autopilot.settles > 0
     command = flight.submit(run, flight.autopilot.takeoff(flight, action), may_repeat=lambda: not rising())
     yield from acknowledged(flight, run, command, rising)
     return (yield from _climb(flight, run, wanted, near, command.name, asked))
@@ -142,24 +143,31 @@ def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: flo
     """Wait until the altitude is reached; off the ground before long.
 
     An autopilot that ends a takeoff by itself does so a little beside the altitude, by the mode of `hold`: the same
-    mode farther below is somebody else's.
+    mode farther below is somebody else's. A position after the change of the mode judges that.
     """
     vehicle, seen, modes = flight.vehicle, flight.vehicle.positions, flight.vehicle.modes
     patience, by_itself = flight.now + flight.wait(*LIFT_OFF_WITHIN), max(near, flight.autopilot.settles)
-    climbing = False
+    climbing, left_at = False, math.inf
     while True:
-        climbing = climbing or vehicle.mode == modes.takeoff
+        if vehicle.mode == modes.takeoff:
+            climbing, left_at = True, math.inf
+        elif climbing:
+            left_at = min(left_at, vehicle.positions)
         if not vehicle.armed:
             return Outcome("failed", flight.with_texts("the vehicle disarmed before it was up", asked))
         if vehicle.position is not None and vehicle.positions > seen:
             climbed = vehicle.position.altitude
             run.feedback = {"altitude": round(climbed, 2), "to_go": round(wanted - climbed, 2)}
             run.waits_for = f"altitude {wanted:g} m; it is at {climbed:.1f} m"
-            if flight.autopilot.settles and abs(climbed - wanted) <= by_itself + 0.5:
-                flight.expect_mode(modes.hold)
-            settled = climbing and vehicle.mode == modes.hold
-            if abs(climbed - wanted) <= (by_itself if settled else near):
-                return SUCCEEDED
+            at_rest = vehicle.mode == modes.hold and vehicle.speed <= SLOW and flight.autopilot.settles > 0
+            if abs(climbed - wanted) <= (by_itself if at_rest or vehicle.positions > left_at else near):
+                if vehicle.mode == modes.takeoff:  # it will end it by itself
+                    flight.expect_mode(modes.hold)
+                if vehicle.mode in (*modes.targets, modes.takeoff):
+                    return SUCCEEDED
+            if run.judges_mode and vehicle.positions > left_at:
+                reason = f"at {climbed:.1f} m the mode became {vehicle.mode_name}, which nobody here asked for"
+                return Outcome("failed", flight.with_texts(f"{reason} ({flight.others})", asked), "pilot")
         elif vehicle.positions == seen:
             run.waits_for = "a position from the vehicle"
         if not vehicle.aloft and flight.now > patience:

@@ -74,7 +74,8 @@ class ModeTable:
     @property
     def ordered(self) -> frozenset[int]:
         """The modes in which agents and orders leave a vehicle; one found in another is flown by somebody else."""
-        return frozenset({self.guided, self.hold, self.land, self.rtl})
+        by_agents = {self.guided, self.hold, self.land, self.rtl}
+        return frozenset(by_agents if self.takeoff is None else by_agents | {self.takeoff})
 
     @property
     def targets(self) -> frozenset[int]:
@@ -235,7 +236,7 @@ PX4_COPTER = ModeTable(
     at_arming=frozenset({_TAKEOFF, _MISSION}),
     resting=frozenset({_LOITER}),
     hands_over=False,
-    also_guided=frozenset({_OFFBOARD}),
+    also_guided=frozenset({_OFFBOARD, _TAKEOFF}),
     guided_by_others="HOLD",
     main_and_sub=True,
 )
@@ -250,11 +251,14 @@ PX4_PLANE = replace(
     landing=frozenset({_LAND, _DESCEND}),
     lands=False,
     can_stop=False,
+    also_guided=frozenset({_OFFBOARD}),
 )
 """A fixed wing's AUTO.LAND descends wherever it is, so the order `land` takes it home (RTL), where it circles or flies
 the landing of its mission (RTL_TYPE)."""
 
-PX4_VTOL = replace(PX4_COPTER, vehicle="plane", types=ARDUPLANE_VTOL.types, can_stop=False)
+PX4_VTOL = replace(
+    PX4_COPTER, vehicle="plane", types=ARDUPLANE_VTOL.types, can_stop=False, also_guided=frozenset({_OFFBOARD})
+)
 """A plane that reports vertical takeoff: it lands by AUTO.LAND."""
 
 PX4_ROVER = replace(PX4_COPTER, vehicle="rover", types=ARDUROVER.types, ground=True, takeoff=None)

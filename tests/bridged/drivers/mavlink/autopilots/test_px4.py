@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Order, Outcome
-from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER
+from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.bridge.test_safety_orders import leaving, passing
@@ -146,7 +146,7 @@ def test_a_velocity_is_streamed_in_offboard_and_ended_on_purpose(sky: Sky) -> No
     sky.wait(5)
     assert speed(sky) < 0.3
     sky.wait(5)
-    assert seen == {PX4_COPTER.guided, *PX4_COPTER.also_guided}, "the end of the stream is no failsafe"
+    assert seen == {PX4_COPTER.guided, PX4_OFFBOARD}, "the end of the stream is no failsafe"
     assert sky.belief("override") is None
 
 
@@ -235,6 +235,34 @@ def test_a_stations_mode_is_an_override_and_a_pilots_hold_hands_nothing_over(sky
     assert sky.do("goto", *GOAL).cause == "pilot"
     done(sky, "set_mode", "GUIDED")
     done(sky, "goto", *GOAL)
+
+
+def test_a_bridge_that_is_started_again_during_a_takeoff_has_the_vehicle(tmp_path: Path) -> None:
+    before = px4(tmp_path / "before")
+    before.wait(10)
+    done(before, "arm_motors", True)
+    before.begin("takeoff", 30)
+    before.forward(lambda: altitude(before) > 5, "5 m", 20)
+    after = Sky(tmp_path / "after", vehicle=before.vehicle)
+    after.wait(3)
+    assert mode(after) == "GUIDED", "as an ArduCopter's, that takes off in GUIDED"
+    assert after.belief("override") is None
+    done(after, "return_to_launch")
+
+
+def test_a_takeoff_whose_end_is_seen_late_is_judged_by_a_position_after_it(sky: Sky) -> None:
+    sky.wait(10)
+    done(sky, "arm_motors", True)
+    heard = sky.begin("takeoff", 10)
+    sky.forward(lambda: altitude(sky) > 4, "4 m", 20)
+    sky.we_hear = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
+    sky.forward(lambda: mode(sky) == "HOLD", "the end of the takeoff", 20)
+    sky.wait(2)
+    assert not heard[-1].final
+    sky.we_hear = lambda message: True
+    sky.wait(1)
+    assert heard[-1].state == "succeeded"
+    assert mode(sky) == "GUIDED"
 
 
 def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
