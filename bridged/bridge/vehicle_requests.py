@@ -19,7 +19,9 @@ from schemas.wire.records import Record
 from schemas.wire.vehicle_records import ParameterRequest, PlanItem, StoredPlan, VehicleParameters
 
 AT_MOST = 300.0
-"""Wall seconds of one request: 1,400 parameters on a slow radio take three minutes."""
+"""Wall seconds of one request. A driver gives up earlier a vehicle that falls silent."""
+REQUEST_BYTES = 1000
+"""A larger request is refused unread."""
 BY_HAND = "a parameter is set by hand, which this mission does not allow; `inject: true` in the mission file allows it"
 log = logging.getLogger("bridged")
 
@@ -35,8 +37,9 @@ class VehicleRequests:
 
     def open(self) -> None:
         """Begin to serve."""
-        self._bus.serve(keys.parameters(self._bus.fleet, self._robot), ParameterRequest, self._parameters)
-        self._bus.serve(keys.stored_plan(self._bus.fleet, self._robot), StoredPlan, self._plan)
+        bus, most = self._bus, REQUEST_BYTES
+        bus.serve(keys.parameters(bus.fleet, self._robot), ParameterRequest, self._parameters, at_most=most)
+        bus.serve(keys.stored_plan(bus.fleet, self._robot), StoredPlan, self._plan, at_most=most)
 
     async def _parameters(self, query: Query[ParameterRequest]) -> None:
         """Answer with all parameters, or set the one of the request: then the last reply has its value."""
@@ -101,7 +104,7 @@ class VehicleRequests:
         """Begin an execution and reply its progress until its end. Raises CannotServe if the driver has none."""
         driver = self._driver
         if not isinstance(driver, VehicleStore):
-            raise CannotServe(f"{self._robot}: its driver reads no parameters and no mission of a vehicle")
+            raise CannotServe("its driver knows no parameters and no stored mission")
         if not query.concrete:
             raise CannotServe("expected the key of one robot")
         if not driver.heard:
