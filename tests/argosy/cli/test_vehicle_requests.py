@@ -17,6 +17,7 @@ from tests.support.processes import ROOT
 @pytest.fixture(scope="module")
 def parked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trial]:
     with trial(tmp_path_factory.mktemp("trial")) as mission:
+        mission.bridged.says("is heard")
         yield mission
 
 
@@ -38,9 +39,9 @@ def saved(parked: Trial, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_was_saved_does_not_differ_and_is_not_overwritten(parked: Trial, saved: Path) -> None:
-    code, (line,), said = argosy(parked, "params", "diff", "uav1", str(saved))
-    assert (code, said) == (0, "")
-    assert line.startswith("uav1: 0 parameters differ;")
+    code, lines, said = argosy(parked, "params", "diff", "uav1", str(saved))
+    assert (code, len(lines), said) == (0, 1, ""), lines
+    assert lines[0].startswith("uav1: 0 parameters differ;")
     code, _, said = argosy(parked, "params", "save", "uav1", str(saved))
     assert (code, "--force" in said) == (2, True)
 
@@ -119,6 +120,7 @@ def test_parameters_are_read_but_not_set_where_the_mission_allows_nothing_by_han
     path = tmp_path / "new.param"
     path.write_text("WPNAV_SPEED,700\nLOIT_SPEED,1000\n")
     with trial(tmp_path / "trial", inject=False) as mission:
+        mission.bridged.says("is heard")
         assert argosy(mission, "params", "diff", "uav1", str(path))[0] == 1
         code, lines, said = argosy(mission, "params", "load", "uav1", str(path), "--yes")
         assert (code, "inject: true" in said, said.count("NOT set")) == (1, True, 1)

@@ -96,14 +96,14 @@ def test_values_are_compared_as_a_vehicle_keeps_them() -> None:
 
 
 def test_renamed_parameters_are_found_and_the_vehicles_own_are_not_set() -> None:
-    wanted = {"SYSID_MYGCS": 254.0, "STAT_RUNTIME": 5.0, "FENCE_ENABLE": 1.0, "NEW_ONE": 1.0}
-    held = {"MAV_GCS_SYSID": 255.0, "STAT_RUNTIME": 900.0, "FENCE_ENABLE": 0.0}
+    wanted = {"SYSID_MYGCS": 254.0, "STAT_RUNTIME": 5.0, "MIS_TOTAL": 7.0, "FENCE_ENABLE": 1.0, "NEW_ONE": 1.0}
+    held = {"MAV_GCS_SYSID": 255.0, "STAT_RUNTIME": 900.0, "FENCE_ENABLE": 0.0, "MIS_TOTAL": 1.0}
     found = compare(wanted, held)
     assert [(one.name, one.held, one.safety) for one in found.differences] == [
         ("SYSID_MYGCS", 255.0, "identity on the link"),
         ("FENCE_ENABLE", 0.0, "geofence"),
     ]
-    assert (found.unknown, found.own, found.same) == (("NEW_ONE",), 1, 0)
+    assert (found.unknown, found.own, found.same) == (("NEW_ONE",), 2, 0)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from bridged.drivers.mavlink.actions.context import (
 )
 from bridged.drivers.mavlink.actions.mission_actions import download, mission_protocol
 from bridged.drivers.mavlink.actions.parameters import guard, pull, write_parameter
-from bridged.drivers.mavlink.vehicle.safety_parameters import safety_kind
+from bridged.drivers.mavlink.vehicle.safety_parameters import is_vehicles_own, safety_kind
 from schemas.wire.vehicle_records import PlanItem
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,15}")
@@ -66,6 +66,8 @@ def set_parameter(name: str, value: float, *, allow_safety: bool) -> ProcedureRu
             return Outcome("refused", ARMED, "busy")
         if not _NAME.fullmatch(name):
             return Outcome("refused", f"expected the name of a parameter, got {name[:40]!r}", "request")
+        if is_vehicles_own(name.upper()):
+            return Outcome("refused", f"{name} is changed by the vehicle itself, and is not set", "request")
         if guarded := guard(flight, name, value):
             return Outcome("refused", guarded, "limits")
         if (kind := safety_kind(name.upper())) and not allow_safety:

@@ -18,8 +18,10 @@ _KINDS = {
 }
 _SAFETY = {kind: re.compile(pattern) for kind, pattern in _KINDS.items()}
 _OWN = re.compile(
-    r"STAT_\w+|BARO\d*_GND_PRESS|FORMAT_VERSION|SYS_NUM_RESETS|LND_FLIGHT_T_(HI|LO)|COM_FLIGHT_UUID|_HASH_CHECK"
+    r"STAT_\w+|(MIS|FENCE|RALLY)_TOTAL|BARO\d*_GND_PRESS|FORMAT_VERSION|SYS_NUM_RESETS|LND_FLIGHT_T_(HI|LO)"
+    r"|COM_FLIGHT_UUID|_HASH_CHECK"
 )
+"""MIS_TOTAL and the like count stored items, home included: setting one cuts the list."""
 
 
 def safety_kind(name: str) -> str:
@@ -28,5 +30,5 @@ def safety_kind(name: str) -> str:
 
 
 def is_vehicles_own(name: str) -> bool:
-    """Whether the vehicle changes a parameter by itself: counters and measurements, which are not set."""
+    """Whether the vehicle changes a parameter by itself: a counter or measurement, which is not to be set."""
     return _OWN.fullmatch(name) is not None

@@ -57,6 +57,7 @@ def test_a_parameter_is_set_disarmed_and_one_of_safety_when_it_is_allowed(sky: S
     assert setting(sky, "FENCE_RADIUS", 120) == ("refused", "request")
     assert setting(sky, "fence_radius", 120) == ("refused", "request")
     assert setting(sky, "FENCE_RADIUS", 120, allow_safety=True)[0] == "succeeded"
+    assert setting(sky, "MIS_TOTAL", 1, allow_safety=True) == ("refused", "request"), "it would cut the mission"
     armed(sky)
     assert setting(sky, "WPNAV_SPEED", 900) == ("refused", "busy")
     assert sky.vehicle.autopilot.parameters["WPNAV_SPEED"] == 700
