@@ -1,4 +1,4 @@
-"""The log protocol of a simulated vehicle (LOG_REQUEST_LIST, LOG_REQUEST_DATA), and a small DataFlash log to serve."""
+"""The log protocol of a simulated vehicle (LOG_REQUEST_LIST, LOG_REQUEST_DATA), and the small logs that it serves."""
 
 import struct
 from collections.abc import Iterable, Sequence
@@ -64,3 +64,22 @@ def dataflash_log(parameters: Iterable[tuple[str, float]]) -> bytes:
 def _format(kind: int, length: int, name: str, types: str, columns: str) -> bytes:
     texts = (name.encode(), types.encode(), columns.encode())
     return _HEAD + struct.pack("<BBB4s16s64s", _FMT, kind, length, *texts)
+
+
+def ulog(parameters: Iterable[tuple[str, float, bool]]) -> bytes:
+    """Return a log of PX4's format with the parameters: name, value, and whether it is an integer."""
+    version = 1
+    head = b"ULog\x01\x12\x35" + struct.pack("<BQ", version, 0)
+    records = [_ulog_record(b"B", bytes(40)), _ulog_value(b"I", "char[9] sys_name", b"simulated")]
+    for name, value, whole in parameters:
+        kind, content = ("int32_t", struct.pack("<i", int(value))) if whole else ("float", struct.pack("<f", value))
+        records.append(_ulog_value(b"P", f"{kind} {name}", content))
+    return head + b"".join(records)
+
+
+def _ulog_value(kind: bytes, key: str, value: bytes) -> bytes:
+    return _ulog_record(kind, bytes([len(key)]) + key.encode() + value)
+
+
+def _ulog_record(kind: bytes, content: bytes) -> bytes:
+    return struct.pack("<Hc", len(content), kind) + content

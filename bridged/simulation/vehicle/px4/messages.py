@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, ulog
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.mission_items import whole
 from bridged.simulation.vehicle.notifications import (
@@ -19,7 +20,7 @@ from bridged.simulation.vehicle.px4 import telemetry, wire
 from bridged.simulation.vehicle.px4.commands import Command, CommandContext, set_mode
 from bridged.simulation.vehicle.px4.failsafes import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import MissionProtocol
-from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, Parameter, decoded
+from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, Kind, Parameter, decoded
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.setpoints import global_setpoint, local_setpoint
 
@@ -150,6 +151,10 @@ class Px4Messages(MessageHandler[Px4]):
                 return self._set_parameter(message)
             case _ if kind.startswith("MISSION_"):
                 return self._mission.receive(message)
+            case _ if kind in LOG_MESSAGES:
+                found = (px4.parameters.at(index) for index in range(len(px4.parameters)))
+                values = ((one.name, one.value, one.kind is Kind.INT32) for one in found if one is not None)
+                return LogTransfer([ulog(values)], first=0).receive(message, armed=px4.armed)
         return []
 
     def _command(self, command: Command, channel: Channel) -> Messages:
