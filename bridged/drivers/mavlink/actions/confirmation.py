@@ -123,11 +123,11 @@ TARGET_NEAR = 1.0
 def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Part:
     """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode.
 
-    Where the vehicle is in the mode already, a command that does more than set it must be acknowledged.
+    A target where the vehicle is in the mode already must be acknowledged: the mode does not show it.
     """
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
-    shows = action.number == dialect.MAV_CMD_DO_SET_MODE or before != mode
+    shows = action.number != dialect.MAV_CMD_DO_REPOSITION or before != mode
 
     def shown() -> bool:
         return vehicle.mode == mode

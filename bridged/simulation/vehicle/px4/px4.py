@@ -468,6 +468,8 @@ class Px4(Autopilot):
         return self.going(Vector(here.north, here.east, task.up), self.motion.heading)
 
     def _idle(self) -> None:
+        if self.flown and self.flight.landed is Landed.TAKEOFF and self.flight.lift_at is None:
+            self.flown, self.flight.landed = False, Landed.ON_GROUND  # another mode ended the takeoff on the ground
         if self.flown and self.flight.landed is Landed.ON_GROUND:
             delay = self.parameters["COM_DISARM_LAND"]
             if delay > 0 and self.now - self.landed_at >= delay:
