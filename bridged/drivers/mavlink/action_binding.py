@@ -76,6 +76,7 @@ COMMANDS: Mapping[str, Procedure] = MappingProxyType({
     "altitude": Procedure(flight.take_off, _CLIMB),
     "target": Procedure(flight.reposition),
     "arrival": Procedure(flight.reposition_and_arrive, _WAY),
+    "orbit": Procedure(flight.orbit),
     "landed": Procedure(flight.land, _DOWN),
     "home": Procedure(flight.return_home, _DOWN),
     "at_home": Procedure(flight.return_above, ("distance", "speed")),
@@ -92,6 +93,7 @@ COMMANDS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "altitude": ("MAV_CMD_NAV_TAKEOFF",),
     "target": (REPOSITION,),
     "arrival": (REPOSITION,),
+    "orbit": ("MAV_CMD_DO_ORBIT",),
     "servo": ("MAV_CMD_DO_SET_SERVO",),
     "gripper": ("MAV_CMD_DO_GRIPPER",),
     "fence": ("MAV_CMD_DO_FENCE_ENABLE",),
@@ -158,6 +160,7 @@ KNOWN_BETTER: Mapping[int, str] = MappingProxyType({
     dialect.MAV_CMD_NAV_LAND: "landed",
     dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "home",
     dialect.MAV_CMD_DO_REPOSITION: "target",
+    dialect.MAV_CMD_DO_ORBIT: "orbit",
     dialect.MAV_CMD_DO_SET_SERVO: "servo",
     dialect.MAV_CMD_DO_FENCE_ENABLE: "fence",
 })  # fmt: skip

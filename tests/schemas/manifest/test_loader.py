@@ -38,9 +38,17 @@ def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
     assert check_manifest(manifest) == []
     arities = {"state": 3, "altitude": 1, "global_pos": 2, "home_pos": 2, "battery": 3, "gps": 2}
     assert manifest.percept_arities().items() >= arities.items()
-    papers = {"set_mode": 1, "arm_motors": 1, "takeoff": 1, "setpoint": 3, "goto": 3, "land": 0, "return_to_launch": 0}
+    papers = {
+        "set_mode": 1,
+        "arm_motors": 1,
+        "takeoff": 1,
+        "setpoint": 3,
+        "goto": 3,
+        "land": 0,
+        "return_to_launch": 0,
+    }
     more = {
-        "reposition": 3, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1, "download_mission": 0,
+        "reposition": 3, "orbit": 5, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1, "download_mission": 0,
         "clear_mission": 0, "set_mission_item": 1, "start_mission": 0, "download_log": range(2), "get_param": 1,
         "set_param": 2, "enable_fence": 1, "fence_radius": 1, "fence_altitude": 1, "drop_buoy": 0,
     }  # fmt: skip
@@ -65,7 +73,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         "9: percepts.gps.args: GPS_RAW_INT.fix_type has no element `1`",
         "12: percepts.cells.args: BATTERY_STATUS.voltages has no element `10`",
         "14: actions.land.command: MAVLink has no command `MAV_CMD_NAV_LADN`",
-        "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, landed, home, "
+        "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, home, "
         "at_home, servo, gripper, fence, ack, got `touched`",
         "16: actions.land.fields: no field `param8`, there is param1, param2, param3, param4, param5, param6, param7",
         "18: actions.go.message: the driver sends SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED, "

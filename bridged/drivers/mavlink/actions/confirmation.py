@@ -268,14 +268,17 @@ def home_reported_for_limits(flight: ProcedureContext, run: ProcedureRun, action
         yield from home_reported(flight, run)
 
 
-def check_limits(flight: ProcedureContext, action: BoundAction) -> None:
-    """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet. Raises Ended."""
+def check_limits(flight: ProcedureContext, action: BoundAction, around: float = 0.0) -> None:
+    """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet. Raises Ended.
+
+    `around`: metres that the vehicle flies around it.
+    """
     if flight.altitude_of_home() is None:
         raise Ended("refused", "the vehicle's altitude is not known yet")
     if action.limited and flight.limited and not flight.vehicle.placed:
         reason = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
         raise Ended("refused", reason, "limits")
-    if action.limited and (broken := flight.outside_limits(above_home(flight, action))):
+    if action.limited and (broken := flight.outside_limits(above_home(flight, action), around)):
         raise Ended("refused", broken, "limits")
 
 

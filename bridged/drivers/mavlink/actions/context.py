@@ -311,9 +311,12 @@ class ProcedureContext:
             return vehicle.amsl - vehicle.position.altitude
         return vehicle.home.altitude if vehicle.home is not None else None
 
-    def outside_limits(self, place: Place) -> str:
-        """Return which limit of the mission a point (metres above home) breaks, for people; empty = none."""
-        return self.too_high(place.altitude) or self.too_far(place)
+    def outside_limits(self, place: Place, around: float = 0.0) -> str:
+        """Return which limit of the mission a point (metres above home) breaks, for people; empty = none.
+
+        `around`: metres around it that count too.
+        """
+        return self.too_high(place.altitude) or self.too_far(place, around)
 
     def too_high(self, altitude: float) -> str:
         """Return that metres above home exceed the mission's limit, for people; empty = they do not."""
@@ -322,14 +325,14 @@ class ProcedureContext:
             return ""
         return f"altitude {altitude:g} m is above the mission's limit of {limit:g} m"
 
-    def too_far(self, place: Place) -> str:
+    def too_far(self, place: Place, around: float = 0.0) -> str:
         """Return that a point is farther from home than the mission's limit, for people; empty = it is not."""
         limit, home = self.limits.radius, self.vehicle.home
         if limit is None:
             return ""
         if home is None:
             return "home is not known, so the mission's radius limit cannot be kept"
-        distance = home.distance(place)
+        distance = home.distance(place) + around
         return f"{distance:.0f} m from home is outside the mission's limit of {limit:g} m" if distance > limit else ""
 
     def leads_outside(self, velocity: Triple) -> str:

@@ -122,7 +122,7 @@ class Px4(Autopilot):
     def hold(self, modes: ModeTable) -> BoundAction:
         """DO_REPOSITION to nowhere: in the mode that takes targets, setting that mode would not end a target."""
         nowhere = (-1.0, float(dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), 0.0, *(math.nan,) * 4)
-        frame = dialect.MAV_FRAME_GLOBAL
+        frame = dialect.MAV_FRAME_GLOBAL_INT
         return BoundAction(dialect.MAV_CMD_DO_REPOSITION, nowhere, mode=modes.hold, frame=frame, by_int=True)
 
     def takeoff(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
@@ -139,9 +139,9 @@ class Px4(Autopilot):
         if action.target is None or action.frame not in ABOVE_HOME:
             return action
         altitude = action.target.altitude + _home(flight)
-        yaw = action.parameters[3] if action.parameters[3] != 0.0 else math.nan
+        yaw = action.parameters[3] or math.nan
         parameters = (*action.parameters[:3], yaw, *action.parameters[4:6], altitude)
-        return replace(action, parameters=parameters, frame=dialect.MAV_FRAME_GLOBAL)
+        return replace(action, parameters=parameters, frame=dialect.MAV_FRAME_GLOBAL_INT)
 
     def offer_target(self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> MavlinkCommand | None:
         """DO_REPOSITION, which enters the mode that takes targets."""

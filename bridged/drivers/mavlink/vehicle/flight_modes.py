@@ -40,6 +40,8 @@ class ModeTable:
     """Modes besides `land` in which it lands by itself."""
     takeoff: int | None = None
     """A mode that takes off by itself, for vehicles that take no command for it."""
+    orbit: int | None = None
+    """The mode that flies a circle around a place by command."""
     lands: bool = True
     """Whether the mode of the order `land` ends on the ground, disarmed."""
     lands_by_command: bool = True
@@ -199,9 +201,9 @@ def _packed(main: int, sub: int = 0) -> int:
 
 
 _POSCTL, _TAKEOFF, _LOITER, _MISSION = _packed(3), _packed(4, 2), _packed(4, 3), _packed(4, 4)
-_RTL, _LAND, _OFFBOARD, _DESCEND = _packed(4, 5), _packed(4, 6), _packed(6), _packed(4, 20)
+_ORBIT, _RTL, _LAND, _OFFBOARD, _DESCEND = _packed(3, 1), _packed(4, 5), _packed(4, 6), _packed(6), _packed(4, 20)
 _PX4_NAMES = {
-    _packed(1): "MANUAL", _packed(2): "ALTCTL", _POSCTL: "POSCTL", _packed(3, 1): "ORBIT", _packed(3, 2): "SLOW",
+    _packed(1): "MANUAL", _packed(2): "ALTCTL", _POSCTL: "POSCTL", _ORBIT: "ORBIT", _packed(3, 2): "SLOW",
     _packed(4, 1): "READY", _TAKEOFF: "TAKEOFF", _LOITER: "GUIDED", _MISSION: "AUTO", _RTL: "RTL", _LAND: "LAND",
     _packed(4, 8): "FOLLOW", _packed(4, 9): "PRECLAND", _packed(4, 10): "VTOL_TAKEOFF", _packed(4, 19): "COURSE",
     _DESCEND: "DESCEND", _packed(5): "ACRO", _OFFBOARD: "OFFBOARD", _packed(7): "STABILIZED",
@@ -231,12 +233,13 @@ PX4_COPTER = ModeTable(
     without_position=frozenset(map(_packed, (1, 2, 5, 7, 11))),
     landing=frozenset({_packed(4, 9), _DESCEND}),
     takeoff=_TAKEOFF,
+    orbit=_ORBIT,
     stay_guided=False,
-    also_targets=frozenset({_TAKEOFF, _OFFBOARD, _packed(3, 1)}),
+    also_targets=frozenset({_TAKEOFF, _OFFBOARD, _ORBIT}),
     at_arming=frozenset({_TAKEOFF, _MISSION}),
     resting=frozenset({_LOITER}),
     hands_over=False,
-    also_guided=frozenset({_OFFBOARD, _TAKEOFF}),
+    also_guided=frozenset({_OFFBOARD, _TAKEOFF, _ORBIT}),
     guided_by_others="HOLD",
     main_and_sub=True,
 )
@@ -251,6 +254,7 @@ PX4_PLANE = replace(
     landing=frozenset({_LAND, _DESCEND}),
     lands=False,
     can_stop=False,
+    orbit=None,
     also_guided=frozenset({_OFFBOARD}),
 )
 """A fixed wing's AUTO.LAND descends wherever it is, so the order `land` takes it home (RTL), where it circles or flies
@@ -261,7 +265,7 @@ PX4_VTOL = replace(
 )
 """A plane that reports vertical takeoff: it lands by AUTO.LAND."""
 
-PX4_ROVER = replace(PX4_COPTER, vehicle="rover", types=ARDUROVER.types, ground=True, takeoff=None)
+PX4_ROVER = replace(PX4_COPTER, vehicle="rover", types=ARDUROVER.types, ground=True, takeoff=None, orbit=None)
 """Cars and boats: AUTO.LAND stops it and then its motors."""
 
 PX4_OFFBOARD = _OFFBOARD

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Order, Outcome
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
+from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.bridge.test_safety_orders import leaving, passing
@@ -148,6 +149,18 @@ def test_a_velocity_is_streamed_in_offboard_and_ended_on_purpose(sky: Sky) -> No
     sky.wait(5)
     assert seen == {PX4_COPTER.guided, PX4_OFFBOARD}, "the end of the stream is no failsafe"
     assert sky.belief("override") is None
+
+
+def test_it_flies_a_circle_around_a_place_until_a_target_ends_it(tmp_path: Path) -> None:
+    sky = px4(tmp_path, "    limits: {radius: 120}\n").flying(15)
+    assert sky.do("orbit", GOAL[0], GOAL[1], 20, 90, 4).cause == "limits"
+    done(sky, "orbit", GOAL[0], GOAL[1], 20, 20, 4)
+    sky.wait(25)
+    found = sky.driver.vehicle.position
+    assert found is not None
+    assert found.distance(Place(GOAL[0], GOAL[1], 20)) == pytest.approx(20, abs=3)
+    assert (mode(sky), sky.belief("override")) == ("GUIDED", None)
+    done(sky, "goto", *GOAL)
 
 
 def test_a_target_after_a_velocity_ends_the_stream_and_not_the_target(sky: Sky) -> None:
