@@ -51,6 +51,8 @@ class Autopilot(ABC):
     """The mode that a pilot at the field sets when he takes the vehicle in the air ..."""
     LANDING: IntEnum
     """... and the one in which he lands it."""
+    GIVEN_BACK: IntEnum | None = None
+    """The mode in which he gives it back; None = that in which it was, which hands an ArduPilot over to its agents."""
     mode: IntEnum
     flight: Locomotion
 

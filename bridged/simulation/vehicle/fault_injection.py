@@ -323,10 +323,16 @@ class Air:
 class Character:
     """Faults in a vehicle's handling of messages."""
 
-    def __init__(self, faults: Faults, piloted: IntEnum = Mode.LOITER, landing: IntEnum = Mode.LAND) -> None:
-        """`piloted` and `landing` are the modes that a pilot sets who takes the vehicle, and lands it."""
+    def __init__(
+        self,
+        faults: Faults,
+        piloted: IntEnum = Mode.LOITER,
+        landing: IntEnum = Mode.LAND,
+        given_back: IntEnum | None = None,
+    ) -> None:
+        """`piloted`, `landing` and `given_back` are the modes that a pilot sets: see `Autopilot`."""
         self._faults = faults
-        self._piloted, self._landing = piloted, landing
+        self._piloted, self._landing, self._given_back = piloted, landing, given_back
         self._reboots = list(faults.reboots)
         self._has_it: tuple[PilotFault, int] | None = None
         """The pilot who has it, and the mode in which it was."""
@@ -372,7 +378,9 @@ class Character:
                 return self.switch
             self.landed |= self.switch is self._landing
             self._has_it = self.switch = None
-            return None if pilot.lands else before
+            if pilot.lands:
+                return None
+            return before if self._given_back is None else self._given_back
         taking = next((one for one in self._faults.pilots if one.covers(now)), None)
         if taking is None or not airborne:
             return None

@@ -121,7 +121,7 @@ class Vehicle:
         self._wind = Wind.of(self._faults)
         self._channel_count = channels
         autopilot = kind.autopilot(start, heading, boot, system, list(parameters), charge_time)
-        self.character = Character(self._faults, autopilot.PILOTED, autopilot.LANDING)
+        self.character = Character(self._faults, autopilot.PILOTED, autopilot.LANDING, autopilot.GIVEN_BACK)
         self._power_on(autopilot)
 
     def _power_on(self, autopilot: Autopilot) -> None:

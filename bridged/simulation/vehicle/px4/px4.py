@@ -72,6 +72,7 @@ class Px4(Autopilot):
 
     PILOTED = Mode.POSCTL
     LANDING = Mode.LAND
+    GIVEN_BACK = Mode.RTL
     TYPE: ClassVar[int]
     """MAV_TYPE"""
     TABLES: ClassVar[tuple[Mapping[str, tuple[float, Kind]], ...]]
