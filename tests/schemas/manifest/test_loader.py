@@ -73,8 +73,8 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         "9: percepts.gps.args: GPS_RAW_INT.fix_type has no element `1`",
         "12: percepts.cells.args: BATTERY_STATUS.voltages has no element `10`",
         "14: actions.land.command: MAVLink has no command `MAV_CMD_NAV_LADN`",
-        "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, home, "
-        "at_home, servo, gripper, fence, ack, got `touched`",
+        "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, "
+        "home, at_home, servo, gripper, fence, ack, got `touched`",
         "16: actions.land.fields: no field `param8`, there is param1, param2, param3, param4, param5, param6, param7",
         "18: actions.go.message: the driver sends SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED, "
         "RC_CHANNELS_OVERRIDE, got `SET_MODE`",
