@@ -5,24 +5,21 @@ from __future__ import annotations
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
 from pathlib import Path
 
 from argosy.cli.arguments import Command, run_subcommand
 from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, fleet_of, note, on_the_bus, put_out
 from argosy.cli.vehicle_requests import ask_vehicle, check_new, write_whole
-from argosy.params.comparison import Comparison, Difference, compare
+from argosy.params.comparison import Comparison, Difference, compare, some
 from argosy.params.param_files import ParameterFile, read_parameter_file, value_text, write_parameters
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
-from schemas.humanize import count, joined, printable
+from schemas.humanize import count, printable
 from schemas.wire import keys
 from schemas.wire.vehicle_records import ParameterRequest, VehicleParameters
 
-MOST_NAMED = 20
-"""Parameters that one line names."""
 COMMANDS = {
     "save": ("save all parameters of a vehicle to a file", "uav1 uav1.param"),
     "diff": ("compare a vehicle's parameters with a file; exit code 1 if they differ", "uav1 uav1.param"),
@@ -134,7 +131,7 @@ async def _read(bus: Bus, fleet: str, robot: str) -> dict[str, float]:
     if found.problem:
         raise CommandError(f"{robot}: {found.problem}")
     if found.left_out:
-        note(f"{robot}: left out, their values are no numbers: {_some(found.left_out)}")
+        note(f"{robot}: left out, their values are no numbers: {some(found.left_out)}")
     return found.values
 
 
@@ -183,12 +180,6 @@ async def _set_all(bus: Bus, fleet: str, args: Namespace, chosen: list[Differenc
                 break
     finally:
         if chosen:
-            rest = f"; {len(left)} not confirmed: {_some(left)}" if left else ""
+            rest = f"; {len(left)} not confirmed: {some(left)}" if left else ""
             put_out(f"{args.robot}: {done} of {count(len(chosen), 'parameter')} set{rest}")
     return left
-
-
-def _some(names: Sequence[str]) -> str:
-    """Return the first of some names and how many more there are."""
-    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
-    return joined([*names[:MOST_NAMED], *more])

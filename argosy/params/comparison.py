@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from argosy.params.param_files import same_value, value_text
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.vehicle.safety_parameters import is_vehicles_own, safety_kind
 from schemas.humanize import columns, count, joined
+
+MOST_NAMED = 20
+"""Parameters that one line names."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Comparison:
         ]
         parts = [f"{count(len(rows), 'parameter')} differ{'s' if len(rows) == 1 else ''}", f"{self.same} equal"]
         if self.unknown:
-            parts.append(f"{len(self.unknown)} that the vehicle does not have: {joined(self.unknown)}")
+            parts.append(f"{len(self.unknown)} that the vehicle does not have: {some(self.unknown)}")
         if self.own:
             parts.append(f"{self.own} that the vehicle changes by itself, not compared")
         parts.append(f"{self.not_in_file} of the vehicle that the file does not have")
@@ -70,3 +73,9 @@ def compare(wanted: Mapping[str, float], held: Mapping[str, float]) -> Compariso
             differences.append(Difference(name, held[theirs], value))
     same = len(found) - own - len(differences)
     return Comparison(tuple(differences), tuple(unknown), own, same, len(held) - len(found))
+
+
+def some(names: Sequence[str]) -> str:
+    """Return the first of some names, and how many more there are."""
+    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
+    return joined([*names[:MOST_NAMED], *more])

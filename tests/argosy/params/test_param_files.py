@@ -106,6 +106,13 @@ def test_renamed_parameters_are_found_and_the_vehicles_own_are_not_set() -> None
     assert (found.unknown, found.own, found.same) == (("NEW_ONE",), 2, 0)
 
 
+def test_a_file_of_another_kind_of_vehicle_is_told_in_a_line_that_can_be_read() -> None:
+    found = compare({f"P{index}": 1.0 for index in range(900)}, {"Q": 1.0})
+    assert len(found.text("uav1").splitlines()) == 1
+    assert "900 that the vehicle does not have: P0, P1," in found.text("uav1")
+    assert "P19 and 880 more; 1 of the vehicle" in found.text("uav1")
+
+
 @pytest.mark.parametrize(
     ("kind", "names"),
     [

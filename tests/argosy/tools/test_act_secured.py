@@ -47,6 +47,19 @@ def test_an_observer_does_not(world: World, capsys: pytest.CaptureFixture[str]) 
     assert "note: `eye` is an observer in the mission: it may not give orders" in said
 
 
+def test_an_operator_asks_a_bridge_for_what_its_vehicle_stores_and_an_observer_does_not(
+    world: World, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission = ("--mission", str(world.fleet.path))
+    for command in (("params", "save", "r1", str(tmp_path / "r1.param")), ("plan", "save", "r1", "r1.plan")):
+        assert main([*command, *mission, "--keys", str(world.fleet.keys("ops"))]) == 1
+        assert capsys.readouterr().err == "error: r1: its driver knows no parameters and no stored mission\n"
+        assert main([*command, *mission, "--keys", str(world.fleet.keys("eye"))]) == 1
+        said = capsys.readouterr().err
+        assert "r1: its bridge does not answer" in said
+        assert "note: `eye` is an observer in the mission: it may not give orders" in said
+
+
 def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
     world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
