@@ -25,6 +25,7 @@ class Kind(enum.Enum):
     UNKNOWN_ACTION = "unknown-action", "an action that the manifest does not have"
     ACTION_ARITY = "action-arity", "an action with a number of arguments that the manifest does not allow"
     ACTION_TYPE = "action-type", "an argument of an action whose type or range does not fit the manifest"
+    UNAVAILABLE_ACTION = "unavailable-action", "an action that the simulated autopilot of the mission does not have"
     UNKNOWN_PERCEPT = (
         "unknown-percept",
         "a plan for a belief that is not a percept of the manifest and that nothing adds",

@@ -22,6 +22,7 @@ from agentd.language.syntax_tree.nodes import Formula, Program, Structure
 from agentd.process import loading_notice
 from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
+from argosy.check.autopilot_actions import check_autopilot
 from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
 from argosy.check.plan_files import check_plans
@@ -128,6 +129,8 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
         if robot is not None and manifest is not None:
             limits = mission.robots[robot].limits if mission is not None else Limits()
             findings += check_plans(surveyed.survey, manifest, named.folder, limits)
+            if mission is not None:
+                findings += check_autopilot(surveyed.survey, manifest, mission.robots[robot])
     if mission is not None:
         of_programs = {name: one.survey for name, one in surveys.items()}
         findings += check_team(mission, of_programs, programs, restarts=restarts)

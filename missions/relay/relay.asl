@@ -1,33 +1,41 @@
 /* A task is a place to be visited. Whoever has it departs, visits the place, hands the task over to the next, and comes
-   home. How it departs and moves is in the program that includes this one: flying.asl or driving.asl. */
+   home. How it departs and moves is in the program that includes this one: flying.asl or driving.asl.
 
-!begin.
-
-+!begin : place(Lat, Long) <- !carry(Lat, Long).
-+!begin <- .print("waits for the task").
+   A task arrives as a goal, by the mission file or by the agent that had it before. */
 
 +!carry(Lat, Long)
-  <- .wait(bridge(up), 120000);
+  <- +task(Lat, Long);
+     .wait(bridge(up), 120000);
      .wait(state(_, true, _), 120000);
      !departed;
-     .print("on the way to ", Lat, ", ", Long);
+     +departed;
+     !on_the_way.
+-!carry(_, _)[error_msg(Why)] <- !given_up(Why).
+
++!on_the_way : task(Lat, Long)
+  <- .print("on the way to ", Lat, ", ", Long);
      !visited(Lat, Long);
-     !handed_over(Lat, Long);
-     !home_again;
+     !handed_over;
+     !home.
+
++!home
+  <- !home_again;
      .print("home again");
      +carried.
--!carry(Lat, Long)[error_msg(Why)]
-  <- .print("cannot carry the task: ", Why);
-     !handed_over(Lat, Long);
-     !safe;
-     +gave_up(Why).
 
-+!handed_over(_, _) : handed.
-+!handed_over(Lat, Long) : next(Agent)
++!handed_over : handed.
++!handed_over : next(nobody) <- +handed; .print("the task is done").
++!handed_over : next(Agent) & task(Lat, Long)
   <- +handed;
      .print("hands the task over to ", Agent);
      .send(Agent, achieve, carry(Lat, Long)).
-+!handed_over(_, _) <- +handed; .print("the task is done").
+
+// Whoever cannot go on hands the task over all the same, and comes home before it gives up.
++!given_up(Why)
+  <- .print("cannot carry the task: ", Why);
+     !handed_over;
+     !safe;
+     +gave_up(Why).
 
 // Whoever sent it home or down (this program, the operator, a pilot, its own failsafe): coming home is coming home.
 coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL", "LAND", "AUTOLAND"]).
@@ -36,3 +44,16 @@ coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL"
 +!safe : override(Mode) <- .print("left to those who have it, in ", Mode).
 +!safe <- return_to_launch.
 -!safe[error_msg(Why)] <- .print("cannot return: ", Why).
+
+// Started again by a supervisor after a death: what has handed its task over comes home, and what is under way goes on.
++restarted(_) : task(_, _) & not carried & not gave_up(_)
+  <- .print("started again");
+     .wait(state(_, true, _), 120000);
+     !go_on.
+
++!go_on : handed <- !home.
++!go_on : override(_) <- .fail(error_msg("others have it")).
++!go_on : departed & state(_, _, true) <- set_mode("GUIDED"); !on_the_way.
++!go_on : not departed & task(Lat, Long) <- !carry(Lat, Long).
++!go_on <- .fail(error_msg("its motors were stopped on the way")).     // whoever did that had a reason
+-!go_on[error_msg(Why)] <- !given_up(Why).

@@ -306,6 +306,12 @@ def table_of(declared: ModeTable, autopilot: int, kind: int) -> ModeTable:
     return replace(declared, names=MappingProxyType({}))
 
 
+def simulated_table(autopilot: str, vehicle: str) -> ModeTable:
+    """Return the table of a simulated vehicle: `ardupilot` or `px4`, and the `vehicle` of its manifest."""
+    number = dialect.MAV_AUTOPILOT_PX4 if autopilot == "px4" else dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+    return table_of(MODE_TABLES[vehicle], number, dialect.MAV_TYPE_GENERIC)
+
+
 def contradiction(declared: ModeTable, kind: int) -> str:
     """Return a text that a MAV_TYPE is not of the manifest's vehicle; empty if it may be."""
     known = _BY_HEARTBEAT.get((dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, kind))
