@@ -105,12 +105,13 @@ class Recovery:
         """Return the vehicles that are armed, or may be, without those whose simulator is dead.
 
         One that was armed when it fell silent counts, and one that its restarted bridge has not heard yet: it may have
-        been armed meanwhile.
+        been armed meanwhile. A bridge that has left a vehicle disarmed has the last word: the view may have missed it.
         """
         unheard = {name for bridge in self._supervisor.of_kind("bridged") for name in self._unheard(bridge)}
         robots = self._status.robots.values()
         may_be = (robot for robot in robots if robot.seen.armed or robot.name in unheard)
-        return [robot for robot in may_be if not self.simulator_is_dead(robot.name)]
+        down = {name for name, left in self._status.left.items() if left.state == "disarmed"}
+        return [robot for robot in may_be if robot.name not in down and not self.simulator_is_dead(robot.name)]
 
     def simulator_is_dead(self, robot: str) -> bool:
         """Whether the simulator of a robot is dead, and so the robot."""

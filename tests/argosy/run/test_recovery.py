@@ -14,6 +14,7 @@ from argosy.run import recovery as module
 from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.recovery import Recovery
 from argosy.run.watchdog import Watchdog
+from schemas.wire.log_lines import RobotLeft
 from schemas.wire.terms import Atom
 from tests.argosy.recorded import Recording
 from tests.argosy.run.test_screen import in_flight
@@ -92,3 +93,9 @@ def test_a_mission_that_is_done_while_its_vehicle_is_paused_in_the_air_waits(mon
     recording.percept_gone("paused")
     supervisor = Supervisor(lambda child, line: None, lambda child: None)
     assert EndConditions(recording.status, supervisor).look() == Ending(0, "done")
+
+
+def test_a_vehicle_that_its_bridge_has_left_disarmed_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = failing()
+    left = RobotLeft(robot="uav1", state="disarmed", text="not armed")
+    assert outcome(recording, monkeypatch, {3: lambda: recording.status.left.update(uav1=left)}) == (FAILED, 3.0)
