@@ -23,6 +23,7 @@ from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import read_mission
 from schemas.wire.records import Action, ActionStatus, Header, Note, Perception
 from schemas.wire.terms import Term
+from tests.bridged.components import Component
 
 HOME = Place(-27.604033, -48.518363, 21.0)
 GOAL = (-27.603683, -48.518052, 40)
@@ -110,6 +111,8 @@ class Sky:
         self.sent: list[Message] = []
         self.uplink: deque[bytes] = deque()
         self.downlink: deque[Message] = deque()
+        self.components: list[Component] = []
+        """Cameras and gimbals beside the autopilot."""
         self.hears_us: Passes = lambda message: True
         self.we_hear: Passes = lambda message: True
         self.bridge = Bridge(
@@ -145,12 +148,17 @@ class Sky:
                 self._reach_bridge(piece)
         for piece in self.air_down.due(now):
             self._reach_bridge(piece)
+        for component in self.components:
+            for packet in component.step(self.clock.time):
+                self._reach_bridge(packet)
         self.driver.tick()
         self.bridge.step()
 
     def _reach_vehicle(self, data: bytes) -> None:
         for message in self._at_vehicle.feed_datagram(data):
             self.sent.append(message)
+            if any(component.takes(message) for component in self.components):
+                continue  # an autopilot passes on what is for a component that it has heard
             if self.hears_us(message):
                 self.downlink.extend(self.vehicle.receive(message))
 

@@ -6,7 +6,7 @@ which fields there are, how it is carried out, and which figures it reports as f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -15,7 +15,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.api import Value
 from bridged.drivers.argument_check import fields_of
 from bridged.drivers.mavlink.actions import (
+    camera,
     flight,
+    gimbal,
     log_download,
     mission_actions,
     mission_execution,
@@ -82,10 +84,20 @@ COMMANDS: Mapping[str, Procedure] = MappingProxyType({
     "at_home": Procedure(flight.return_above, ("distance", "speed")),
     "servo": Procedure(outputs.move_servo),
     "gripper": Procedure(outputs.grip),
+    "relay": Procedure(outputs.switch_relay),
+    "winch": Procedure(outputs.move_winch, ("line", "to_go")),
+    "picture": Procedure(camera.take_picture),
+    "camera": Procedure(camera.set_camera),
+    "gimbal": Procedure(gimbal.command_gimbal, ("pitch", "yaw")),
     "fence": Procedure(outputs.fence),
     "ack": Procedure(outputs.acknowledge),
 })  # fmt: skip
 """Confirmations of commands."""
+
+
+def _names(commands: Iterable[int]) -> tuple[str, ...]:
+    return tuple(dialect.enums["MAV_CMD"][number].name for number in commands)
+
 
 COMMANDS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "mode": ("MAV_CMD_DO_SET_MODE",),
@@ -96,6 +108,11 @@ COMMANDS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "orbit": ("MAV_CMD_DO_ORBIT",),
     "servo": ("MAV_CMD_DO_SET_SERVO",),
     "gripper": ("MAV_CMD_DO_GRIPPER",),
+    "relay": ("MAV_CMD_DO_SET_RELAY",),
+    "winch": ("MAV_CMD_DO_WINCH",),
+    "picture": ("MAV_CMD_IMAGE_START_CAPTURE",),
+    "camera": _names(camera.PROOFS),
+    "gimbal": _names(gimbal.STEPS),
     "fence": ("MAV_CMD_DO_FENCE_ENABLE",),
 })  # fmt: skip
 """Confirmations that read the parameters of one command, and are of no other."""

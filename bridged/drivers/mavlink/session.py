@@ -33,6 +33,7 @@ from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, Mavlink
 from bridged.drivers.mavlink.vehicle.derived_readings import derived
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
+from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import EVENTS
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
@@ -118,8 +119,11 @@ class VehicleSession:
         self.control = ControlAuthority(self.flight, self._runs, self.stop)
 
     def receive(self, message: dialect.MAVLink_message) -> None:
-        """Take in one message from the link; only the vehicle's autopilot counts."""
-        if (message.get_srcSystem(), message.get_srcComponent()) != (self.identity.vehicle, self.identity.autopilot):
+        """Take in one message from the link: of the vehicle's autopilot, or of its cameras and gimbals."""
+        if message.get_srcSystem() != self.identity.vehicle:
+            return
+        if message.get_srcComponent() != self.identity.autopilot:
+            self._hear_payload(message)
             return
         self.flight.now = max(self.clock.now(), self.flight.now)
         self.flight.message = message = self.flight.autopilot.incoming(message)
@@ -160,6 +164,24 @@ class VehicleSession:
                 self._keep_limits()
         self._step()
         self.flight.message = None
+
+    def _hear_payload(self, message: dialect.MAVLink_message) -> None:
+        """Take in a message of a camera or gimbal: nothing that it says is the vehicle's state."""
+        component, name = message.get_srcComponent(), message.get_type()
+        if component not in PAYLOAD:
+            return
+        self.flight.now = max(self.clock.now(), self.flight.now)
+        self.flight.payload.hear(component, self.flight.now)
+        if name == "COMMAND_ACK":
+            self.commands.acknowledge(message, self.flight.now, component)
+        elif name.startswith(MESSAGES):
+            self._report(name, message)
+        else:
+            return
+        if self._runs:
+            self.flight.message = message
+            self._step()
+            self.flight.message = None
 
     def tick(self) -> None:
         """Let time pass: heartbeats, repetitions, silence."""
@@ -409,6 +431,7 @@ class VehicleSession:
         if not connected:
             again = f"again after {silence:.1f} s" if math.isfinite(silence) else "now"
             log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
+            self.flight.connected_since = self.flight.now
             self._ask_for_streams()
         self.control.heard(mode_before, again=not connected)
         self._report_state()

@@ -51,6 +51,9 @@ def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
         "reposition": 3, "orbit": 5, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1, "download_mission": 0,
         "clear_mission": 0, "set_mission_item": 1, "start_mission": 0, "download_log": range(2), "get_param": 1,
         "set_param": 2, "enable_fence": 1, "fence_radius": 1, "fence_altitude": 1, "drop_buoy": 0,
+        "grip": 1, "set_relay": 2, "winch": 1, "take_picture": range(2), "start_video": range(2),
+        "stop_video": range(2), "set_camera_mode": range(1, 3), "zoom": range(1, 3), "point_gimbal": 2,
+        "look_at": 3, "look_nowhere": 0,
     }  # fmt: skip
     assert manifest.action_arities() == papers | more
 
@@ -74,7 +77,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         "12: percepts.cells.args: BATTERY_STATUS.voltages has no element `10`",
         "14: actions.land.command: MAVLink has no command `MAV_CMD_NAV_LADN`",
         "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, "
-        "home, at_home, servo, gripper, fence, ack, got `touched`",
+        "home, at_home, servo, gripper, relay, winch, picture, camera, gimbal, fence, ack, got `touched`",
         "16: actions.land.fields: no field `param8`, there is param1, param2, param3, param4, param5, param6, param7",
         "18: actions.go.message: the driver sends SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED, "
         "RC_CHANNELS_OVERRIDE, got `SET_MODE`",

@@ -34,11 +34,17 @@ class Poll:
     """Requests one message repeatedly (MAV_CMD_REQUEST_MESSAGE)."""
 
     def __init__(
-        self, flight: ProcedureContext, run: ProcedureRun, name: str, every: tuple[float, float] = ASK_EVERY
+        self,
+        flight: ProcedureContext,
+        run: ProcedureRun,
+        name: str,
+        every: tuple[float, float] = ASK_EVERY,
+        component: int = 0,
     ) -> None:
+        """`component`: whom it is requested of; 0 = the autopilot."""
         self._flight, self._run, self._every = flight, run, every
         parameters = (float(message_number(name)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._request = BoundAction(dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE)
+        self._request = BoundAction(dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE, component=component)
         self._at = flight.now
         self._last: MavlinkCommand | None = None
 
@@ -52,6 +58,11 @@ class Poll:
             flight.commands.abandon(self._last)
             self._run.commands.remove(self._last)
         self._last = flight.submit(self._run, self._request)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the last request was refused."""
+        return self._last is not None and self._last.refused
 
 
 def next_message(
@@ -81,9 +92,14 @@ def asked_message(
     name: str,
     patience: tuple[float, float],
     fits: Fits = lambda message: True,
+    component: int = 0,
 ) -> Generator[None, None, dialect.MAVLink_message | None]:
-    """As `next_message`, requesting the message until it arrives. `patience`: mission and wall seconds."""
-    return (yield from next_message(flight, name, patience, fits, Poll(flight, run, name)))
+    """As `next_message`, requesting the message of a component (0: the autopilot) until it arrives.
+
+    `patience`: mission and wall seconds.
+    """
+    poll = Poll(flight, run, name, component=component)
+    return (yield from next_message(flight, name, patience, fits, poll))
 
 
 MODE_ATTEMPTS = 4

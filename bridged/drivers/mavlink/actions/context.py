@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.api import Execution, FinalState, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
+from bridged.drivers.mavlink.vehicle.payload_components import PayloadComponents
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
@@ -104,6 +106,8 @@ class BoundAction:
     """Values of RC_CHANNELS_OVERRIDE."""
     by_int: bool = False
     """The command goes as COMMAND_INT, its place in `frame`."""
+    component: int = 0
+    """The component of the vehicle's system that the command is for; 0 = the autopilot."""
     tolerance: float | None = None
     limited: bool = True
     """The mission's limits hold; not for what brings a vehicle to a stop where it is."""
@@ -188,6 +192,7 @@ class ProcedureContext:
         self.commands = commands
         self.addressee = commands.identity.addressee
         """System and component of the vehicle's autopilot, whom messages are for."""
+        self.autopilot_component = commands.identity.autopilot
         self.texts = texts
         self.limits = limits
         self.failsafe = failsafe
@@ -202,6 +207,12 @@ class ProcedureContext:
         """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
         self.files = NO_FILES
         self.plan = Plan()
+        self.payload = PayloadComponents()
+        """Cameras and gimbals beside the autopilot."""
+        self.pictures = 0
+        """The number of the last picture that a camera was commanded to take."""
+        self.connected_since = -math.inf
+        """When the vehicle was heard after a silence, last."""
         self.downloading = ""
         """The action that is downloading a log now: the vehicle sends one at a time."""
         self.parameters: dict[str, float] = {}
@@ -234,7 +245,9 @@ class ProcedureContext:
     ) -> MavlinkCommand:
         """Send the command of an action; `in_frame`: as COMMAND_INT if the action names the frame of its place."""
         frame = action.frame if in_frame and action.by_int else None
-        command = MavlinkCommand(action.number, action.parameters, action.retry, may_repeat, frame)
+        command = MavlinkCommand(
+            action.number, action.parameters, action.retry, may_repeat, frame, component=action.component
+        )
         run.commands.append(command)
         return self.commands.submit(command, self.now)
 

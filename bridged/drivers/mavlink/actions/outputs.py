@@ -1,11 +1,13 @@
-"""Commands that move no vehicle, or are confirmed by their acknowledgement alone: servo, gripper, fence, others."""
+"""Commands that move no vehicle: servo, relay, winch, gripper, fence, and what only an acknowledgement confirms."""
 
 from __future__ import annotations
+
+import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged
+from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged, asked_message
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
@@ -23,6 +25,14 @@ GRIPPER = 28.0
 FENCE_ENABLE = "FENCE_ENABLE"
 SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
 """Mission and wall seconds in which an output, or the fence, must show what was acknowledged."""
+RELAYS = 16
+"""Relays in RELAY_STATUS."""
+LINE_NEAR = 0.1
+"""Metres of a winch's line within which it is where it was to be, unless the manifest says otherwise."""
+LINE_MOVES_WITHIN = (5.0, 3.0)
+"""Mission and wall seconds in which a winch must have moved its line by `LINE_NEAR`, or it has stopped."""
+WINCH_REPORTS_WITHIN = (3.0, 2.0)
+"""Mission and wall seconds in which a winch answers a request for its state."""
 
 
 def acknowledge(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -45,7 +55,67 @@ def move_servo(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     servo, wanted = int(action.parameters[0]), action.parameters[1]
     if not 1 <= servo <= SERVOS:
         return Outcome("refused", f"a servo is one of 1 to {SERVOS}, got {servo}")
-    return (yield from _shown(flight, run, action, f"servo {servo} at {wanted:g}", lambda m: _near(m, servo, wanted)))
+    what = f"servo {servo} at {wanted:g}"
+    return (yield from shown(flight, run, action, "SERVO_OUTPUT_RAW", what, lambda m: _near(m, servo, wanted)))
+
+
+def switch_relay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
+    """DO_SET_RELAY: RELAY_STATUS shows it; of a vehicle that does not send that, its acknowledgement."""
+    relay, on = int(action.parameters[0]), action.parameters[1] >= 1.0
+    if not 0 <= relay < RELAYS:
+        return Outcome("refused", f"a relay is one of 0 to {RELAYS - 1}, got {relay}")
+    reports = Seen(flight, run, "RELAY_STATUS", lambda m: _relay_is(m, relay, on))
+    command = flight.submit(run, action, in_frame=True)
+    yield from acknowledged(flight, run, command, reports)
+    what = f"relay {relay} {'on' if on else 'off'}"
+    run.waits_for, until = f"RELAY_STATUS to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
+    while flight.now <= until and not reports.unavailable:
+        if reports():
+            return SUCCEEDED
+        yield
+    if reports.last is None:
+        return SUCCEEDED
+    there = f"does not show {what}" if reports.last.present >> relay & 1 else f"shows no relay {relay}"
+    return Outcome("failed", f"{command.name} was acknowledged, but RELAY_STATUS {there}")
+
+
+def move_winch(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
+    """DO_WINCH by a length (metres out, negative in): WINCH_STATUS shows that much more line, at rest.
+
+    It is sent once: a repetition would release the length twice.
+    """
+    _, what, length, *_ = action.parameters
+    if int(what) != dialect.WINCH_RELATIVE_LENGTH_CONTROL:
+        return Outcome("refused", f"a length (param2 = 1) is confirmed by the winch, got the winch action {what:g}")
+    before = yield from asked_message(flight, run, "WINCH_STATUS", WINCH_REPORTS_WITHIN)
+    if before is None:
+        return Outcome("failed", "the vehicle does not report a winch (WINCH_STATUS); has it one?")
+    if not math.isfinite(before.line_length):
+        return Outcome("failed", "the winch does not know how much line is out (WINCH_STATUS.line_length)")
+    goal, near = before.line_length + length, action.tolerance or LINE_NEAR
+
+    def fits(status: dialect.MAVLink_message) -> bool:
+        still = not status.status & dialect.MAV_WINCH_STATUS_MOVING
+        return still and bool(abs(status.line_length - goal) <= near)
+
+    reports = Seen(flight, run, "WINCH_STATUS", fits)
+    command = flight.submit(run, action, lambda: False, in_frame=True)
+
+    def moves() -> bool:
+        return reports() or (reports.last is not None and abs(reports.last.line_length - before.line_length) > near)
+
+    yield from acknowledged(flight, run, command, moves)
+    line, moved_at = before.line_length, flight.now
+    while not reports():
+        out = line if reports.last is None else reports.last.line_length
+        if abs(out - line) >= LINE_NEAR:
+            line, moved_at = out, flight.now
+        if flight.now - moved_at > flight.wait(*LINE_MOVES_WITHIN):
+            return Outcome("failed", f"the winch stopped with {out:.1f} m of line out instead of {goal:.1f} m")
+        run.feedback = {"line": round(out, 2), "to_go": round(goal - out, 2)}
+        run.waits_for = f"the winch; {out:.1f} of {goal:.1f} m of line are out"
+        yield
+    return SUCCEEDED
 
 
 def grip(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -66,8 +136,8 @@ def grip(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
         )
     wanted, named = found.value, " and ".join(map(str, outputs))
     return (
-        yield from _shown(
-            flight, run, action, f"output {named} at {wanted:g} ({parameter})",
+        yield from shown(
+            flight, run, action, "SERVO_OUTPUT_RAW", f"output {named} at {wanted:g} ({parameter})",
             lambda m: all(_near(m, output, wanted) for output in outputs),
         )
     )  # fmt: skip
@@ -81,7 +151,7 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
     if flight.autopilot.fence_switch is not None:
         return (yield from _fence_by_parameter(flight, run, *flight.autopilot.fence_switch, wanted=wanted))
     bit = dialect.MAV_SYS_STATUS_GEOFENCE
-    agrees = _Seen(flight, run, "SYS_STATUS", lambda m: bool(m.onboard_control_sensors_enabled & bit) == wanted)
+    agrees = Seen(flight, run, "SYS_STATUS", lambda m: bool(m.onboard_control_sensors_enabled & bit) == wanted)
     command = flight.submit(run, action, in_frame=True)
     refusal: Ended | None = None
     try:
@@ -114,33 +184,51 @@ def _fence_by_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, 
     return SUCCEEDED
 
 
-def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, what: str, fits: Fits) -> Steps:
-    """Send the command; the output confirms it, also if the acknowledgement is lost."""
-    asked, shown = flight.now, _Seen(flight, run, "SERVO_OUTPUT_RAW", fits)
+def shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, name: str, what: str, fits: Fits) -> Steps:
+    """Send the command; a message of its addressee confirms it, also if the acknowledgement is lost.
+
+    `name`: the message, which is requested; `what` it is to show, for people.
+    """
+    asked, reports = flight.now, Seen(flight, run, name, fits, action.component)
     command = flight.submit(run, action, in_frame=True)
-    yield from acknowledged(flight, run, command, shown)
-    run.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
+    yield from acknowledged(flight, run, command, reports)
+    run.waits_for, until = f"{name} to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
     while flight.now <= until:
-        if shown():
+        if reports():
             return SUCCEEDED
         yield
-    reason = f"{command.name} was acknowledged, but SERVO_OUTPUT_RAW does not show {what}"
+    reason = f"{command.name} was acknowledged, but {name} does not show {what}"
     return Outcome("failed", flight.with_texts(reason, asked))
 
 
-class _Seen:
-    """Requests a message repeatedly, and knows whether a matching one has arrived."""
+class Seen:
+    """Requests a message of a component repeatedly (0: the autopilot), and knows whether a matching one has arrived."""
 
-    def __init__(self, flight: ProcedureContext, run: ProcedureRun, name: str, fits: Fits) -> None:
+    def __init__(self, flight: ProcedureContext, run: ProcedureRun, name: str, fits: Fits, component: int = 0) -> None:
+        self.last: dialect.MAVLink_message | None = None
+        """The last one that arrived."""
         self._flight, self._name, self._fits = flight, name, fits
-        self._poll = Poll(flight, run, name)
+        self._sender = component or flight.autopilot_component
+        self._poll = Poll(flight, run, name, component=component)
         self._seen = False
 
     def __call__(self) -> bool:
+        """Look at the present message. Returns whether a matching one has arrived so far."""
         self._poll()
         message = self._flight.message
-        self._seen = self._seen or (message is not None and message.get_type() == self._name and self._fits(message))
+        if message is not None and message.get_type() == self._name and message.get_srcComponent() == self._sender:
+            self.last = message
+            self._seen = self._seen or self._fits(message)
         return self._seen
+
+    @property
+    def unavailable(self) -> bool:
+        """Whether the vehicle has refused to send it."""
+        return self.last is None and self._poll.refused
+
+
+def _relay_is(message: dialect.MAVLink_message, relay: int, on: bool) -> bool:
+    return bool(message.present >> relay & 1) and bool(message.on >> relay & 1) == on
 
 
 def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:

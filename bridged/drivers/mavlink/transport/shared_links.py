@@ -113,6 +113,8 @@ class SharedLink:
         self._refused: dict[tuple[int, str, str], float] = {}
         self.homes: dict[tuple[int, int], tuple[Peer, float]] = {}
         """Where each part of each vehicle, by system and component, spoke last, and when."""
+        self._parts: dict[tuple[int, int], Peer] = {}
+        """Where the parts of vehicles beside their autopilots, by system and component, spoke last."""
 
     @property
     def up(self) -> bool:
@@ -150,6 +152,7 @@ class SharedLink:
                 link, self.link = self.link, None
                 await link.close()
                 self.homes.clear()
+                self._parts.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
                     self._signed.close()
@@ -159,11 +162,14 @@ class SharedLink:
     def send(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
         """Send to a robot's vehicle where it is; if there are two, to each address where one was heard lately.
 
-        Raises ValueError if the message cannot be packed.
+        What is for a camera or gimbal goes to where that one was heard. Raises ValueError if the message cannot be
+        packed.
         """
         if self.link is None:
             return
         ids, signing, home = link_client.ids, link_client.signing, link_client.address.peer
+        part = self._parts.get((link_client.vehicle, getattr(message, "target_component", AUTOPILOT)))
+        home = home if part is None or part.closed else part
         if link_client.address.two_vehicles(asyncio.get_running_loop().time()):
             self.link.send_to(self.link.peers_of(link_client.vehicle), message, ids=ids, signing=signing)
         elif home is not None and not home.closed:
@@ -297,7 +303,9 @@ class SharedLink:
         system = message.get_srcSystem()
         if link_client := self.link_clients.get(system):
             # Cameras and companions may send from anywhere: their messages are not the vehicle's state.
-            if message.get_srcComponent() == AUTOPILOT and self.address.kind.endswith("in"):
+            if message.get_srcComponent() != AUTOPILOT:
+                self._parts[system, message.get_srcComponent()] = peer
+            elif self.address.kind.endswith("in"):
                 heartbeat, now = message.get_type() == "HEARTBEAT", asyncio.get_running_loop().time()
                 if not link_client.address.counts(peer, now, heartbeat=heartbeat):
                     return

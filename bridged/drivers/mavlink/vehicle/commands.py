@@ -55,6 +55,8 @@ class MavlinkCommand:
     """Asked before each repetition: a takeoff that has begun must not be sent again."""
     frame: int | None = None
     """The frame of its place if it goes as COMMAND_INT; none = COMMAND_LONG."""
+    component: int = 0
+    """The component of the vehicle's system that it is for; 0 = the autopilot."""
     sent: int = 0
     next_at: float = 0.0
     result: int | None = None
@@ -92,7 +94,7 @@ class MavlinkCommand:
 
 
 class Commands:
-    """The commands that are under way to one vehicle; of each kind one at a time, the others wait for their turn.
+    """The commands that are under way to one vehicle; to each component of each kind one at a time, the others wait.
 
     `speed` is mission seconds per wall second; `now` is in mission seconds.
     """
@@ -105,11 +107,12 @@ class Commands:
         """Acknowledgements so far that were for somebody else, or for nothing that is under way."""
         self._patience = max(1.0, speed)
         self._send = send
-        self._queues: dict[int, deque[MavlinkCommand]] = {}
+        self._queues: dict[tuple[int, int], deque[MavlinkCommand]] = {}
+        """By component and number."""
 
     def submit(self, command: MavlinkCommand, now: float) -> MavlinkCommand:
         """Send a command, now or after those of the same kind."""
-        queue = self._queues.setdefault(command.number, deque())
+        queue = self._queues.setdefault((command.component, command.number), deque())
         if len(queue) >= MAX_WAITING:
             command.silent = True
             return command
@@ -128,9 +131,12 @@ class Commands:
                 command.silent = True
         self._queues.clear()
 
-    def acknowledge(self, ack: dialect.MAVLink_message, now: float) -> None:
-        """Take in a COMMAND_ACK of the vehicle. Target 0/0 means anybody (autopilots before MAVLink 2)."""
-        queue = self._queues.get(ack.command)
+    def acknowledge(self, ack: dialect.MAVLink_message, now: float, component: int = 0) -> None:
+        """Take in a COMMAND_ACK of the autopilot, or of another `component` of the vehicle.
+
+        Target 0/0 means anybody (autopilots before MAVLink 2).
+        """
+        queue = self._queues.get((component, ack.command))
         if not self.identity.is_addressed(ack) or not queue or not queue[0].sent:
             self.unmatched += 1
             return
@@ -142,11 +148,11 @@ class Commands:
 
     def tick(self, now: float) -> None:
         """Send the commands that are due at this time, in mission seconds."""
-        for number, queue in list(self._queues.items()):
+        for key, queue in list(self._queues.items()):
             while queue and self._advance(queue[0], now):
                 queue.popleft()
             if not queue:
-                self._queues.pop(number, None)
+                self._queues.pop(key, None)
 
     def _advance(self, command: MavlinkCommand, now: float) -> bool:
         """Move one command on; True if it is over."""
@@ -155,7 +161,8 @@ class Commands:
         if command.sent > command.retry.times or (command.sent and not command.may_repeat()):
             command.silent = True
             return True
-        to, number, again = self.identity.addressee, command.number, min(command.sent, 255)
+        to = (self.identity.vehicle, command.component or self.identity.autopilot)
+        number, again = command.number, min(command.sent, 255)
         if command.frame is None:
             self._send(dialect.MAVLink_command_long_message(*to, number, again, *command.parameters))
         else:

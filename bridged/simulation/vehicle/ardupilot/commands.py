@@ -123,7 +123,25 @@ class CommandContext:
                     return Result.ACCEPTED
                 copter.send_text(f"No ap_message for mavlink id ({whole(first)})")
                 return Result.DENIED
-        return Result.UNSUPPORTED
+        return self._carried(command)
+
+    def _carried(self, command: Command) -> Result:
+        """Carry out a command to the payload."""
+        copter, place = self.copter, None
+        if command.number == dialect.MAV_CMD_DO_SET_ROI_LOCATION:
+            above_sea = altitude(copter, command.frame, command.z)
+            if above_sea is None:
+                return Result.DENIED
+            try:
+                place = Place(command.lat, command.lon, above_sea)
+            except ValueError:
+                return Result.DENIED
+        parameters = (*command.params, command.lat, command.lon, command.z)
+        pictures = copter.payload.pictures
+        result = copter.payload.carry_out(command.number, parameters, place, copter.now)
+        if copter.payload.pictures != pictures:
+            self.after.append(copter.payload.feedback(copter.place))
+        return Result.UNSUPPORTED if result is None else result
 
     def _send(self, message: int) -> Result:
         """Send a message after the acknowledgement."""

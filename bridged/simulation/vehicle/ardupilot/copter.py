@@ -24,6 +24,7 @@ from bridged.simulation.vehicle.notifications import (
     Result,
     Severity,
 )
+from bridged.simulation.vehicle.payload import Payload
 
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
@@ -58,6 +59,7 @@ class Copter(Autopilot):
         self.station = StationWatch(self.parameters)
         self.outputs = Outputs(self.parameters)
         self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
+        self.payload = Payload()
         self.transmitter = Transmitter(self.parameters)
         self.mission = stored or Mission()
         self.mode = Mode.STABILIZE

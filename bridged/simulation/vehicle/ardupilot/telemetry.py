@@ -278,6 +278,10 @@ BUILDERS: dict[int, Builder] = {
     193: ekf_status_report,
     241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
     242: home_position,
+    281: lambda copter: copter.payload.gimbal.status(_boot_ms(copter)),
+    285: lambda copter: copter.payload.gimbal.attitude(copter.place, copter.motion.heading, copter.now),
+    376: lambda copter: copter.payload.relay_status(copter.now),
+    9005: lambda copter: copter.payload.winch_status(copter.now),
     245: lambda copter: dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed)),
 }
 """Messages by id that can be asked for."""

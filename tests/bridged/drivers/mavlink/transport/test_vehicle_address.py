@@ -189,6 +189,24 @@ async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_an
     assert "two vehicles are system 1" in caplog.text
 
 
+@async_test
+async def test_a_camera_at_an_address_of_its_own_is_spoken_to_there() -> None:
+    port = free_port()
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        vehicle, camera = Speaker(port), Speaker(port, component=100)
+        vehicle.say(BEAT)
+        camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
+        await until(lambda: ride.driver.flight.payload.present([100], 0.0), "the camera is heard")
+        for component, mark in ((100, 1.0), (1, 2.0)):
+            ride.driver._send(dialect.MAVLink_command_long_message(1, component, 2000, 0, mark, 0, 0, 0, 0, 0, 0))
+
+        def marks(one: Speaker) -> list[float]:
+            return [message.param1 for message in one.listen() if getattr(message, "command", 0) == 2000]
+
+        await until(lambda: marks(camera) + marks(vehicle) == [1.0, 2.0], "each has its own")
+        assert marks(camera) == [1.0]
+
+
 FLYING = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
 
 

@@ -1,0 +1,351 @@
+"""Camera, gimbal, winch and relays: each action is confirmed by what the equipment reports."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot.copter import Copter
+from bridged.simulation.vehicle.payload import Payload
+from schemas.wire.records import ActionStatus
+from tests.bridged.components import CAMERA, CameraComponent, GimbalComponent
+from tests.bridged.sky import Message, Sky, is_ack_of, is_command
+
+STATION = (255, 190)
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    sky = Sky(tmp_path)
+    sky.forward(lambda: sky.belief("home_pos"), "the vehicle's home")
+    return sky
+
+
+@pytest.fixture
+def camera(sky: Sky) -> CameraComponent:
+    camera = CameraComponent()
+    sky.components.append(camera)
+    return camera
+
+
+@pytest.fixture
+def gimbal(sky: Sky) -> GimbalComponent:
+    gimbal = GimbalComponent()
+    sky.components.append(gimbal)
+    sky.wait(1)
+    return gimbal
+
+
+def carried(sky: Sky) -> Payload:
+    """What is attached to the autopilot."""
+    assert isinstance(sky.vehicle.autopilot, Copter)
+    return sky.vehicle.autopilot.payload
+
+
+def without(sky: Sky, name: str) -> None:
+    """The vehicle refuses requests for a message, and never sends it."""
+    number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+
+    def hears(message: Message) -> bool:
+        if not (is_command(dialect.MAV_CMD_REQUEST_MESSAGE)(message) and message.param1 == number):
+            return True
+        ack = dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_DENIED, 0, 0, 1, 191)
+        sky.downlink.append(ack)
+        return False
+
+    sky.hears_us = hears
+
+
+def succeeded(status: ActionStatus) -> bool:
+    assert status.state == "succeeded", status.reason
+    return True
+
+
+# Relays
+
+
+def test_a_relay_is_switched_when_the_vehicle_shows_it(sky: Sky) -> None:
+    assert succeeded(sky.do("set_relay", 2, True))
+    assert carried(sky).relays == 0b100
+    assert succeeded(sky.do("set_relay", 2, False))
+    assert carried(sky).relays == 0
+
+
+def test_a_relay_that_is_acknowledged_and_does_not_switch_fails(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_DO_SET_RELAY))
+    status = sky.do("set_relay", 2, True)
+    assert (status.state, "RELAY_STATUS does not show relay 2 on" in status.reason) == ("failed", True)
+
+
+def test_a_relay_that_the_vehicle_does_not_have_fails(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_DO_SET_RELAY))
+    status = sky.do("set_relay", 9, True)
+    assert (status.state, "RELAY_STATUS shows no relay 9" in status.reason) == ("failed", True)
+
+
+def test_a_vehicle_that_does_not_report_its_relays_is_believed_its_acknowledgement(sky: Sky) -> None:
+    without(sky, "RELAY_STATUS")
+    assert succeeded(sky.do("set_relay", 2, True))
+    assert carried(sky).relays == 0b100
+
+
+# Winch
+
+
+def test_a_winch_lets_out_and_winds_in_as_much_line(sky: Sky) -> None:
+    heard = sky.begin("winch", 5)
+    assert 5 <= sky.forward(lambda: heard[-1].final, "the winch") < 7
+    assert succeeded(heard[-1])
+    assert carried(sky).winch.goal == 5
+    assert succeeded(sky.do("winch", -2))
+    assert carried(sky).winch.goal == 3
+
+
+def test_a_winch_that_stops_early_fails_with_where_it_is(sky: Sky) -> None:
+    status = sky.do("winch", -3)
+    assert status.state == "failed"
+    assert status.reason == "the winch stopped with 0.0 m of line out instead of -3.0 m"
+
+
+def test_a_lost_acknowledgement_lets_no_line_out_twice(sky: Sky) -> None:
+    sky.we_hear = lambda message: not is_ack_of(dialect.MAV_CMD_DO_WINCH)(message)
+    assert succeeded(sky.do("winch", 4))
+    assert carried(sky).winch.goal == 4
+    assert len(sky.commands(dialect.MAV_CMD_DO_WINCH)) == 1
+
+
+def test_a_vehicle_without_a_winch_says_so(sky: Sky) -> None:
+    without(sky, "WINCH_STATUS")
+    status = sky.do("winch", 4)
+    assert (status.state, "has it one?" in status.reason) == ("failed", True)
+    assert sky.commands(dialect.MAV_CMD_DO_WINCH) == []
+
+
+# A camera that is attached to the autopilot
+
+
+def test_a_camera_of_the_autopilot_has_taken_a_picture_when_it_says_that_it_triggered(sky: Sky) -> None:
+    assert succeeded(sky.do("take_picture"))
+    assert carried(sky).pictures == 1
+
+
+def test_a_picture_that_is_only_acknowledged_fails(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_IMAGE_START_CAPTURE))
+    status = sky.do("take_picture")
+    assert (status.state, "no picture is reported" in status.reason) == ("failed", True)
+
+
+@pytest.mark.parametrize("answers", [True, False], ids=["refuses", "is silent"])
+def test_an_autopilot_that_knows_no_pictures_is_triggered(sky: Sky, answers: bool) -> None:
+    asked = is_command(dialect.MAV_CMD_IMAGE_START_CAPTURE)
+    sky.pretend(asked, dialect.MAV_RESULT_UNSUPPORTED)
+    if not answers:
+        sky.hears_us = lambda message: not asked(message)
+    assert succeeded(sky.do("take_picture"))
+    assert len(sky.commands(dialect.MAV_CMD_DO_DIGICAM_CONTROL)) == 1
+    assert carried(sky).pictures == 1
+
+
+def test_a_camera_that_cannot_is_not_triggered_otherwise(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_IMAGE_START_CAPTURE), dialect.MAV_RESULT_FAILED, "camera not ready")
+    status = sky.do("take_picture")
+    assert (status.state, "camera not ready" in status.reason) == ("refused", True)
+    assert sky.commands(dialect.MAV_CMD_DO_DIGICAM_CONTROL) == []
+
+
+# A camera that is a component
+
+
+def test_a_heartbeat_of_a_camera_is_not_the_vehicles(sky: Sky, camera: CameraComponent) -> None:
+    before = sky.belief("state")
+    sky.wait(5)
+    assert sky.belief("state") == before
+    sky.we_hear = lambda message: message.get_srcComponent() == CAMERA
+    sky.forward(lambda: not sky.driver.heard, "the loss of the vehicle", within=10)
+
+
+def test_a_camera_takes_the_picture_and_the_autopilot_is_not_asked(sky: Sky, camera: CameraComponent) -> None:
+    assert succeeded(sky.do("take_picture"))
+    assert (camera.pictures, carried(sky).pictures) == (4, 0)
+
+
+def test_a_camera_is_awaited_after_the_vehicle(tmp_path: Path) -> None:
+    sky = Sky(tmp_path)
+    sky.forward(lambda: sky.driver.heard, "the vehicle")
+    heard = sky.begin("take_picture")
+    sky.wait(1)
+    camera = CameraComponent()
+    sky.components.append(camera)
+    sky.forward(lambda: heard[-1].final, "the picture")
+    assert (heard[-1].state, camera.pictures) == ("succeeded", 4)
+
+
+def test_a_camera_that_only_counts_has_taken_it_when_it_counts_one_more(sky: Sky, camera: CameraComponent) -> None:
+    camera.announces = False
+    assert succeeded(sky.do("take_picture"))
+
+
+def test_a_camera_that_does_not_count_announces_it(sky: Sky, camera: CameraComponent) -> None:
+    camera.counts = False
+    assert succeeded(sky.do("take_picture"))
+
+
+def test_a_lost_acknowledgement_takes_one_picture(sky: Sky, camera: CameraComponent) -> None:
+    camera.acknowledges, camera.announces = False, False
+    assert succeeded(sky.do("take_picture"))
+    assert succeeded(sky.do("take_picture"))
+    assert camera.pictures == 5
+
+
+def test_a_picture_of_before_proves_nothing(sky: Sky, camera: CameraComponent) -> None:
+    camera.obeys = False
+    heard = sky.begin("take_picture")
+    sky.wait(2)
+    camera.outbox.append(camera._captured())
+    sky.forward(lambda: heard[-1].final, "the end")
+    assert (heard[-1].state, "no picture is reported" in heard[-1].reason) == ("failed", True)
+
+
+def test_a_camera_that_fails_fails_the_action(sky: Sky, camera: CameraComponent) -> None:
+    camera.works = False
+    camera.pictures += 1  # so that the picture that failed has a new index
+    camera.counts = False
+    status = sky.do("take_picture")
+    assert (status.state, status.reason) == ("failed", "the camera reports that it could not take the picture")
+    assert sky.commands(dialect.MAV_CMD_DO_DIGICAM_CONTROL) == []
+
+
+def test_cameras_are_told_apart(sky: Sky, camera: CameraComponent) -> None:
+    second = CameraComponent(CAMERA + 1)
+    sky.components.append(second)
+    sky.wait(1)
+    assert succeeded(sky.do("take_picture", CAMERA + 1))
+    assert (camera.pictures, second.pictures) == (3, 4)
+    assert succeeded(sky.do("take_picture", 1))
+    assert carried(sky).pictures == 1
+    status = sky.do("take_picture", CAMERA + 2)
+    assert (status.state, status.reason) == (
+        "refused", "no camera is heard as component 102 of the vehicle; heard: 100, 101"
+    )  # fmt: skip
+
+
+def test_video_mode_and_zoom_are_shown_by_the_camera(sky: Sky, camera: CameraComponent) -> None:
+    assert succeeded(sky.do("start_video"))
+    assert camera.video
+    assert succeeded(sky.do("stop_video"))
+    assert not camera.video
+    assert succeeded(sky.do("set_camera_mode", 2))
+    assert succeeded(sky.do("zoom", 40))
+    assert (camera.mode, camera.zoom) == (2, 40)
+
+
+def test_a_video_that_does_not_start_fails(sky: Sky, camera: CameraComponent) -> None:
+    camera.obeys = False
+    status = sky.do("start_video")
+    assert status.state == "failed"
+    assert "CAMERA_CAPTURE_STATUS does not show a video that is recorded" in status.reason
+
+
+def test_a_camera_does_not_answer_for_the_autopilot(sky: Sky, camera: CameraComponent) -> None:
+    sky.hears_us = lambda message: not is_command(dialect.MAV_CMD_DO_SET_RELAY)(message)
+    without_relays = sky.hears_us
+    sky.hears_us = lambda message: without_relays(message) and not is_command(dialect.MAV_CMD_REQUEST_MESSAGE)(message)
+    heard = sky.begin("set_relay", 1, True)
+    sky.wait(0.5)
+    ack = dialect.MAVLink_command_ack_message(dialect.MAV_CMD_DO_SET_RELAY, 0, 0, 0, 1, 191)
+    camera.outbox.append(ack)
+    sky.forward(lambda: heard[-1].final, "the end")
+    assert (heard[-1].state, heard[-1].reason.startswith("no acknowledgement of")) == ("failed", True)
+
+
+# Gimbals
+
+
+def test_a_gimbal_points_when_its_attitude_shows_it(sky: Sky) -> None:
+    heard = sky.begin("point_gimbal", -45, 30)
+    assert sky.forward(lambda: heard[-1].final, "the gimbal") >= 0.7  # 60 degrees a second
+    assert succeeded(heard[-1])
+    gimbal, ours = carried(sky).gimbal, sky.driver.identity
+    assert math.degrees(gimbal.pitch.goal) == pytest.approx(-45)
+    assert math.degrees(gimbal.yaw.goal) == pytest.approx(30)
+    assert gimbal.by == (ours.system, ours.component)
+
+
+def test_a_gimbal_that_looks_straight_down_has_no_yaw_to_be_near(sky: Sky) -> None:
+    assert succeeded(sky.do("point_gimbal", -90, 77))
+
+
+def test_control_is_claimed_from_others(sky: Sky) -> None:
+    carried(sky).gimbal.by = STATION
+    assert succeeded(sky.do("point_gimbal", 0, 90))
+
+
+def test_control_that_is_not_given_is_a_refusal_that_says_who_has_it(sky: Sky, gimbal: GimbalComponent) -> None:
+    gimbal.gimbal.by, gimbal.gives_control = STATION, False
+    without(sky, "GIMBAL_MANAGER_STATUS")
+    status = sky.do("point_gimbal", 0, 90)
+    assert status.state == "refused"
+    assert status.reason.startswith("system 255 component 190 is in control of the gimbal, and it did not give")
+
+
+def test_control_that_is_acknowledged_and_not_given_is_a_refusal(sky: Sky) -> None:
+    carried(sky).gimbal.by = STATION
+    sky.pretend(is_command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE))
+    status = sky.do("point_gimbal", 0, 90)
+    assert (status.state, status.reason.endswith("though it acknowledged that")) == ("refused", True)
+
+
+def test_a_gimbal_that_another_takes_fails_at_once(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW))
+    heard = sky.begin("point_gimbal", 0, 90)
+    sky.wait(1)
+    carried(sky).gimbal.by = STATION
+    sky.downlink.append(carried(sky).gimbal.status(0))
+    sky.wait(0.1)
+    assert heard[-1].state == "failed"
+    assert heard[-1].reason == "system 255 component 190 took the control of the gimbal"
+
+
+def test_a_gimbal_that_does_not_move_fails_with_where_it_points(sky: Sky) -> None:
+    sky.pretend(is_command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW))
+    status = sky.do("point_gimbal", -30, 90)
+    assert status.state == "failed"
+    assert "but it points to pitch 0, yaw 0 degrees" in status.reason
+
+
+def test_a_vehicle_without_a_gimbal_says_so(sky: Sky) -> None:
+    without(sky, "GIMBAL_MANAGER_STATUS")
+    status = sky.do("point_gimbal", -30, 90)
+    assert (status.state, status.reason) == ("failed", "no gimbal manager answers; has it a gimbal?")
+
+
+def test_a_gimbal_that_is_a_component_is_its_own_manager(sky: Sky, gimbal: GimbalComponent) -> None:
+    without(sky, "GIMBAL_MANAGER_STATUS")
+    assert succeeded(sky.do("point_gimbal", 20, -60))
+    assert math.degrees(gimbal.gimbal.yaw.goal) == pytest.approx(-60)
+    assert carried(sky).gimbal.by == (0, 0)
+
+
+def test_the_gimbal_follows_a_place(sky: Sky) -> None:
+    sky.flying(20)
+    assert succeeded(sky.do("look_at", -27.603683, -48.518052, 0))
+    north, east = (-27.603683 + 27.604033) * 111_319.5, (-48.518052 + 48.518363) * 111_319.5 * math.cos(0.4818)
+    pitch = math.degrees(carried(sky).gimbal.pitch.goal)
+    assert pitch == pytest.approx(-math.degrees(math.atan2(20, math.hypot(north, east))), abs=2)
+    assert succeeded(sky.do("goto", -27.603683, -48.518052, 20))
+    sky.vehicle.receive(
+        dialect.MAVLink_command_long_message(1, 1, dialect.MAV_CMD_REQUEST_MESSAGE, 0, 285, 0, 0, 0, 0, 0, 0)
+    )
+    assert math.degrees(carried(sky).gimbal.pitch.goal) < -80
+    assert succeeded(sky.do("look_nowhere"))
+    assert carried(sky).gimbal.looks_at is None
+
+
+def test_a_place_that_the_gimbal_does_not_follow_fails(sky: Sky) -> None:
+    sky.flying(20)
+    sky.pretend(lambda message: message.get_type() == "COMMAND_INT" and message.command == 195)
+    status = sky.do("look_at", -27.603683, -48.518052, 0)
+    assert (status.state, "but it points to" in status.reason) == ("failed", True)
