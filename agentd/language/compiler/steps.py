@@ -5,6 +5,7 @@ The function of a formula has the variables of its plan in the frame, and as loc
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 from msgspec.structs import replace
@@ -259,32 +260,43 @@ def _change(writer: StepWriter, operator: Operator, term: nodes.Term) -> None:
     focus = "None" if operator in (Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS) else "i"
     if operator in (Operator.DELETE, Operator.DELETE_NEW_FOCUS):
         plans = writer.relevant("-", "", term)
-        call = f"disbelieve(m, {focus}, {predicate}, {plans}, {args}, {annots}, trail)"
+        writer.store(scope)
+        writer.function.emit(f"return disbelieve(m, {focus}, {predicate}, {plans}, {args}, {annots}, trail)")
     else:
-        plans = writer.relevant("+", "", term)
-        added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
-        if operator is Operator.UPDATE:
-            call = f"replace(m, {focus}, {predicate}, {plans}, {writer.relevant('-', '', term)}, {added})"
-        else:
-            last = ", True" if operator is Operator.ADD_LAST else ""
-            call = f"believe(m, {focus}, {predicate}, {plans}, {added}{last})"
-    writer.store(scope)
-    writer.function.emit(f"return {call}")
+        _add(writer, operator, term, f"m, {focus}", predicate, _resolved_annots(annots), scope)
     writer.became(scope)
 
 
-def _resolved(writer: StepWriter, term: nodes.Structure, scope: Scope) -> str:
-    """The arguments of a belief to be added, without bound variables."""
-    written = []
-    for arg in term.args:
-        built = writer.function.assign(writer.compiler.build(arg, scope))
-        if isinstance(arg, nodes.Number | nodes.String) or (
-            isinstance(arg, nodes.Structure) and not arg.args and arg.annotations is None
-        ):
-            written.append(built)
-        else:
-            written.append(f"{built} if type({built}) is float else resolve({built})")
-    return tuple_of(written)
+def _add(
+    writer: StepWriter, operator: Operator, term: nodes.Structure, focus: str, predicate: str, annots: str, scope: Scope
+) -> None:
+    """Write the addition of a belief, without bound variables; where it is a fact of numbers, without a search."""
+    built = [writer.function.assign(writer.compiler.build(arg, scope)) for arg in term.args]
+    unknown = [name for name, arg in zip(built, term.args, strict=True) if not _is_constant(arg)]
+    plans = writer.relevant("+", "", term)
+    writer.store(scope)
+    args = tuple_of([f"resolve({name})" if name in unknown else name for name in built])
+    if operator is Operator.UPDATE:
+        gone = writer.relevant("-", "", term)
+        writer.function.emit(f"return replace({focus}, {predicate}, {plans}, {gone}, {args}, {annots})")
+        return
+    last = ", True" if operator is Operator.ADD_LAST else ""
+    if not any(isinstance(arg, nodes.Structure | nodes.ListTerm) and not _is_constant(arg) for arg in term.args):
+        numbers = " and ".join(f"type({name}) is float" for name in unknown)
+        with writer.function.block(f"if {numbers}:") if unknown else nullcontext():
+            fact = writer.function.assign(tuple_of(built))
+            added = f"{predicate}.add_ground({fact}, {annots}{last})"
+            writer.function.emit(f"return believed({focus}, {plans}, {fact}, {added})")
+        if not unknown:
+            return
+    writer.function.emit(f"return believe({focus}, {predicate}, {plans}, {args}, {annots}{last})")
+
+
+def _is_constant(arg: nodes.Term) -> bool:
+    """Whether an argument is written as a number, a string or an atom."""
+    if isinstance(arg, nodes.Structure):
+        return not arg.args and arg.annotations is None
+    return isinstance(arg, nodes.Number | nodes.String)
 
 
 def _resolved_annots(annots: str) -> str:

@@ -185,6 +185,10 @@ class Predicate:
                 continue
             if not is_ground(arg):
                 return self._add_open(args, annots, last)
+        return self.add_ground(args, annots, last)
+
+    def add_ground(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
+        """`add` for arguments that are known to hold no variable."""
         literal = Literal(self.sig, args, annots, True)
         if last or self._indexes:
             known = self.entries.get(args)
@@ -247,7 +251,11 @@ class Predicate:
             self.plain = not self.rules and not self.open
             self._indexes.clear()
             return
-        for position, (buckets, _) in self._indexes.items() if self._indexes else ():
+        if self._indexes:
+            self._unindex(args)
+
+    def _unindex(self, args: tuple[Any, ...]) -> None:
+        for position, (buckets, _) in self._indexes.items():
             key = _index_key(args[position])
             bucket = buckets.get(key)
             if bucket is not None:

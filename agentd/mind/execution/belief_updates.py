@@ -31,7 +31,17 @@ def believe(
     last: bool = False,
 ) -> bool | None:
     """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
-    new = predicate.add(args, annots, last)
+    return believed(mind, focus, relevant, args, predicate.add(args, annots, last))
+
+
+def believed(
+    mind: MindState,
+    focus: Intention | None,
+    relevant: Relevant,
+    args: tuple[Term, ...],
+    new: tuple[Term, ...] | None,
+) -> bool | None:
+    """A belief was added: ``new`` are the annotations that it did not have, None if it was there with all of them."""
     if new is None:
         return None
     mind.changes += 1

@@ -26,8 +26,8 @@ def run_cycles(mind: MindState, cycles: int) -> None:
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
     effects, library, origins, turns = mind.effects, mind.plans, mind.origins, mind.turns
     atomic: Intention | None = None
-    for _ in range(cycles):
-        mind.cycle += 1
+    frame: Any  # None for an event that no plan is for
+    for mind.cycle in range(mind.cycle + 1, mind.cycle + cycles + 1):
         if (
             inputs
             and take_inputs(mind)
@@ -75,10 +75,9 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                 hear(mind, relevant, args, annots)
             if origins is not None:
                 origins.take(event)
-            plan = None
-            frame: Frame | None = None
             try:
                 if library.select is not None:
+                    plan = None
                     frame = library.select(mind, trail, event)
                 else:
                     for plan in relevant.plans:
@@ -88,6 +87,8 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                             break
                         if len(trail) > mark:
                             undo(trail, mark)
+                    else:
+                        frame = None
             except Exception as error:  # an internal action may raise anything; it must not end the mind
                 context_failed(mind, relevant, plan, error)
                 undo(trail, mark)
@@ -97,6 +98,7 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                 if origins is not None:
                     origins.taken(event)
                 if taken:
+                    intention = None
                     break
                 continue
             if trail:
@@ -119,6 +121,10 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                         stack[-1] = frame
             if library.has_meta or frame[PLAN].special:
                 begin_special(mind, intention, frame)
+            elif not running and turns is None and intention.suspended is None:
+                if origins is not None:
+                    origins.taken(event)
+                break  # its turn is now
             if origins is not None:
                 origins.taken(event)
             if intention.suspended is not None:
@@ -126,19 +132,23 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                     mind.suspended[intention.id] = intention
             elif stack:
                 running.append(intention)
+            intention = None
             break
-        if turns is None:
-            if not running or mind.atomic is not None:
-                if effects or not (events or inputs or mailbox):
+        else:
+            intention = None
+        if intention is None:
+            if turns is None:
+                if not running or mind.atomic is not None:
+                    if effects or not (events or inputs or mailbox):
+                        return
+                    continue
+            elif not turns.intention():
+                if effects or turns.over():
                     return
                 continue
-        elif not turns.intention():
-            if effects or turns.over():
-                return
-            continue
-        intention = running.popleft()
-        stack = intention.stack
-        frame = stack[-1]
+            intention = running.popleft()
+            stack = intention.stack
+            frame = stack[-1]
         step = frame[STEP]
         if step is not None:
             mind.steps_left = MOST_STEPS
@@ -156,7 +166,15 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                     return
                 continue
             frame = stack[-1]
-        if frame[STEP] is not None or end_frames(mind, intention):
+        if frame[STEP] is None:  # the body has ended
+            if library.has_meta or frame[PLAN].special or len(intention.trail) > frame[MARK]:
+                if end_frames(mind, intention):
+                    running.append(intention)
+            else:
+                stack.pop()
+                if (stack and stack[-1][STEP] is not None) or end_frames(mind, intention):
+                    running.append(intention)
+        else:
             running.append(intention)
         if effects:
             return

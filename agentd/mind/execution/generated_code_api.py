@@ -21,7 +21,7 @@ _NAMES: Final = {
     work_limit: "too_much_work",
     plan_terms: "capture",
     formula_failure: "action_said_no constraint_failed test_failed",
-    belief_updates: "believe change_term disbelieve replace",
+    belief_updates: "believe believed change_term disbelieve replace",
     control_flow: "begin_rounds fork free_again join next_round present",
     goal_execution: "achieve_term perform qualify run_term test_event test_term",
     goal_states: "pending",

@@ -114,15 +114,26 @@ class KeptPredicate(Predicate):
         self.ranks: dict[Any, int] = {}
         """The rank of each entry, by the same keys."""
 
-    def add(self, args: tuple[Term, ...], annots: tuple[Term, ...], last: bool = False) -> tuple[Term, ...] | None:
+    def add_ground(
+        self, args: tuple[Term, ...], annots: tuple[Term, ...], last: bool = False
+    ) -> tuple[Term, ...] | None:
         before = len(self.entries)
-        new = super().add(args, annots, last)
+        new = super().add_ground(args, annots, last)
         if len(self.entries) != before:
-            key = next(iter(self.entries)) if last else next(reversed(self.entries))
-            rank = self.ranks[key] = self._book.rank(last)
-            if annots is not PERCEPT:
-                self._book.changed[rank] = (self, key)
+            self._note(args, annots, last)
         return new
+
+    def _add_open(self, args: tuple[Term, ...], annots: tuple[Term, ...], last: bool) -> tuple[Term, ...] | None:
+        before = len(self.entries)
+        new = super()._add_open(args, annots, last)
+        if len(self.entries) != before:
+            self._note(next(iter(self.entries)) if last else next(reversed(self.entries)), annots, last)
+        return new
+
+    def _note(self, key: tuple[Term, ...], annots: tuple[Term, ...], last: bool) -> None:
+        rank = self.ranks[key] = self._book.rank(last)
+        if annots is not PERCEPT:
+            self._book.changed[rank] = (self, key)
 
     def _replace(self, args: tuple[Term, ...], literal: Literal, ground: bool) -> None:
         super()._replace(args, literal, ground)
