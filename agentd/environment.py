@@ -17,10 +17,10 @@ Nothing else is needed: the agents perceive each change before their next step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from threading import Lock
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from agentd.language.parse import parse_literal
 from agentd.language.syntax_tree.signatures import Signature
@@ -30,6 +30,9 @@ from agentd.mind.beliefs.term_copy import is_ground, resolve
 from agentd.mind.data.inputs import PerceptKey, PerceptsChanged
 from agentd.mind.data.registry import missing_action
 from agentd.values import literal, term_of, value_of
+
+if TYPE_CHECKING:
+    from agentd.mind.state import MindState
 
 __all__ = ["ActionFailed", "Deferred", "Environment", "Literal", "atom", "literal", "term_of", "value_of"]
 
@@ -284,15 +287,16 @@ class PerceptBoard:
         with self._lock:
             return self._seen_by(agent)
 
-    def take(self, agent: str) -> PerceptsChanged | None:
-        """Return the changes that an agent has not perceived, if there are any; from now on it has."""
-        changes = self._unperceived.get(agent)
-        if not changes:
-            return None
-        self._lock.acquire()
-        self._unperceived[agent] = {}
-        self._lock.release()
-        return PerceptsChanged(changes)
+    def feed(self, minds: Mapping[str, MindState]) -> None:
+        """Feed each mind the changes that it has not perceived."""
+        self.changed = False
+        for agent, mind in minds.items():
+            changes = self._unperceived.get(agent)
+            if changes:
+                self._lock.acquire()
+                self._unperceived[agent] = {}
+                self._lock.release()
+                mind.feed(PerceptsChanged(changes))
 
     def _notify(self) -> None:
         self.changed = True

@@ -45,7 +45,8 @@ class Perceived:
     __slots__ = ("args", "by_key", "gained", "lost", "predicate")
 
     def __init__(self, predicate: Predicate, gained: Relevant, lost: Relevant) -> None:
-        self.args: dict[tuple[Term, ...], None] = {}
+        self.args: dict[tuple[Term, ...], bool] = {}
+        """Those that hold, each with True."""
         self.predicate, self.gained, self.lost = predicate, gained, lost
         self.by_key: dict[tuple[int, ...], dict[Any, dict[tuple[Term, ...], None]]] = {}
         """For each key that is used, the percepts by their arguments at its positions."""
@@ -63,22 +64,28 @@ class Perceived:
                 index.setdefault(_at(key, percept), {})[percept] = None
         return list(index.get(_at(key, args), ()))
 
-    def put(self, args: tuple[Term, ...]) -> None:
-        """Note a percept that was not there."""
-        self.args[args] = None
+    def put(self, args: tuple[Term, ...]) -> bool:
+        """Note a percept. Return whether it was not there."""
+        before = len(self.args)
+        self.args[args] = True
+        if len(self.args) == before:
+            return False
         if self.by_key:
             for key, index in self.by_key.items():
                 index.setdefault(_at(key, args), {})[args] = None
+        return True
 
-    def drop(self, args: tuple[Term, ...]) -> None:
-        """Forget a percept that is there."""
-        del self.args[args]
+    def drop(self, args: tuple[Term, ...]) -> bool:
+        """Forget a percept. Return whether it was there."""
+        if not self.args.pop(args, False):
+            return False
         if self.by_key:
             for key, index in self.by_key.items():
                 found = index[_at(key, args)]
                 del found[args]
                 if not found:
                     del index[_at(key, args)]
+        return True
 
 
 def _at(key: tuple[int, ...], args: tuple[Term, ...]) -> Any:

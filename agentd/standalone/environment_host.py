@@ -86,7 +86,7 @@ class EnvironmentHost:
             else:
                 self._outcome(mind, action, outcome)
         if self._board.changed:
-            self._feed_percepts()
+            self._board.feed(self._minds)
 
     def _outcome(self, mind: Mind, action: PerformAction, outcome: Any) -> None:
         if outcome is False:
@@ -121,7 +121,7 @@ class EnvironmentHost:
         while (call := self._due_call(newer)) is not None:
             self._guarded("after", call)
         if self._board.changed:
-            self._feed_percepts()
+            self._board.feed(self._minds)
         while self._settled:
             name, number, deferred = self._settled.popleft()
             if self._waiting.get((name, number)) is not deferred or deferred.outcome is None:
@@ -138,13 +138,6 @@ class EnvironmentHost:
             if self._calls and self._calls[0][0] <= self.now() and self._calls[0][1] < newer:
                 return heapq.heappop(self._calls)[2]
             return None
-
-    def _feed_percepts(self) -> None:
-        self._board.changed = False
-        for name, mind in self._minds.items():
-            changed = self._board.take(name)
-            if changed is not None:
-                mind.feed(changed)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
         """Call something in the environment's thread in `seconds` of the run's clock; negative ones count as 0."""

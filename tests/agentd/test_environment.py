@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from agentd import ActionFailed, Deferred, Environment, literal
 from agentd.environment import PerceptBoard
 from agentd.extensions.user_code import UserCodeError, load_class
+from agentd.language.terms.terms import Literal
+from agentd.mind.data.inputs import PerceptsChanged
 from agentd.standalone.environment_host import EnvironmentHost
 from agentd.standalone.standalone_team import WallClock
 from tests.agentd.conftest import agentd
+from tests.agentd.minds import mind_of
 from tests.agentd.teams import Stage, played
 
 
@@ -354,22 +357,26 @@ def test_a_module_that_fails_in_what_it_imports_itself_names_that(
 
 def test_a_percept_board_gives_what_has_changed_not_all_that_holds() -> None:
     board = PerceptBoard()
+    bob = mind_of("")
     board.join("bob")
+
+    def fed() -> list[tuple[Any, Literal | None]]:
+        board.feed({"bob": bob})
+        changes = [(key[1], new) for item in bob.inputs for key, new in cast(PerceptsChanged, item).percepts.items()]
+        bob.inputs.clear()
+        return changes
+
     for number in range(10_000):
         board.add(literal("at", number), None)
-    first = board.take("bob")
-    assert first is not None
-    assert len(first.percepts) == 10_000
+    assert len(fed()) == 10_000
     board.remove(literal("at", 7), None)
     board.add(literal("at", 20_000), "bob")
     board.add(literal("at", 8), None)
     board.add(literal("at", 9), "bob")
-    told = board.take("bob")
-    assert told is not None
-    assert [(key[1], new) for key, new in told.percepts.items()] == [
+    assert fed() == [
         ((7.0,), None),
         ((20_000.0,), literal("at", 20_000)),
         ((9.0,), literal("at", 9)),
     ]
     board.remove(literal("at", 9), None)
-    assert board.take("bob") is None
+    assert fed() == []

@@ -18,7 +18,7 @@ class Signature:
     Make one with `signature`.
     """
 
-    __slots__ = ("__weakref__", "arity", "functor", "name", "namespace", "negated")
+    __slots__ = ("__weakref__", "arity", "functor", "hash", "name", "namespace", "negated")
 
     functor: str
     arity: int
@@ -26,11 +26,14 @@ class Signature:
     namespace: str
     name: str
     """``~ns::p``: all but the arity."""
+    hash: int
+    """Its hash, for the terms that it names."""
 
     def __init__(self, functor: str, arity: int, negated: bool, namespace: str) -> None:
         self.functor, self.arity, self.negated, self.namespace = functor, arity, negated, namespace
         prefix = "" if namespace == DEFAULT else f"{namespace}::"
         self.name = f"{'~' if negated else ''}{prefix}{functor}"
+        self.hash = hash(self)
 
     @property
     def indicator(self) -> str:

@@ -63,7 +63,7 @@ class Literal(Shown, Struct, eq=False):
 
     def __hash__(self) -> int:
         if not self.args:
-            return hash(self.sig)
+            return self.sig.hash
         # Depth 2 only, so that the hash of a deeply nested term costs nothing and needs no recursion.
         return hash((self.sig, *[a.sig if type(a) is Literal else a for a in self.args if type(a) is not List]))
 

@@ -135,6 +135,8 @@ class Intention:
 
     waiting: WaitView | None
     """None while it runs or waits for its own event."""
+    since: float
+    """Mission seconds since when it is `waiting`; not set before it is for the first time."""
     suspended: str | None
     """Why it must not run although it could (``.suspend``)."""
     action: int | None
@@ -150,8 +152,6 @@ class Intention:
         """The formula that was run last: the one that it waits in, while it waits."""
         """The variables bound so far that a failure may have to free again."""
         self.waiting = self.suspended = self.action = self.branch = self.held = None
-        self.since = 0.0
-        """Mission seconds since when it is `waiting`."""
 
     def trim(self, mark: int) -> None:
         """Forget the bindings since ``mark`` that no failure below needs to undo, after a frame has ended well."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
-from agentd.mind.data.intention import MARK, PLAN, RELEVANT, STEP, Frame, Intention
+from agentd.mind.data.intention import MARK, PLAN, RELEVANT, STEP, Intention
 from agentd.mind.execution.dropping import check_goal_conditions
 from agentd.mind.execution.event_selection import begin_special, no_plan, of_the_others, take_place
 from agentd.mind.execution.execution import end_frames, formula_failed
@@ -27,7 +27,11 @@ def run_cycles(mind: MindState, cycles: int) -> None:
     effects, library, origins, turns = mind.effects, mind.plans, mind.origins, mind.turns
     atomic: Intention | None = None
     frame: Any  # None for an event that no plan is for
-    for mind.cycle in range(mind.cycle + 1, mind.cycle + cycles + 1):
+    cycle = mind.cycle
+    last = cycle + cycles
+    while cycle < last:
+        cycle += 1
+        mind.cycle = cycle
         if (
             inputs
             and take_inputs(mind)

@@ -105,8 +105,7 @@ def resume_waiting(mind: MindState, intention: Intention) -> None:
         return
     if waited is not None and mind.plans.has_meta:
         goal_states.of_goals(mind, intention, "executing")
-    end_frames(mind, intention)
-    if intention.stack and intention.waiting is None:
+    if end_frames(mind, intention):
         mind.running.append(intention)
 
 

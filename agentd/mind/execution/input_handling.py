@@ -40,19 +40,20 @@ def take_inputs(mind: MindState) -> bool:
     inputs, on_input = mind.inputs, mind.on_input
     added: list[Addition] = []
     percepts_only = True
-    for _ in range(len(inputs)):
-        item = inputs.popleft()
+    while inputs:
+        item: Any = inputs.popleft()
         if on_input is not None:
             on_input(mind.cycle, item)
-        if type(item) is PerceptsChanged:
+        kind = type(item)
+        if kind is PerceptsChanged:
             _change(mind, item, added)
-        elif isinstance(item, _PERCEPTS):
+        elif kind in _PERCEPTS:
             _update(mind, item, added)
         else:
             percepts_only = False
             if mind.recorder is not None:
                 mind.recorder.given(mind.cycle, item)
-            _OTHERS[type(item)](mind, item)
+            _OTHERS[kind](mind, item)
     if added:
         listening = mind.listeners or mind.plans.has_nested
         for place, args, annots in added:
@@ -99,7 +100,7 @@ def perceived(mind: MindState, sig: Signature) -> Perceived:
 def forget(mind: MindState, sig: Signature, args: tuple[Term, ...]) -> None:
     """Forget a percept whose belief was removed: if it is perceived again, it is new."""
     place = mind.percepts.get(sig)
-    if place is not None and args in place.args:
+    if place is not None:
         place.drop(args)
 
 
@@ -110,11 +111,11 @@ def _change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> No
         place = known.get(sig)
         if place is None:
             place = perceived(mind, sig)
-        if literal is not None:
-            if args not in place.args:
-                _add(mind, place, literal, args, added)
-        elif args in place.args:
-            _remove(mind, place, args)
+        if literal is None:
+            if place.drop(args):
+                _remove(mind, place, args)
+        elif place.put(args):
+            _add(mind, place, literal, args, added)
 
 
 def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
@@ -124,14 +125,15 @@ def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemov
     match item:
         case PerceptReplaced(key=key):
             for old in place.agreeing(args, key):
-                if old != args:
+                if old != args and place.drop(old):
                     _remove(mind, place, old)
         case PerceptRemoved(key=key):
             annots = _of_percept(literal.annots)
             for old in place.agreeing(args, key):
-                _remove(mind, place, old, annots)
+                if place.drop(old):
+                    _remove(mind, place, old, annots)
             return
-    if args not in place.args:
+    if place.put(args):
         _add(mind, place, literal, args, added)
 
 
@@ -152,8 +154,10 @@ def _of_percept(annots: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Term, ...], added: list[Addition]) -> None:
-    place.put(args)
-    new = place.predicate.add(args, _of_percept(literal.annots) if literal.annots else PERCEPT)
+    """Believe a percept that is new."""
+    predicate = place.predicate
+    add = predicate.add_ground if literal.ground else predicate.add
+    new = add(args, _of_percept(literal.annots) if literal.annots else PERCEPT)
     if new is not None:
         mind.changes += 1
         added.append((place, args, new))
@@ -164,7 +168,6 @@ def _remove(mind: MindState, place: Perceived, args: tuple[Term, ...], annots: t
 
     Its event has ``annots``: those that the news of its end had.
     """
-    place.drop(args)
     predicate = place.predicate
     fact = predicate.entries.get(args)
     if fact is None:
@@ -185,7 +188,7 @@ def _raise_signal(mind: MindState, signal: SignalRaised) -> None:
     mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
 
 
-_PERCEPTS: Final = (PerceptReplaced, PerceptAdded, PerceptRemoved)
+_PERCEPTS: Final = frozenset({PerceptReplaced, PerceptAdded, PerceptRemoved})
 _OTHERS: Final[dict[type, Callable[[MindState, Any], None]]] = {
     ActionDone: _end_action,
     TeamReply: take_reply,
