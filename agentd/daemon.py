@@ -13,6 +13,7 @@ from agentd.runtime.agent_group import AgentGroup
 from agentd.runtime.program_loader import DECISIONS, prepare
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
+from commd.process.garbage import look_seldom
 from commd.process.output import ERROR, stderr
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
 from commd.process.restart_counter import note_start
@@ -55,7 +56,12 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Run the daemon until a signal or a program stops it. Returns the exit code."""
     allow_deep_calls()
-    return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
+
+    async def main(stop: asyncio.Event) -> int:
+        look_seldom()
+        return await serve(load_mission(args.mission), args, stop)
+
+    return run_daemon("agentd", main)
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -15,6 +14,7 @@ from bridged.bridge.bus_endpoints import Service
 from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
+from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import note_start
 from commd.process.state_dir import state_directory
@@ -25,8 +25,6 @@ from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.log_lines import RobotLeft
 
-SETTLED = 3.0
-"""Wall seconds after the start by which everything is loaded."""
 log = logging.getLogger("bridged")
 
 
@@ -58,16 +56,10 @@ def run(args: Namespace) -> int:
     """Run the daemon until SIGTERM or SIGINT. Returns the exit code."""
 
     async def main(stop: asyncio.Event) -> int:
-        asyncio.get_running_loop().call_later(SETTLED, settle)
+        look_seldom()
         return await serve(load_mission(args.mission), args, stop)
 
     return run_daemon("bridged", main)
-
-
-def settle() -> None:
-    """Exempt what is loaded from garbage collection: looking through it delays percepts by milliseconds."""
-    gc.collect()
-    gc.freeze()
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:

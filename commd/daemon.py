@@ -20,6 +20,7 @@ from commd.common.clock import Clock
 from commd.directory.service import open_directory
 from commd.mail.service import open_mail_service
 from commd.mail.transport import FixedDirectory
+from commd.process.garbage import look_seldom
 from commd.process.process import (
     EXIT_DONE,
     EXIT_FAILED,
@@ -70,7 +71,12 @@ def run(args: Namespace) -> int:
     """Run the daemon until SIGTERM or SIGINT. Returns the exit code."""
     if args.keys is not None or args.config is not None:
         hear_refusals()
-    return run_daemon("commd", lambda stop: serve(load_mission(args.mission), args, stop))
+
+    async def main(stop: asyncio.Event) -> int:
+        look_seldom()
+        return await serve(load_mission(args.mission), args, stop)
+
+    return run_daemon("commd", main)
 
 
 def chosen(mission: Mission, asked: str | None) -> str:

@@ -223,8 +223,11 @@ class MailClient:
     @property
     def counters(self) -> Counter[str]:
         """What became of messages so far."""
-        waiting = Counter(near_waiting=self.inbox.near)
-        return self.outbox.counters + self.inbox.counters + self._bad + self._near + waiting
+        found = Counter(near_waiting=self.inbox.near)
+        for counted in (self.outbox.counters, self.inbox.counters, self._bad, self._near):
+            if counted:
+                found.update(counted)
+        return found
 
     def send(self, mail: Mail) -> None:
         """Send a message or broadcast when it is on disk, or the mind rests. Raises Failed for its plan."""

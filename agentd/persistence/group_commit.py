@@ -124,10 +124,10 @@ class GroupCommit:
             return
         now, due = self._loop.time(), self._due
         if now >= due and self.busy:
-            if any(member.atomic for member in self.busy):
-                due += ATOMIC_PATIENCE
-            elif not self._hurry:
-                due += BUSY_PATIENCE
+            patience = 0.0 if self._hurry else BUSY_PATIENCE
+            if now >= due + patience and any(member.atomic for member in self.busy):  # not asked at each turn
+                patience = ATOMIC_PATIENCE
+            due += patience
         if now >= due:
             self._begin(now)
         elif self._timer is None or self._timer.when() > due:

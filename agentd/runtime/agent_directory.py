@@ -63,7 +63,7 @@ class AgentDirectory:
         """`mission` has the receivers of mail that the mission names, and their boards; `wall` returns seconds."""
         self.mission = mission
         self.names: dict[str, str] = dict(mission)
-        """All agents, online or not, and their boards. The dict is never replaced."""
+        """All agents, online or not, and their boards. The dict is never changed: another one takes its place."""
         self.on_change: list[Callable[[], None]] = []
         """Called whenever names have changed."""
         self._bus, self._wall = bus, wall
@@ -153,9 +153,8 @@ class AgentDirectory:
         homes = dict.fromkeys(self._remembered, "") | homes | dict.fromkeys(self._met, "") | dict(self.mission)
         if homes == self.names:
             return
-        for name in [name for name in self.names if name not in homes]:
-            del self.names[name]
-        self.names.update(homes)
+        kept = {name: homes.pop(name) for name in self.names if name in homes}
+        self.names = kept | homes
         for handler in self.on_change:
             handler()
 
@@ -199,7 +198,7 @@ class PresenceBeliefs:
         self.online: dict[str, str] = {}
         """The agents that are online, in the order of their tokens, and their boards."""
         self._bus, self._directory, self._clock = bus, directory, clock
-        self._presence = Presence(None, directory.names.get)
+        self._presence = Presence(None, lambda name: directory.names.get(name))
         self._here: set[str] = set()
         """The agents of this daemon: online whatever the router reports."""
         self._subscribers: dict[str, Feed] = {}

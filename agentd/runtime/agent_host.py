@@ -428,27 +428,24 @@ class AgentHost:
 
     def health(self) -> AgentHealth:
         """Return the counters and warnings of the agent."""
-        counters = Counter(self.counters)
-        percepts = self._perceiving or self._by_hand
-        parts = {
-            "percepts": percepts,
-            "actions": self._action_requests,
-            "mail": self._mailing,
-            "kept": self._checkpointer,
-        }
-        for prefix, part in parts.items():
-            if part is not None:
-                counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
-        mind = self._mind
+        mind, mail, percepts = self._mind, self._mailing.counters, self._perceiving or self._by_hand
+        counters = dict(self.counters)
+        parts = {"mail": mail, "kept": self._checkpointer.counters}
+        if percepts is not None:
+            parts["percepts"] = percepts.counters
+        if self._action_requests is not None:
+            parts["actions"] = self._action_requests.counters
+        for prefix, counted in parts.items():
+            for name, count in counted.items():
+                counters[f"{prefix}_{name}"] = count
         counters["cycles"] = mind.cycle
         counters["trace_dropped"] = self._tracing.inputs.dropped
-        missed = self._perceiving.percepts.missed if self._perceiving else 0
+        counters["percepts_missed"] = self._perceiving.percepts.missed if self._perceiving else 0
         reasons = mind.ready and not self._control.paused
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
-        counters["percepts_missed"] = missed
         return AgentHealth(
             drops=sum(mind.drops.counts.values()),
-            bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
+            bad_input=self.counters["bad_percepts"] + mail["bad"],
             counters={name: float(count) for name, count in sorted(counters.items()) if count},
             notes=self.notes(),
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),

@@ -94,7 +94,7 @@ def drop_all_events(mind: MindState, trail: Trail) -> bool:
     """``.drop_all_events``: all that wait, also those of ``.at``."""
     dropping.take_out(mind, mind.all_events())
     for timer in mind.future_events:
-        timer.cancelled = True
+        mind.timers.cancel(timer)
     mind.future_events.clear()
     return True
 

@@ -81,11 +81,13 @@ def at(mind: MindState, trail: Trail, when: Any, trigger: Term) -> bool:
     delay = float(match.group(1) or 0) * _UNITS[match.group(2) or ""]
 
     def due() -> None:
+        mind.future_events.remove(timer)
         if mind.listeners:
             hear(mind, relevant, args, annots)
         mind.post(relevant, args, annots)
 
-    mind.future_events.append(mind.timers.at(mind.now + delay, due))
+    timer = mind.timers.at(mind.now + delay, due)
+    mind.future_events.append(timer)
     return True
 
 

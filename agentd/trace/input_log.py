@@ -77,11 +77,12 @@ class InputLog:
         self,
         agent: str,
         initial: Callable[[], InitialMind | None],
-        names: Collection[str],
+        names: Callable[[], Collection[str]],
         room: Callable[[], int] = lambda: MOST_BYTES,
         dropped: Callable[[], None] = lambda: None,
     ) -> None:
-        """`initial` returns the initial state of the mind; `names` can be sent to, always up to date.
+        """`initial` returns the initial state of the mind; `names` returns those that can be sent to, another
+        collection when they have changed.
 
         `room` returns the bytes that may be kept; `dropped` is called when that was too little.
         """
@@ -99,7 +100,7 @@ class InputLog:
         self._kept: list[InputBatch] | None = []
         """The batches since the agent's start."""
         self._kept_inputs = self._kept_bytes = 0
-        self._names_read: tuple[str, ...] | None = None
+        self._names_read: Collection[str] = ()
         """The names that the mind has read last."""
         self._acts = DecisionDigest()
         """The decisions and effects of the present batch, while there are subscribers."""
@@ -143,10 +144,13 @@ class InputLog:
 
     def names(self) -> Collection[str]:
         """Return the names that can be sent to; a reading by the mind is an input."""
-        if self.on and self._mind.on_input is not None and (known := tuple(self._names)) != self._names_read:
-            self._names_read = known
-            self.given(self._mind.cycle, NamesRead(known))
-        return self._names
+        names = self._names()
+        if names is not self._names_read and self.on and self._mind.on_input is not None:
+            known = tuple(names)
+            if known != tuple(self._names_read):
+                self.given(self._mind.cycle, NamesRead(known))
+            self._names_read = names
+        return names
 
     # --- batches ---
 

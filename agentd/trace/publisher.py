@@ -70,7 +70,7 @@ class Tracing:
     ) -> None:
         """`agent_boot` identifies this start of the agent; the ids of its messages end with it."""
         self.initial = initial
-        self.inputs = InputLog(agent, initial.record, directory.names, self._room, self._hook)
+        self.inputs = InputLog(agent, initial.record, lambda: directory.names, self._room, self._hook)
         self.activity = ActivityEvents(agent, bus.boot, agent_boot, clock)
         self.ran: Ran | None = None
         """To be called after each run of the mind; None while nobody needs it."""

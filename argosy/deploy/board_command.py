@@ -18,6 +18,7 @@ import commd.daemon
 from agentd.extensions.plugins import discover
 from agentd.process import allow_deep_calls
 from commd.bus.errors import AlreadyRunning, BusClosed
+from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
 from commd.process.systemd import Member, Unit
 from commd.router import config
@@ -67,7 +68,7 @@ def run(args: Namespace) -> int:
         hear_refusals()
 
     async def main(stop: asyncio.Event) -> int:
-        asyncio.get_running_loop().call_later(bridged.daemon.SETTLED, bridged.daemon.settle)
+        look_seldom()
         return await serve(load_mission(args.mission), args, stop)
 
     return run_daemon("board", main)

@@ -94,11 +94,13 @@ _MESSAGES: Final = (
 )
 _REASONING: Final = (
     "Why just this row is under what is asked is not known; tried: plans made into Python code, facts indexed by their "
-    "arguments, mypyc ([mind.md](../architecture/mind.md#mypyc))."
+    "arguments, an intention alone that runs in the cycle of its event, mypyc "
+    "([mind.md](../architecture/mind.md#mypyc))."
 )
 _PERCEPTS: Final = (
     "Each percept is an input and each action an effect that can be recorded and replayed; python-agentspeak's action "
-    "is a call of a function; tried: shortened by a count of what a cycle costs "
+    "is a call of a function; tried: shortened by a count of what a cycle costs, in the interpreter and, by callgrind, "
+    "below it; percepts kept by signature and then by arguments cost more, not less "
     "([mind.md](../architecture/mind.md#speed))."
 )
 

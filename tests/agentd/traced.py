@@ -39,7 +39,7 @@ class Traced:
         settings = InitialMind(program="", decisions=decisions, seed=seed, start=start, epoch=epoch)
         self.start = start
         self.initial = InitialState(settings, sources)
-        self.course = InputLog(name, self.initial.record, agents)
+        self.course = InputLog(name, self.initial.record, lambda: tuple(agents))
         self.mind = mind = OpenMind(
             name,
             program,

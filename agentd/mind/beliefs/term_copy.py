@@ -146,7 +146,23 @@ class Copier:
             return term
         if (kind is Literal and (term.ground or _looks_ground(term))) or (kind is List and term.ground):
             return term
-        return self._deep(term)
+        flat = self._flat(term) if kind is Literal and not term.annots else None
+        return self._deep(term) if flat is None else flat
+
+    def _flat(self, term: Literal) -> Literal | None:
+        """A copy of a literal whose arguments are numbers, texts, ground literals and variables, as most are that are
+        not ground; None for another one."""
+        args, ground = [], True
+        for arg in term.args:
+            if type(arg) is Var:
+                arg = deref(arg)
+            kind = type(arg)
+            if kind is Var:
+                arg, ground = self._leaf(arg), False
+            elif kind is not float and kind is not str and not (kind is Literal and arg.ground):
+                return None
+            args.append(arg)
+        return Literal(term.sig, tuple(args), (), ground)
 
     def _deep(self, term: Term) -> Any:
         """Copy without recursion: nodes are opened on the way down and built on the way up."""

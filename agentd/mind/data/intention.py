@@ -7,7 +7,7 @@ the plan follow from `VARIABLES` on. The first place is the *step to come*; None
 from __future__ import annotations
 
 from collections.abc import Callable
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from msgspec import Struct, field
@@ -21,17 +21,31 @@ if TYPE_CHECKING:
     from agentd.mind.state import MindState
 
 
+_FEW: Final = 16
+"""Cancelled timers that may stay in a queue in any case."""
+
+
 class Timer:
     """Something to do at mission time ``due``, in seconds; of equal times the lower ``number`` comes first."""
 
-    __slots__ = ("action", "cancelled", "due", "number")
+    __slots__ = ("action", "due", "number", "over")
 
     def __init__(self, due: float, number: int, action: Callable[[], None]) -> None:
         self.due, self.number, self.action = due, number, action
-        self.cancelled = False
+        self.over = False
+        """Whether it has acted or was cancelled."""
+
+    def end(self) -> Callable[[], None]:
+        """Return the action, and hold it no more: what it is about mostly holds the timer."""
+        action, self.action, self.over = self.action, _nothing, True
+        return action
 
     def __lt__(self, other: Timer) -> bool:
         return (self.due, self.number) < (other.due, other.number)
+
+
+def _nothing() -> None:
+    """What a timer does that is over."""
 
 
 class Timers:
@@ -39,8 +53,8 @@ class Timers:
 
     def __init__(self) -> None:
         self.heap: list[Timer] = []
-        """The timers, the next one first; some may be cancelled."""
-        self._count = 0
+        """The timers, the next one first; some may be cancelled. The list is never replaced."""
+        self._count = self._cancelled = 0
         self.looks = 0
         """Counts reads of the time: `agentd.trace` records the time only when it mattered."""
 
@@ -52,19 +66,34 @@ class Timers:
         heappush(self.heap, timer)
         return timer
 
+    def cancel(self, timer: Timer) -> None:
+        """Have a timer not act. It leaves the queue when most in there are cancelled: an agent that asks others would
+        keep a timer of each question until that would have been given up."""
+        if timer.over:
+            return
+        timer.end()
+        self._cancelled += 1
+        if self._cancelled > _FEW and 2 * self._cancelled > len(self.heap):
+            self.heap[:] = [each for each in self.heap if not each.over]
+            heapify(self.heap)
+            self._cancelled = 0
+
     def next_due(self) -> float | None:
         """When the earliest timer is due; None without any."""
-        while self.heap and self.heap[0].cancelled:
+        while self.heap and self.heap[0].over:
             heappop(self.heap)
+            self._cancelled -= 1
         return self.heap[0].due if self.heap else None
 
     def run(self, now: float) -> None:
         """Run the actions that are due at mission time ``now``."""
-        while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
+        while self.heap and (self.heap[0].over or self.heap[0].due <= now):
             timer = heappop(self.heap)
-            if not timer.cancelled:
+            if timer.over:
+                self._cancelled -= 1
+            else:
                 self.looks += 1
-                timer.action()
+                timer.end()()
 
 
 Frame: TypeAlias = list[Any]

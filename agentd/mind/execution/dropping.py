@@ -54,7 +54,7 @@ def _take_back(mind: MindState, intention: Intention) -> None:
     if isinstance(token, Wait):
         forget(mind, token)
     elif isinstance(token, Timer):
-        token.cancelled = True
+        mind.timers.cancel(token)
     elif hasattr(token, "branches"):
         for branch in list(token.branches):
             drop(mind, branch)

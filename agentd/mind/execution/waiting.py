@@ -83,7 +83,7 @@ def _start(mind: MindState, wait: Wait, seconds: float | None, awaited: WaitView
 def forget(mind: MindState, wait: Wait) -> None:
     """Take a wait off all lists."""
     if wait.timer is not None:
-        wait.timer.cancelled = True
+        mind.timers.cancel(wait.timer)
     if wait in mind.conditions:
         mind.conditions.remove(wait)
     if wait in mind.listeners:
@@ -271,7 +271,7 @@ def time_out(mind: MindState, question: Question) -> None:
 def forget_question(mind: MindState, question: Question) -> None:
     """Wait for no further answer."""
     if question.timer is not None:
-        question.timer.cancelled = True
+        mind.timers.cancel(question.timer)
     for msg_id in question.ids:
         mind.questions.pop(msg_id, None)
 

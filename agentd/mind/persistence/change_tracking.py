@@ -281,7 +281,9 @@ class KeptPlans:
 
     def __init__(self, library: PlanLibrary) -> None:
         self._library = library
-        self._seen = -1
+        self._seen = self._valued = -1
+        self._values: dict[str, bytes] = {}
+        """What `values` returns at the version `_valued` of the library."""
         self._own: dict[Plan, str] = {}
         """The program's plans, as text."""
         self._ranks: dict[Plan, int] = {}
@@ -330,13 +332,17 @@ class KeptPlans:
 
     def values(self) -> dict[str, bytes]:
         """The values kept as a whole: the program's plans that were removed or have sources besides the agent."""
+        if self._library.version == self._valued:
+            return self._values
         here = set(self._library)
         changed: list[Term] = []
         for plan, written in self._own.items():
             sources = list(plan.sources) if plan in here else []
             if sources != _FROM_SELF:
                 changed += [written, make_list(sources)]
-        return {"program_plans": terms_to_bytes(changed)} if changed else {}
+        self._valued = self._library.version
+        self._values = {"program_plans": terms_to_bytes(changed)} if changed else {}
+        return self._values
 
     def restore(self, program: CompiledProgram, stored: StoredMind, changed: list[Term], tell: Tell) -> None:
         """Give a mind the plans of its program, without those that were removed, and those that were added.

@@ -103,7 +103,7 @@ def left(mind: Mind) -> dict[str, Any]:
         "listeners": list(mind.listeners),
         "conditions": list(mind.conditions),
         "atomic": [] if mind.atomic is None else [mind.atomic],
-        "timers": [timer for timer in mind.timers.heap if not timer.cancelled],
+        "timers": [timer for timer in mind.timers.heap if not timer.over],
     }
 
 
@@ -138,3 +138,30 @@ def test_goals_with_conditions_that_are_dropped_are_forgotten_without_any_change
         world.feed(GoalAdded(term("g")))
         world.feed(GoalAdded(term("d")))
     assert len(world.mind.goal_conditions) < 100
+
+
+def test_an_agent_that_asks_on_and_on_keeps_no_timers_of_the_questions_that_were_answered() -> None:
+    program = """
+        +!ask(N) : N > 0 <- .send(amy, askOne, v(_), v(_), 60000); !ask(N - 1).
+        +!ask(0).
+        +!rest <- .wait(50000).
+    """
+    mind = mind_of(program, agents=lambda: ("bob", "amy"))
+    world = World(mind)
+    world.feed(GoalAdded(term("rest")))
+    world.feed(GoalAdded(term("ask(1000)")))
+    most = 0
+    while mind.questions:
+        answer(mind, 0)
+        world.settle()
+        most = max(most, len(mind.timers.heap))
+    assert (mind.message_count, most < 40) == (1000, True)
+    assert mind.wake_at == 50.0
+
+
+def test_the_events_of_at_are_forgotten_when_they_were_raised() -> None:
+    world = World(mind_of('+!often(N) : N > 0 <- .at("now +1 s", {+!often(N - 1)}). +!often(0).'))
+    world.feed(GoalAdded(term("often(30)")))
+    for second in range(40):
+        world.at(second)
+    assert (world.mind.future_events, world.mind.timers.heap) == ([], [])
