@@ -95,13 +95,13 @@ def read_plan(path: Path, name: str = "") -> PlanFile:
         raise BadPlan(f"{name}: {error}") from None
 
 
-def parse_plan(text: str) -> PlanFile:
+def parse_plan(content: str) -> PlanFile:
     """Read the text of a plan file of either format. Raises BadPlan."""
-    if text.startswith("QGC WPL"):
-        items = tuple(_items_of_lines(text))
+    if content.split(maxsplit=2)[:2] == WPL.split()[:2]:
+        items = tuple(_items_of_lines(content))
         plan = PlanFile(tuple(_jumping(items, {seq: seq for seq in range(1, len(items) + 1)})))
-    elif text.lstrip().startswith("{"):
-        plan = _read_json(text)
+    elif content.lstrip().startswith("{"):
+        plan = _read_json(content)
     else:
         raise BadPlan(f"expected a plan of QGroundControl (JSON), or a list of waypoints that begins with `{WPL}`")
     if not plan.items:

@@ -7,7 +7,6 @@ appears when all of it is on disk, under a name of ours.
 from __future__ import annotations
 
 import os
-import shutil
 import threading
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
@@ -134,9 +133,10 @@ def _check_size(flight: ProcedureContext, entry: dialect.MAVLink_log_entry_messa
     folder = flight.files.logs
     try:
         make_private_folder(folder)
-        free = shutil.disk_usage(folder).free
+        disk = os.statvfs(folder)
     except OSError as error:
         raise Ended("failed", f"{error.filename or folder}: {error.strerror}", "storage") from None
+    free = disk.f_bavail * disk.f_frsize
     if free < entry.size + SPARE_BYTES:
         room = f"{size(free)} are free at {folder}, of which {size(SPARE_BYTES)} stay free"
         raise Ended("refused", f"log {entry.id} has {size(entry.size)}; {room}", "storage")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import random
 import re
-import shutil
-from collections import namedtuple
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -166,8 +164,8 @@ def test_a_vehicle_that_does_not_list_its_logs_is_asked_eight_times(sky: Sky) ->
 
 
 def test_a_disk_that_is_nearly_full_keeps_its_room(sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(0, 0, 64 * 2**20))
+    full = os.statvfs_result((4096, 4096, 2**24, 0, 64 * 2**20 // 4096, 0, 0, 0, 0, 255))
+    monkeypatch.setattr(os, "statvfs", lambda path: full)
     status = sky.do("download_log")
     assert (status.state, status.cause, logs(tmp_path)) == ("refused", "storage", [])
 
