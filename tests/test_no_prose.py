@@ -86,7 +86,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "argosy/fleet_model/timeline.py: event.text.removesuffix(f'[source({agent})]')",
     ),
     "ArduPilot and PX4 give no code for it: a prefix of theirs, such as `PreArm:`": (
-        "bridged/drivers/mavlink/session.py: status.text.startswith(PRE_ARM)",
+        "bridged/drivers/mavlink/session.py: status.text.startswith(self.flight.autopilot.pre_arm)",
         "bridged/drivers/mavlink/vehicle/status_texts.py: one.text.removeprefix(prefix)",
         "bridged/drivers/mavlink/vehicle/status_texts.py: one.text.startswith(prefix)",
     ),
