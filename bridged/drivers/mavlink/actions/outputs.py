@@ -51,10 +51,13 @@ def acknowledge(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 
 def move_servo(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output."""
+    """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output; another command that does it is acknowledged."""
     servo, wanted = int(action.parameters[0]), action.parameters[1]
     if not 1 <= servo <= SERVOS:
         return Outcome("refused", f"a servo is one of 1 to {SERVOS}, got {servo}")
+    action = yield from flight.autopilot.servo(flight, run, action)
+    if action.number != dialect.MAV_CMD_DO_SET_SERVO:
+        return (yield from acknowledge(flight, run, action))
     what = f"servo {servo} at {wanted:g}"
     return (yield from shown(flight, run, action, "SERVO_OUTPUT_RAW", what, lambda m: _near(m, servo, wanted)))
 

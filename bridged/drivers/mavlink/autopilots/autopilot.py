@@ -83,6 +83,13 @@ class Autopilot(ABC):
     def offer_target(self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> MavlinkCommand | None:
         """Send the target of an action once. Returns the command that carries it; None = a message does."""
 
+    def servo(
+        self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction
+    ) -> Generator[None, None, BoundAction]:
+        """Return the command of a DO_SET_SERVO (param1: output, param2: us). Raises Ended where it has none."""
+        return action
+        yield
+
     @abstractmethod
     def begin_velocity(
         self, flight: ProcedureContext, run: ProcedureRun, target: LocalTarget

@@ -25,6 +25,7 @@ from bridged.drivers.mavlink.actions.context import (
     ProcedureRun,
 )
 from bridged.drivers.mavlink.actions.flight import mode_action
+from bridged.drivers.mavlink.actions.parameters import read_parameters
 from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
@@ -37,6 +38,10 @@ NO_MISSION = 65535
 """MISSION_CURRENT.total of a vehicle that stores no mission."""
 SETPOINTS_BEFORE = 3
 """Setpoints that are sent before OFFBOARD is requested: without any it is refused."""
+MAIN_OUTPUTS = 8
+"""Outputs before the first of the AUX ones, as ArduPilot counts them."""
+FIRST_ACTUATOR, ACTUATORS = 301, 6
+"""Functions of outputs (PWM_MAIN_FUNC1, ...) that DO_SET_ACTUATOR sets: `Peripheral via Actuator Set`."""
 _SIGNED = {dialect.MAV_PARAM_TYPE_INT8, dialect.MAV_PARAM_TYPE_INT16, dialect.MAV_PARAM_TYPE_INT32}
 _UNSIGNED = {dialect.MAV_PARAM_TYPE_UINT8, dialect.MAV_PARAM_TYPE_UINT16, dialect.MAV_PARAM_TYPE_UINT32}
 _NUMBERED = frozenset({
@@ -147,6 +152,30 @@ class Px4(Autopilot):
         """DO_REPOSITION, which enters the mode that takes targets."""
         flight.expect_mode(flight.vehicle.modes.guided)
         return flight.submit(run, self.reposition(flight, reposition_action(action)), in_frame=True)
+
+    def servo(
+        self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction
+    ) -> Generator[None, None, BoundAction]:
+        """DO_SET_ACTUATOR of the actuator for which the output is set up: outputs 1 to 8 are MAIN, 9 to 16 AUX."""
+        output, pulse = int(action.parameters[0]), action.parameters[1]
+        pins = f"MAIN_{{}}{output}" if output <= MAIN_OUTPUTS else f"AUX_{{}}{output - MAIN_OUTPUTS}"
+        function, least, most = (f"PWM_{pins.format(what)}" for what in ("FUNC", "MIN", "MAX"))
+        found = yield from read_parameters(flight, run, (function, least, most))
+        index = int(found.get(function, 0)) - FIRST_ACTUATOR
+        if not 0 <= index < ACTUATORS:
+            what = f"{function} is {found[function]:g}" if function in found else f"there is no {function}"
+            last = FIRST_ACTUATOR + ACTUATORS - 1
+            reason = f"output {output} is no actuator that commands set ({FIRST_ACTUATOR} to {last}): {what}"
+            raise Ended("refused", reason)
+        if silent := [name for name in (least, most) if name not in found]:
+            raise Ended("failed", f"the vehicle does not report {' and '.join(silent)}, the range of output {output}")
+        low, high = found[least], found[most]
+        if not low <= pulse <= high or low == high:
+            raise Ended("refused", f"output {output} takes {low:g} to {high:g} us ({least}, {most}), got {pulse:g}")
+        values = [math.nan] * ACTUATORS
+        values[index] = 2 * (pulse - low) / (high - low) - 1
+        one, two, three, four, five, six = values
+        return BoundAction(dialect.MAV_CMD_DO_SET_ACTUATOR, (one, two, three, four, five, six, 0.0), retry=action.retry)
 
     def begin_velocity(
         self, flight: ProcedureContext, run: ProcedureRun, target: LocalTarget
