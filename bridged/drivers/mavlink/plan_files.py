@@ -30,6 +30,7 @@ COLUMNS = 12
 MAX_ALTITUDE = 1e5
 """Metres, up or down."""
 MAX_NUMBER = 3.4e38
+"""Of 32 bits."""
 MAX_TEXT = 60
 """Characters of a wrong value that an error shows."""
 MISSION_FRAME = dialect.MAV_FRAME_MISSION
@@ -71,8 +72,8 @@ def find_plan(folder: Path, name: str) -> Path:
         raise BadPlan(f"expected the name of a plan file, *{' or *'.join(SUFFIXES)}, got {shown}")
     try:
         home, path = folder.resolve(), (folder / name).resolve()
-    except (OSError, RuntimeError):
-        raise BadPlan(f"{shown} cannot be followed: its links lead round") from None
+    except (OSError, RuntimeError, ValueError):  # links that lead round, text that is no name of a file
+        raise BadPlan(f"{shown} cannot be followed to a file") from None
     if not path.is_relative_to(home):
         raise BadPlan(f"{shown} leads out of the folder of the mission file by a link: put the file itself there")
     return path
@@ -106,8 +107,6 @@ def parse_plan(content: str) -> PlanFile:
         raise BadPlan(f"expected a plan of QGroundControl (JSON), or a list of waypoints that begins with `{WPL}`")
     if not plan.items:
         raise BadPlan("it has no items")
-    if len(plan.items) > MAX_ITEMS:
-        raise BadPlan(f"it has {len(plan.items)} items, a mission has {MAX_ITEMS} at most")
     return plan
 
 

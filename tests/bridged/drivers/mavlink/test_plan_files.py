@@ -179,7 +179,8 @@ def test_no_file_is_a_defect_whatever_it_holds() -> None:
         ("survey.txt", "*.plan or *.waypoints"),
         ("link.plan", "leads out of the folder of the mission file by a link"),
         ("folder/secret.plan", "leads out of the folder of the mission file by a link"),
-        ("round.plan", "its links lead round"),
+        ("round.plan", "cannot be followed to a file"),
+        ("\ud800.plan", "cannot be followed to a file"),
     ],
 )
 def test_no_name_leads_out_of_the_folder_of_the_mission_file(tmp_path: Path, name: str, said: str) -> None:
