@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import RC_INPUT, WIND_ESTIMATE
+from bridged.drivers.mavlink.vehicle.derived_readings import BATTERY, RC_INPUT, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 
 if TYPE_CHECKING:
@@ -30,7 +30,11 @@ class Autopilot(ABC):
     """Messages that it sends by itself and that cannot be requested."""
     unasked: ClassVar[tuple[str, ...]] = ()
     """Messages that it streams fast without being asked: stopped where no percept needs them."""
-    sources: ClassVar[Mapping[str, str]] = {RC_INPUT: "RC_CHANNELS", WIND_ESTIMATE: "WIND"}
+    sources: ClassVar[Mapping[str, str]] = {
+        BATTERY: "BATTERY_STATUS",
+        RC_INPUT: "RC_CHANNELS",
+        WIND_ESTIMATE: "WIND",
+    }
     """Messages of which readings of the driver's own sources are made."""
     stream_denials: ClassVar[frozenset[int]]
     """Results (MAV_RESULT) of SET_MESSAGE_INTERVAL that say that it does not have the message."""

@@ -9,13 +9,25 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 Make = Callable[[dialect.MAVLink_message], Mapping[str, object]]
 
-RC_INPUT, WIND_ESTIMATE = "RC_INPUT", "WIND_ESTIMATE"
+BATTERY, RC_INPUT, WIND_ESTIMATE = "BATTERY", "RC_INPUT", "WIND_ESTIMATE"
 
 FIELDS: Mapping[str, tuple[str, ...]] = {
+    BATTERY: ("id", "voltage", "remaining"),
     RC_INPUT: ("channels", "rssi"),
     WIND_ESTIMATE: ("direction", "speed"),
 }
 """Sources and their fields."""
+
+
+_NO_CELL = 65535
+"""Millivolts in BATTERY_STATUS of a cell that is not there, or not measured."""
+
+
+def _battery(message: dialect.MAVLink_message) -> Mapping[str, object]:
+    """Voltage in V over all cells, -1 = not known: autopilots name each cell, or the whole as the first one."""
+    cells = [cell for cell in message.voltages if cell != _NO_CELL] + [cell for cell in message.voltages_ext if cell]
+    voltage = round(sum(cells) / 1000, 3) if cells else -1.0
+    return {"id": message.id, "voltage": voltage, "remaining": message.battery_remaining}
 
 
 def _rc_input(message: dialect.MAVLink_message) -> Mapping[str, object]:
@@ -36,6 +48,7 @@ def _wind_vector(message: dialect.MAVLink_message) -> Mapping[str, object]:
 
 
 DERIVED: Mapping[str, tuple[str, Make]] = {
+    "BATTERY_STATUS": (BATTERY, _battery),
     "RC_CHANNELS": (RC_INPUT, _rc_input),
     "WIND": (WIND_ESTIMATE, _wind),
     "WIND_COV": (WIND_ESTIMATE, _wind_vector),

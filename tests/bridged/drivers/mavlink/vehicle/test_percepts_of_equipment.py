@@ -60,6 +60,30 @@ def test_wind_means_the_same_from_both_autopilots(north: float, east: float, dir
         assert reading == {"direction": pytest.approx(direction), "speed": pytest.approx(3)}
 
 
+@pytest.mark.parametrize(
+    ("cells", "more", "volts"),
+    [
+        ([12600], [], 12.6),
+        ([4100, 4080, 4090], [], 12.27),
+        ([65534, 2466], [], 68.0),
+        ([4000] * 10, [4000, 4000], 48.0),
+    ],
+)
+def test_a_battery_has_the_voltage_of_all_its_cells(
+    tmp_path: Path, cells: list[int], more: list[int], volts: float
+) -> None:
+    sky = Sky(tmp_path)
+    voltages, extra = [*cells, *[65535] * (10 - len(cells))], [*more, *[0] * (4 - len(more))]
+    status = (1, 0, 0, 0, voltages, 0, 0, 0, 77, 0, 0, extra)
+    sky.downlink.append(dialect.MAVLink_battery_status_message(*status))
+    sky.step()
+    assert sky.belief("battery") == (1, volts, 77)
+    unknown = (1, 0, 0, 0, [65535] * 10, 0, 0, 0, 77)
+    sky.downlink.append(dialect.MAVLink_battery_status_message(*unknown))
+    sky.step()
+    assert sky.belief("battery") == (1, volts, 77), "until it is silent for the ttl"
+
+
 def test_what_a_vehicle_does_not_have_is_no_warning_if_it_is_optional(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.flying()
