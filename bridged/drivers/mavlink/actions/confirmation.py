@@ -157,8 +157,9 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
         run.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
         if (yield from steady(flight, shown)):
             return
-        if vehicle.mode not in (before, mode):
+        if vehicle.mode not in (before, mode) and before not in vehicle.modes.booting:
             break
+        before = vehicle.mode
     reason = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
     raise Ended("failed", flight.with_texts(reason, asked))
 

@@ -34,6 +34,8 @@ class ModeTable:
     """The mode that the vehicle is in when the mission is over: `auto`, or what it goes to by itself."""
     without_position: frozenset[int]
     """Modes in which the vehicle flies without knowing where it is."""
+    booting: frozenset[int] = frozenset()
+    """Modes that the vehicle reports while it starts, and leaves by itself."""
     returning: frozenset[int] = frozenset()
     """Modes besides `rtl` in which the vehicle returns by itself."""
     landing: frozenset[int] = frozenset()
@@ -158,6 +160,7 @@ ARDUPLANE = ModeTable(
     rtl=11,
     auto=10,
     after_mission=11,
+    booting=frozenset({16}),
     without_position=frozenset({0, 2, 3, 4, 5, 6, 8, 17, 18, 22, 23}),
     returning=frozenset({21}),
     landing=frozenset({20}),
@@ -186,6 +189,7 @@ ARDUROVER = ModeTable(
     rtl=11,
     auto=10,
     after_mission=4,
+    booting=frozenset({16}),
     without_position=frozenset({0, 1, 3, 4, 7, 16}),
     returning=frozenset({12}),
     lands=False,

@@ -1,0 +1,110 @@
+"""Copter, plane and rover of ArduPilot and of PX4: the same actions and orders, by the manifest of the kind, real bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridged.bridge.safety_orders import Step, by_operator
+from bridged.drivers.api import Order
+from bridged.simulation.vehicle.kinds import KINDS
+from bridged.simulation.vehicle.vehicle import Vehicle
+from schemas.manifest.loader import load_manifest
+from tests.bridged.bridge.test_safety_orders import passing
+from tests.bridged.sky import HOME, MISSION, Sky
+from tests.support.buses import async_test
+
+NORTH = (-27.6000, -48.5184)
+"""450 m north of home."""
+FAR = (-27.5900, -48.5184)
+ALL = sorted(KINDS)
+ORDERED = {
+    ("copter", "ardupilot"): {"hold": "BRAKE", "land": "LAND", "rtl": "RTL"},
+    ("copter", "px4"): {"hold": "GUIDED", "land": "LAND", "rtl": "RTL"},
+    ("plane", "ardupilot"): {"hold": "LOITER", "land": "AUTOLAND", "rtl": "RTL"},
+    ("plane", "px4"): {"hold": "GUIDED", "land": "RTL", "rtl": "RTL"},
+    ("rover", "ardupilot"): {"hold": "HOLD", "land": "HOLD", "rtl": "RTL"},
+    ("rover", "px4"): {"hold": "GUIDED", "land": "LAND", "rtl": "RTL"},
+}
+"""The mode that each order means for each kind."""
+
+
+def sky_of(tmp_path: Path, vehicle: str, autopilot: str) -> Sky:
+    mission = MISSION.replace("manifest: copter", f"manifest: {vehicle}")
+    return Sky(
+        tmp_path, vehicle=Vehicle(HOME, KINDS[vehicle, autopilot]), manifest=load_manifest(vehicle), mission=mission
+    )
+
+
+def done(sky: Sky, name: str, *arguments: object) -> None:
+    final = sky.do(name, *arguments, within=600)  # type: ignore[arg-type]
+    assert final.state == "succeeded", f"{name}: {final.reason}"
+
+
+def under_way(sky: Sky, vehicle: str, place: tuple[float, float] = FAR) -> None:
+    """Depart, and be on the way to a place."""
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "arm_motors", True)
+    if vehicle != "rover":
+        done(sky, "takeoff", 40)
+    sky.begin("goto", *place, *(() if vehicle == "rover" else (40,)))
+    sky.forward(lambda: sky.driver.vehicle.speed > 3, "it moves", 30)
+    sky.wait(3)
+
+
+def mode(sky: Sky) -> object:
+    state = sky.belief("state")
+    return None if state is None else state[0]
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_it_departs_goes_to_a_place_and_comes_home(tmp_path: Path, vehicle: str, autopilot: str) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "arm_motors", True)
+    if vehicle != "rover":
+        done(sky, "takeoff", 40)
+    done(sky, "goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+    done(sky, "return_to_launch")
+    assert sky.belief("override") is None
+    assert sky.driver.notes() == []
+
+
+@pytest.mark.parametrize("order", ["hold", "land", "rtl"])
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_an_operators_order_is_confirmed_under_way(tmp_path: Path, vehicle: str, autopilot: str, order: Order) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    execution = sky.bridge.action_server.order(order, by_operator(order), block=True, insist=True)
+    sky.forward(lambda: execution.over, "the order", 15)
+    assert execution.outcome is not None
+    assert execution.outcome.state == "succeeded", execution.outcome.reason
+    assert mode(sky) == ORDERED[vehicle, autopilot][order]
+    if order == "hold" and vehicle != "plane":
+        sky.forward(lambda: sky.driver.vehicle.speed < 0.3, "it stands still", 10)
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+@async_test
+async def test_a_lost_agents_vehicle_holds_and_returns(tmp_path: Path, vehicle: str, autopilot: str) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    sky.bridge.orders.agent_lost("uav", "a test", (Step("hold", 5.0), Step("rtl")))
+    await passing(sky, 4)
+    assert mode(sky) == ORDERED[vehicle, autopilot]["hold"]
+    await passing(sky, 8)
+    assert mode(sky) == "RTL"
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_a_stored_mission_is_flown_to_its_end(tmp_path: Path, vehicle: str, autopilot: str) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    there = [[-27.6020, -48.5184, 40], [-27.6030, -48.5170, 40]]
+    items = there if vehicle == "rover" else [["takeoff", 0, 0, 40], *there]
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "upload_mission", items)
+    done(sky, "arm_motors", True)
+    done(sky, "start_mission")
+    done(sky, "return_to_launch")
+    assert sky.belief("override") is None
