@@ -1,4 +1,4 @@
-"""Copter, plane and rover of ArduPilot and of PX4: the same actions and orders, by the manifest of the kind, real bytes."""
+"""Copter, plane and rover of ArduPilot and of PX4: the same actions and orders by the manifest of each kind."""
 
 from __future__ import annotations
 
