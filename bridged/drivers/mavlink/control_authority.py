@@ -46,6 +46,8 @@ class ControlAuthority:
         """The mode of the next HEARTBEAT is one that the vehicle started with."""
         self._unreported = False
         """The agents do not perceive the override yet."""
+        self._to_judge = False
+        """A run that judges changes of the mode has not yet judged the last one."""
         self._doubt_until = -math.inf
         """Until when a mode that the vehicle may have started with counts as nobody's."""
 
@@ -85,6 +87,9 @@ class ControlAuthority:
                     self._by_agent = True
         elif vehicle.mode != mode_before and not self._by_itself(mode_before):
             ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
+            self._to_judge = not ours and vehicle.mode in vehicle.modes.resting and any(map(_judges, self._runs))
+            if self._to_judge:
+                return
             handed_over = self.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided
             self.overridden = not ours and not handed_over
             if self.overridden:
@@ -155,6 +160,8 @@ class ControlAuthority:
 
     def ended(self, run: ProcedureRun, outcome: Outcome) -> None:
         """Take in how a run ended: success of one that moves the vehicle or sets its mode proves our control."""
+        if self._to_judge and _judges(run):
+            self._to_judge, self.overridden = False, outcome.state != "succeeded"
         if outcome.state == "succeeded":
             self.overridden = self.overridden and not (run.moves or run.procedure.sets_mode)
             if run.procedure.takes_control:
@@ -162,9 +169,7 @@ class ControlAuthority:
                 self._end_override()
             elif run.by_agent and run.moves:
                 self._by_agent = True
-        elif self.overridden and (
-            run.judges_mode or run.procedure.judges_mode or (run.procedure.sets_mode and self._flight.vehicle.armed)
-        ):
+        elif self.overridden and (_judges(run) or (run.procedure.sets_mode and self._flight.vehicle.armed)):
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
 
@@ -173,7 +178,7 @@ class ControlAuthority:
         name, now = self._flight.vehicle.mode_name, self._flight.now
         for run in [run for run in self._runs if run.yields]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
-        if any(run.judges_mode or run.procedure.sets_mode or run.procedure.judges_mode for run in self._runs):
+        if any(run.procedure.sets_mode or _judges(run) for run in self._runs):
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
@@ -190,3 +195,7 @@ class ControlAuthority:
         reported, self.override, self._unreported = self.override and not self._unreported, "", False
         if reported:
             self._flight.report(Reading("OVERRIDE", None))
+
+
+def _judges(run: ProcedureRun) -> bool:
+    return run.judges_mode or run.procedure.judges_mode

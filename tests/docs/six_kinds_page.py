@@ -1,0 +1,82 @@
+"""The table of one program and six kinds of vehicles in docs/guides/mavlink.md: `python -m tests.docs.six_kinds_page`.
+
+Each row is a run of missions/relay with one vehicle, without faults and in virtual time: the same each time.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+
+from argosy.trial.single_run import Outcome, Request
+from argosy.trial.workers import workers
+from bridged.simulation.vehicle.kinds import KINDS
+from tests.docs.pages import ROOT
+
+PAGE = ROOT / "docs/guides/mavlink.md"
+BEGIN, END = "<!-- six kinds: begin -->\n", "<!-- six kinds: end -->\n"
+_ACTIONS = ("takeoff", "goto", "return_to_launch")
+NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
+_MISSION = """\
+mission: task
+agents:
+  uav:
+    program: {program}
+    robot: uav1
+    beliefs: ["height(40)", "next(nobody)"]
+    goals: ["carry(-27.600433, -48.518363)"]
+robots:
+  uav1:
+    manifest: {vehicle}
+    link: udpin:127.0.0.1:14550
+    limits: {{{altitude}radius: 1000}}
+    simulate: {{vehicle: {vehicle}, autopilot: {autopilot}, home: [-27.604033, -48.518363, 21.0]}}
+done: "uav: carried"
+failed: "uav: gave_up(_)"
+timeout: 20min
+bring_home: 10s
+"""
+
+
+def mission(vehicle: str, autopilot: str) -> str:
+    """Return a mission file that flies the relay's program by one kind of vehicle."""
+    program = ROOT / "missions/relay" / ("driving.asl" if vehicle == "rover" else "flying.asl")
+    altitude = "" if vehicle == "rover" else "altitude: 100, "
+    return _MISSION.format(program=program, vehicle=vehicle, autopilot=autopilot, altitude=altitude)
+
+
+def flights() -> dict[tuple[str, str], Outcome]:
+    """Fly each kind once; the outcomes by vehicle and autopilot."""
+    with tempfile.TemporaryDirectory() as folder, workers(1) as run_all:  # one after the other: in order
+        requests = []
+        for vehicle, autopilot in KINDS:
+            path = Path(folder) / f"{vehicle}_{autopilot}.yaml"
+            path.write_text(mission(vehicle, autopilot), encoding="utf-8")
+            requests.append(Request(str(path), 1, (), journal=True))
+        return dict(zip(KINDS, run_all(requests), strict=True))
+
+
+def block(outcomes: dict[tuple[str, str], Outcome]) -> str:
+    """Return the table: whether the task was carried, how long the actions took, the perceived modes, and the end."""
+    heads = ("vehicle", "autopilot", "carried", "s", "of which takeoff, way there, way home", "modes perceived", "end")
+    rows = [heads, ("---",) * len(heads)]
+    for (vehicle, autopilot), outcome in outcomes.items():
+        text = "\n".join(outcome.journal)
+        found = [re.search(rf"uav: {one}\(?.* succeeded after ([\d.]+) s", text) for one in _ACTIONS]
+        took = ", ".join("-" if one is None else one[1] for one in found)
+        modes = ", ".join(re.findall(r"uav1: mode (\w+)", text))
+        carried = "yes" if "uav: done: carried" in text else f"no: {outcome.why}"
+        end = "disarmed" if "its bridge left it: not armed" in text else "armed"
+        rows.append((vehicle, NAMES[autopilot], carried, f"{outcome.seconds:.0f}", took, modes, end))
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def written(page: str, table: str) -> str:
+    """Return the page with the table between its marks."""
+    before, _, rest = page.partition(BEGIN)
+    return before + BEGIN + table + END + rest.partition(END)[2]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), block(flights())), encoding="utf-8")
