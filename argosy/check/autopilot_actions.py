@@ -29,6 +29,4 @@ def _refused(entry: ActionEntry, modes: ModeTable) -> str:
         return f"has no command by which a {modes.vehicle} flies a circle"
     if entry.confirm == "landed" and not modes.lands:
         return f"has no mode by which a {modes.vehicle} of this kind lands where it is"
-    if entry.confirm == "servo" and modes.main_and_sub:
-        return "has no command for a single servo"
     return ""

@@ -191,19 +191,19 @@ def test_whatever_the_files_hold_there_are_findings_and_no_traceback(mission: Pa
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "action", "said"),
+    ("vehicle", "autopilot", "action", "said"),
     [
-        ("ardupilot", "orbit(-27.6, -48.5, 20, 30, 4)", "ardupilot has no command by which a copter flies a circle"),
-        ("px4", "drop_buoy", "px4 has no command for a single servo"),
+        ("copter", "ardupilot", "orbit(-27.6, -48.5, 20, 30, 4)", "has no command by which a copter flies a circle"),
+        ("plane", "px4", "land", "has no mode by which a plane of this kind lands where it is"),
     ],
 )
 def test_an_action_that_the_simulated_autopilot_does_not_have_is_a_warning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], autopilot: str, action: str, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], vehicle: str, autopilot: str, action: str, said: str
 ) -> None:
     (tmp_path / "uav.asl").write_text(f"!g.\n+!g <- {action}; +done.\n")
-    simulate = f"{{vehicle: copter, autopilot: {autopilot}, home: [-27.6, -48.5, 21.0]}}"
-    robot = f"{{manifest: copter, link: udpin:127.0.0.1:1, simulate: {simulate}}}"
+    simulate = f"{{vehicle: {vehicle}, autopilot: {autopilot}, home: [-27.6, -48.5, 21.0]}}"
+    robot = f"{{manifest: {vehicle}, link: udpin:127.0.0.1:1, simulate: {simulate}}}"
     agents = "{uav: {program: uav.asl, robot: uav1}}"
     (tmp_path / "m.yaml").write_text(f'mission: m\nagents: {agents}\nrobots: {{uav1: {robot}}}\ndone: "uav: done"\n')
     assert main(["check", str(tmp_path / "m.yaml")]) == 0
-    assert f"uav.asl:2:8: warning: the action {action.split('(')[0]}: {said}" in capsys.readouterr().err
+    assert f"uav.asl:2:8: warning: the action {action.split('(')[0]}: {autopilot} {said}" in capsys.readouterr().err
