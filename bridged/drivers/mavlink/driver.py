@@ -55,6 +55,7 @@ class MavlinkDriver(VehicleSession):
             failsafe=robot.failsafe,
         )
         self.flight.files = Files(setup.name, setup.folder, setup.logs)
+        self.streams.others_listen = bool(robot.forward)
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn
         self._links = Links.of(setup.shared)

@@ -77,6 +77,8 @@ class Streams:
         """Messages by name in the present window; counted by the session."""
         self.requested = 0
         """Intervals asked for so far."""
+        self.others_listen = False
+        """Whether ground stations hear the vehicle by this link too (`forward`): nothing is stopped then."""
         self._commands = commands
         self._window = WINDOW * max(1.0, speed)
         self._scale = max(1.0, speed)
@@ -93,6 +95,8 @@ class Streams:
         old, self._autopilot = self._streams, autopilot
         self._streams = {}
         for stream in _wanted(manifest, autopilot):
+            if not stream.rate and self.others_listen:
+                continue
             known = old.get(stream.name, stream)
             known.rate, known.optional = stream.rate, stream.optional
             self._streams[stream.name] = known

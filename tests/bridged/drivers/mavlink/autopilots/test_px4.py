@@ -338,6 +338,17 @@ def test_its_words_reach_a_refusal(sky: Sky) -> None:
     assert "Switching to Offboard is currently not available" in final.reason
 
 
+@pytest.mark.parametrize(("forward", "stopped"), [("", True), ("    forward: udpout:127.0.0.1:9\n", False)])
+def test_its_fast_streams_are_stopped_unless_a_ground_station_hears_them(
+    tmp_path: Path, forward: str, stopped: bool
+) -> None:
+    sky = px4(tmp_path, forward)
+    sky.wait(5)
+    asked = {int(one.param1): one.param2 for one in sky.commands(dialect.MAV_CMD_SET_MESSAGE_INTERVAL)}
+    assert (asked.get(dialect.MAVLINK_MSG_ID_HIGHRES_IMU) == -1) is stopped
+    assert asked[dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT] > 0
+
+
 def test_integers_and_unknown_names_of_parameters(sky: Sky) -> None:
     sky.wait(5)
     done(sky, "set_param", "GF_ACTION", 3.0)
