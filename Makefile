@@ -65,6 +65,7 @@ reference: $(VENV)/test.stamp  ## write docs/reference from docstrings and parse
 	$(BIN)/python -m tests.docs.commands_page
 	$(BIN)/python -m tests.docs.records_page
 	$(BIN)/python -m tests.docs.overview_page
+	$(BIN)/python -m tests.docs.six_kinds_page
 	$(BIN)/python -m tests.agentd.mind_format_page
 	$(BIN)/python -m agentd.editor.textmate
 	$(BIN)/python -m tests.support.texts
