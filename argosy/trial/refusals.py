@@ -40,8 +40,8 @@ def _refusals(mission: Mission) -> Iterator[Finding]:
         if vehicle not in SIMULATED:
             yield at(
                 ("robots", name, "simulate"),
-                f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle: copter` or `vehicle: "
-                "turtle`, which a trial has in virtual time",
+                f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle` to be one of "
+                f"{', '.join(SIMULATED)}, which a trial has in virtual time",
             )
         elif vehicle in ON_MAVLINK and not robot.link.startswith("udp"):
             yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")

@@ -10,6 +10,8 @@ from typing import Any
 
 VEHICLES = {
     "copter": ("bridged.simulation.vehicle.command", "a copter on MAVLink"),
+    "plane": ("bridged.simulation.vehicle.command", "a plane on MAVLink"),
+    "rover": ("bridged.simulation.vehicle.command", "a rover on MAVLink"),
     "turtle": ("bridged.simulation.turtle.command", "a turtle on Zenoh keys, as turtlesim's"),
 }
 """Vehicles that can be simulated: the module of each command, and its description."""

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Literal, Protocol, Self
+from typing import ClassVar, Literal, Protocol, Self
 
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
 from bridged.simulation.vehicle.motion.dynamics import Axis, Motion, Vector
@@ -30,7 +30,10 @@ GUARD_PERIOD_S = 0.2
 class Locomotion(Protocol):
     """What moves a vehicle: the flight of a copter or a plane, the drive of a rover."""
 
-    motion: Motion
+    @property
+    def motion(self) -> Motion:
+        """Place and velocity."""
+
     armed: bool
     airborne: bool
     landed: Landed
@@ -47,11 +50,11 @@ class Locomotion(Protocol):
 class Autopilot(ABC):
     """One vehicle from power on. Time passes only in `step`; notifications gather in `events`."""
 
-    PILOTED: IntEnum
+    PILOTED: ClassVar[IntEnum]
     """The mode that a pilot at the field sets when he takes the vehicle in the air ..."""
-    LANDING: IntEnum
+    LANDING: ClassVar[IntEnum]
     """... and the one in which he lands it."""
-    GIVEN_BACK: IntEnum | None = None
+    GIVEN_BACK: ClassVar[IntEnum | None] = None
     """The mode in which he gives it back; None = that in which it was, which hands an ArduPilot over to its agents."""
     mode: IntEnum
     flight: Locomotion

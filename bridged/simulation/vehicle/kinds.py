@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.battery import battery_parameters as ardupilot_battery
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.messages import ArduPilotMessages
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.ardupilot.plane import Plane
+from bridged.simulation.vehicle.ardupilot.rover import Rover
 from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import MessageHandler
@@ -19,7 +22,9 @@ from bridged.simulation.vehicle.px4.fence import Fence
 from bridged.simulation.vehicle.px4.messages import Px4Messages
 from bridged.simulation.vehicle.px4.missions import Missions
 from bridged.simulation.vehicle.px4.parameters import Parameters as Px4Parameters
-from bridged.simulation.vehicle.px4.px4 import Stored
+from bridged.simulation.vehicle.px4.plane import Px4Plane
+from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+from bridged.simulation.vehicle.px4.rover import Px4Rover
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -46,17 +51,20 @@ class VehicleKind:
         self.autopilot(Place(0.0, 0.0, 0.0), 0.0, "quick", 1, [setting], CHARGE_S)
 
 
-def _copter(
-    place: Place, heading: float, boot: BootKind, system: int, settings: Settings, charge_time: float
-) -> Autopilot:
-    stored = Parameters(system)
-    for name, value in settings:
-        if stored.set(name, value) is None:
-            raise ValueError(f"the simulated copter has no parameter {name!r}")
-    return Copter(place, heading=heading, boot=boot, parameters=stored, charge_time=charge_time)
+def _ardupilot(made: type[ArduPilot]) -> VehicleKind:
+    def make(
+        place: Place, heading: float, boot: BootKind, system: int, settings: Settings, charge_time: float
+    ) -> Autopilot:
+        stored = Parameters(system, made.ROWS)
+        for name, value in settings:
+            if stored.set(name, value) is None:
+                raise ValueError(f"the simulated {made.NAME} has no parameter {name!r}")
+        return made.made(place, heading=heading, boot=boot, parameters=stored, charge_time=charge_time)
+
+    return VehicleKind(made.NAME, make, ArduPilotMessages, ardupilot_battery)
 
 
-def _px4(kind: str, made: type[Px4Copter]) -> VehicleKind:
+def _px4(kind: str, made: type[Px4]) -> VehicleKind:
     def make(
         place: Place, heading: float, boot: BootKind, system: int, settings: Settings, charge_time: float
     ) -> Autopilot:
@@ -69,9 +77,13 @@ def _px4(kind: str, made: type[Px4Copter]) -> VehicleKind:
     return VehicleKind(kind, make, Px4Messages, px4_battery)
 
 
-COPTER = VehicleKind("copter", _copter, ArduPilotMessages, ardupilot_battery)
+COPTER = _ardupilot(Copter)
 KINDS = {
     ("copter", "ardupilot"): COPTER,
+    ("plane", "ardupilot"): _ardupilot(Plane),
+    ("rover", "ardupilot"): _ardupilot(Rover),
     ("copter", "px4"): _px4("copter", Px4Copter),
+    ("plane", "px4"): _px4("plane", Px4Plane),
+    ("rover", "px4"): _px4("rover", Px4Rover),
 }
 """All kinds by vehicle and autopilot."""

@@ -98,6 +98,7 @@ class Channel:
     list_at: int | None = None  # the parameter that comes next in a list that was asked for
     outbox: Messages = field(default_factory=list)
     station_at: float | None = None  # when the HEARTBEAT of a ground station was heard last, in vehicle seconds
+    station_since: float = 0.0  # since when one is heard
     held: list[tuple[float, str, int]] = field(default_factory=list)  # texts that wait for one: since when, severity
 
     def take(self) -> Messages:
@@ -131,6 +132,11 @@ class MessageHandler(ABC, Generic[A]):
     @abstractmethod
     def continued(self) -> Messages:
         """Return what goes on by itself, for all channels: the requests of an upload."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether something is to be sent soon that is no stream."""
+        return False
 
     @abstractmethod
     def regular(self) -> Messages:

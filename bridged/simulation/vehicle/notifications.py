@@ -20,7 +20,9 @@ class Severity(IntEnum):
 
     CRITICAL = 2
     WARNING = 4
+    NOTICE = 5
     INFO = 6
+    DEBUG = 7
 
 
 @dataclass(frozen=True, slots=True)

@@ -161,7 +161,7 @@ class Vehicle:
     def _steps_to_event(self) -> int:
         """Return how many steps of motion are one here: to the next message or check, or what there is time for."""
         autopilot = self.autopilot
-        if self._reboot_in is not None or autopilot.booting:
+        if self._reboot_in is not None or autopilot.booting or self.handler.waits:
             return 1
         until = min(self.seconds_until_due(), autopilot.next_guard - autopilot.now, LONGEST_STEP_S)
         return max(1, min(math.ceil(until / STEP_S - 1e-6), int((self._lag + 1e-9) / STEP_S)))
@@ -218,6 +218,11 @@ class Vehicle:
         self._reboot_in -= dt
         if self._reboot_in > 0:
             return
+        self.restart()
+
+    def restart(self) -> None:
+        """Restart the autopilot where the vehicle is; what it has stored is kept."""
+        autopilot = self.autopilot
         self.reboots += 1
         at, up = autopilot.truth, autopilot.motion.up
         lag = self._lag

@@ -11,10 +11,13 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 
-def _add(number: int, name: str, checksum: int, *fields: tuple[str, str, str, int]) -> type[dialect.MAVLink_message]:
+def add_message(
+    number: int, name: str, checksum: int, *fields: tuple[str, str, str, int]
+) -> type[dialect.MAVLink_message]:
     """Add a message: its fields in the order of the wire, each with its C type, struct code and array length (0: none).
 
-    `checksum` is the seed that MAVLink derives from the names and types of the fields (CRC_EXTRA).
+    A text is one value, whatever its length. `checksum` is the seed that MAVLink derives from the names and types of
+    the fields (CRC_EXTRA).
     """
     layout = struct.Struct("<" + "".join(f"{length or ''}{code}" for _, _, code, length in fields))
 
@@ -29,7 +32,7 @@ def _add(number: int, name: str, checksum: int, *fields: tuple[str, str, str, in
         fieldunits_by_name: ClassVar[dict[str, str]] = {}
         native_format = bytearray(("<" + "".join(code for _, _, code, _ in fields)).encode())
         orders: ClassVar = list(range(len(fields)))
-        lengths: ClassVar = [length or 1 for *_, length in fields]
+        lengths: ClassVar = [1 if code == "s" else length or 1 for _, _, code, length in fields]
         array_lengths: ClassVar = [length for *_, length in fields]
         crc_extra = checksum
         unpacker = layout
@@ -44,9 +47,9 @@ def _add(number: int, name: str, checksum: int, *fields: tuple[str, str, str, in
 
         def pack(self, mav: dialect.MAVLink, force_mavlink1: bool = False) -> bytes:
             flat: list[object] = []
-            for (field, *_), length in zip(fields, self.array_lengths, strict=True):
+            for (field, *_), length in zip(fields, self.lengths, strict=True):
                 value = getattr(self, field)
-                flat += value if length else [value]
+                flat += value if length > 1 else [value]
             packed: bytes = self._pack(mav, self.crc_extra, self.unpacker.pack(*flat), force_mavlink1=force_mavlink1)
             return packed
 
@@ -55,7 +58,7 @@ def _add(number: int, name: str, checksum: int, *fields: tuple[str, str, str, in
     return Message
 
 
-CurrentMode = _add(
+CurrentMode = add_message(
     436,
     "CURRENT_MODE",
     193,
@@ -63,7 +66,7 @@ CurrentMode = _add(
     ("intended_custom_mode", "uint32_t", "I", 0),
     ("standard_mode", "uint8_t", "B", 0),
 )
-Event = _add(
+Event = add_message(
     410,
     "EVENT",
     160,

@@ -1,7 +1,7 @@
 """Commands and setpoints of the simulated copter: effects and acknowledgements.
 
 COMMAND_LONG and COMMAND_INT share one table: a COMMAND_LONG is read as one whose place is in degrees and whose altitude
-is above home, as ArduCopter does.
+is above home, as ArduPilot does.
 """
 
 import math
@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
-from bridged.simulation.vehicle.ardupilot.copter import Copter
-from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.mission import do
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import Streams
@@ -58,7 +57,7 @@ class Command:
 class CommandContext:
     """The copter that commands act on, and their messages besides the acknowledgement."""
 
-    copter: Copter
+    copter: ArduPilot
     streams: Streams
     ahead: list[dialect.MAVLink_message] = field(default_factory=list)  # sent before the acknowledgement
     after: list[dialect.MAVLink_message] = field(default_factory=list)
@@ -69,13 +68,15 @@ class CommandContext:
         copter, (first, second, *_) = self.copter, command.params
         match command.number:
             case dialect.MAV_CMD_NAV_LOITER_UNLIM:
-                return copter.set_mode(Mode.LOITER)
+                return copter.set_mode(copter.LOITER)
             case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-                return copter.set_mode(Mode.RTL)
+                return copter.set_mode(copter.RTL)
             case dialect.MAV_CMD_NAV_LAND:
-                return copter.set_mode(Mode.LAND)
+                return copter.land()
             case dialect.MAV_CMD_NAV_TAKEOFF:
                 return copter.take_off(command.z) if command.frame in RELATIVE_FRAMES else Result.DENIED
+            case dialect.MAV_CMD_DO_LAND_START:
+                return copter.start_landing()
             case dialect.MAV_CMD_DO_SET_MODE:
                 return copter.set_mode(whole(second)) if whole(first) & 1 else Result.DENIED
             case dialect.MAV_CMD_DO_SET_HOME:
@@ -164,7 +165,7 @@ _AS_IN_A_MISSION = frozenset((
 """Commands that do the same as items of a mission."""
 
 
-def altitude(copter: Copter, frame: int, z: float) -> float | None:
+def altitude(copter: ArduPilot, frame: int, z: float) -> float | None:
     """Return the altitude of `z` metres in `frame` (MAV_FRAME), in metres AMSL; None if it is none."""
     if not math.isfinite(z) or abs(z) > 100_000:
         return None
@@ -174,7 +175,7 @@ def altitude(copter: Copter, frame: int, z: float) -> float | None:
     return home.alt + z if frame in RELATIVE_FRAMES else None
 
 
-def _reposition(copter: Copter, command: Command) -> Result:
+def _reposition(copter: ArduPilot, command: Command) -> Result:
     if not command.by_int:
         return Result.UNSUPPORTED
     above_sea = altitude(copter, command.frame, command.z)
@@ -184,17 +185,17 @@ def _reposition(copter: Copter, command: Command) -> Result:
         goal = copter.chart.vector(Place(command.lat, command.lon, above_sea))
     except ValueError:
         return Result.DENIED
-    if copter.mode is not Mode.GUIDED:
+    if copter.mode is not copter.GUIDED:
         if not whole(command.params[1]) & 1:
-            return Result.DENIED
-        if copter.set_mode(Mode.GUIDED) is not Result.ACCEPTED:
+            return copter.OUTSIDE_GUIDED
+        if copter.set_mode(copter.GUIDED) is not Result.ACCEPTED:
             return Result.FAILED
     yaw = command.params[3]
     heading = yaw if math.isfinite(yaw) and yaw else None
     return Result.ACCEPTED if copter.guide(GoTo(goal, heading)) else Result.FAILED
 
 
-def _set_home(copter: Copter, command: Command) -> Result:
+def _set_home(copter: ArduPilot, command: Command) -> Result:
     if command.params[0] == 1.0:
         copter.set_home(copter.place)
         return Result.ACCEPTED
@@ -219,8 +220,10 @@ FASTEST = 100.0
 """m/s; a velocity beyond is nonsense."""
 
 
-def global_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
+def global_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_GLOBAL_INT: one goal, or a velocity."""
+    if not copter.takes_setpoints():
+        return
     frame, mask = message.coordinate_frame, message.type_mask
     if frame not in GLOBAL_FRAMES + RELATIVE_FRAMES:
         copter.send_text(f"Unknown mavlink coordinate frame {frame}")
@@ -238,8 +241,10 @@ def global_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
     copter.guide(GoTo(goal, _heading(message)))
 
 
-def local_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
+def local_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_LOCAL_NED: metres from the origin, or from here; or a velocity."""
+    if not copter.takes_setpoints():
+        return
     frame, mask = message.coordinate_frame, message.type_mask
     if frame not in (_LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET):
         return
@@ -260,12 +265,12 @@ def local_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
     copter.guide(GoTo(goal, _heading(message)))
 
 
-def _drift(copter: Copter, message: dialect.MAVLink_message, velocity: tuple[float, float, float]) -> None:
+def _drift(copter: ArduPilot, message: dialect.MAVLink_message, velocity: tuple[float, float, float]) -> None:
     if message.type_mask & _IGNORE_VELOCITY:
         return
     if not all(math.isfinite(speed) and abs(speed) <= FASTEST for speed in velocity):
         return
-    expires = copter.now + max(0.1, copter.parameters["GUID_TIMEOUT"])
+    expires = copter.now + copter.setpoint_lasts
     rate = None if message.type_mask & _IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
     north, east, down = velocity
     copter.guide(Drift(Vector(north, east, -down), expires, _heading(message), rate))
@@ -277,6 +282,6 @@ def _heading(message: dialect.MAVLink_message) -> float | None:
     return float(message.yaw) % (2 * math.pi)
 
 
-def _turned(copter: Copter, forward: float, right: float) -> tuple[float, float]:
+def _turned(copter: ArduPilot, forward: float, right: float) -> tuple[float, float]:
     cos, sin = math.cos(copter.motion.heading), math.sin(copter.motion.heading)
     return forward * cos - right * sin, forward * sin + right * cos

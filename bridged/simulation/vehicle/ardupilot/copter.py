@@ -1,45 +1,59 @@
-"""The simulated copter without MAVLink: state, arming checks, modes, missions, failsafes."""
+"""A simulated ArduCopter without MAVLink: its modes, arming checks, takeoff, landing."""
+
+from __future__ import annotations
+
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.ardupilot.battery import Battery
-from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, Milestone
+from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
+from bridged.simulation.vehicle.ardupilot import parameters as tables
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
+from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, CopterTuning
-from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationWatch, watch_over
+from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do, task_of
+from bridged.simulation.vehicle.ardupilot.mission import Mission, task_of
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
-from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
+from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.copter_flight import Flight
-from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
-from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Land, Return, Stop, TakeOff, Task
-from bridged.simulation.vehicle.notifications import (
-    ItemReached,
-    ModeChanged,
-    ParameterChanged,
-    Result,
-    Severity,
-)
-from bridged.simulation.vehicle.payload import Payload
+from bridged.simulation.vehicle.motion.dynamics import Motion
+from bridged.simulation.vehicle.motion.tasks import Land, Return, Stop, TakeOff, Task
+from bridged.simulation.vehicle.notifications import ItemReached, ParameterChanged, Result, Severity
 
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
+_LAND_ON_FAILSAFE = (1, 4)
+"""Values of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT that land; others but 0 bring the copter home."""
+_ALT_HOLD, _EVEN_MANUAL = 2, 3
+"""Values of FS_EKF_ACTION; others but 0 land a copter whose mode needs a position."""
 
 
-class Copter(Autopilot):
+class Copter(ArduPilot):
     """An ArduCopter."""
 
-    PILOTED = Mode.LOITER
-    LANDING = Mode.LAND
+    NAME: ClassVar = "copter"
+    TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
+    CAPABILITIES: ClassVar = 1 | 2 | 4 | 8 | 128 | 256 | 8192
+    VTOL_STATE: ClassVar = 3
+    ROWS: ClassVar = tables.COPTER
+    SCRIPT: ClassVar = boot_sequence.COPTER
+    INITIAL: ClassVar = Mode.STABILIZE
+    GUIDED: ClassVar = Mode.GUIDED
+    AUTO: ClassVar = Mode.AUTO
+    RTL: ClassVar = Mode.RTL
+    LOITER: ClassVar = Mode.LOITER
+    PILOTED: ClassVar = Mode.LOITER
+    LANDING: ClassVar = Mode.LAND
     mode: Mode
     flight: Flight
+    _compass_checked = False
 
-    def __init__(
-        self,
+    @classmethod
+    def made(
+        cls,
         start: Place,
         *,
         heading: float = 0.0,
@@ -47,56 +61,22 @@ class Copter(Autopilot):
         parameters: Parameters | None = None,
         stored: Mission | None = None,
         charge_time: float = CHARGE_S,
-    ) -> None:
-        """`parameters` and the `stored` mission are what is in the vehicle's memory from before a restart; at home an
-        empty battery is full after `charge_time` seconds."""
-        super().__init__(start, Motion(heading), FIRST_HEARTBEAT_S)
-        self.parameters = parameters or Parameters()
-        self.boot = Boot(boot, start.alt)
-        self.flight = Flight(self.motion, CopterTuning(self.parameters))
-        self.battery = Battery(self.parameters, charge_time)
-        self.fence = Fence(self.parameters)
-        self.station = StationWatch(self.parameters)
-        self.outputs = Outputs(self.parameters)
-        self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
-        self.payload = Payload()
-        self.transmitter = Transmitter(self.parameters)
-        self.mission = stored or Mission()
-        self.mode = Mode.STABILIZE
-        self._compass_checked = False
-        self._actions: list[Item] = []  # mission items to be done on the way
-        self._actions_wait_until = 0.0
-
-    def restarted(self, place: Place) -> "Copter":
-        """Return the copter after a restart at a place on the ground."""
-        self.mission.rewind()
-        return Copter(
-            place,
-            heading=self.motion.heading,
-            boot=self.boot.kind,
-            parameters=self.parameters,
-            stored=self.mission,
-            charge_time=self.battery.charge_time,
-        )
+    ) -> Copter:
+        """Make one at a place, with a heading in radians."""
+        motion, parameters = Motion(heading), parameters or Parameters(rows=cls.ROWS)
+        flight = Flight(motion, CopterTuning(parameters))
+        return cls(start, motion, flight, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
 
     @property
-    def booting(self) -> bool:
-        """Whether the boot sequence goes on."""
-        return not self.boot.complete
+    def base_mode(self) -> int:
+        """base_mode of HEARTBEAT."""
+        guided = 8 if self.mode.autonomous or not self.passed(Milestone.READY) else 0
+        return 1 | 16 | 64 | guided | (128 if self.armed else 0)
 
     @property
-    def has_position(self) -> bool:
-        """Whether the estimator has a position."""
-        return self.passed(Milestone.POSITION) and not self.estimate.lost
-
-    @property
-    def has_fix(self) -> bool:
-        """Whether the GPS has started."""
-        return self.passed(Milestone.GPS_FIX)
-
-    def passed(self, milestone: Milestone) -> bool:
-        """Return whether the boot sequence has passed a milestone."""
-        return self.boot.passed(milestone, self.now)
+    def system_status(self) -> int:
+        """system_status of HEARTBEAT."""
+        return 1 if not self.passed(Milestone.READY) else 4 if self.armed and self.flight.airborne else 3
 
     def set_mode(self, number: int) -> Result:
         """Change the flight mode to that of a number (custom_mode); a status text gives the reason of a refusal.
@@ -114,9 +94,7 @@ class Copter(Autopilot):
         if problem is not None:
             self.send_text(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
             return Result.FAILED
-        self.mode = mode
-        self.flight.cruise_speed = None
-        self.events.append(ModeChanged())
+        self.take_mode(mode)
         match mode:
             case Mode.RTL:
                 self.flight.begin(Return(self.home_on_chart))
@@ -127,10 +105,6 @@ class Copter(Autopilot):
             case _:
                 self.flight.begin(Stop(hard=mode is Mode.BRAKE))
         return Result.ACCEPTED
-
-    def pilot_sets(self, number: int) -> None:
-        """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
-        self.set_mode(number)
 
     def _problem_with(self, mode: Mode) -> str | None:
         if not mode.simulated:
@@ -170,10 +144,7 @@ class Copter(Autopilot):
         """Start the motors and set home here."""
         if self.armed:
             return Result.ACCEPTED
-        problems = self.arming_problems()
-        if problems and not (force and self.passed(Milestone.READY)):
-            for problem in problems:
-                self.send_text(f"Arm: {problem}", Severity.CRITICAL)
+        if self.refuses_arming(force=force):
             return Result.FAILED
         self.flight.arm()
         if self.passed(Milestone.HOME):
@@ -208,36 +179,9 @@ class Copter(Autopilot):
         self.flight.begin(TakeOff(self.home_on_chart.up + altitude))
         return Result.ACCEPTED
 
-    def allows(self, goal: Vector) -> bool:
-        """Return whether the fence allows a goal."""
-        return self.fence.breach(goal, self.home_on_chart) is None
-
-    def guide(self, task: GoTo | Drift) -> bool:
-        """Follow a goal or a velocity; returns False if it is dropped: not in GUIDED, or outside the fence."""
-        if self.mode is not Mode.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
-            return False
-        if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
-            self.flight.task, self.flight.reached = task, False
-        else:
-            self.flight.begin(task)
-        return True
-
-    def _boot(self) -> None:
-        if not self.boot.complete:
-            for milestone, texts in self.boot.advance(self.now):
-                self._reach(milestone, texts)
-
-    def _guard(self, dt: float) -> None:
-        watch_over(self, dt)
-
-    def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
-        if milestone is Milestone.HOME:
-            self.set_home(self.place)
-            self.count_mission(len(self.mission.items) + 1)
-        for text in texts:
-            self.send_text(text)
-        if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
-            self.set_mode(Mode.STABILIZE)
+    def land(self) -> Result:
+        """MAV_CMD_NAV_LAND"""
+        return self.set_mode(Mode.LAND)
 
     def _move(self, dt: float) -> None:
         flight, was_airborne = self.flight, self.flight.airborne
@@ -274,11 +218,38 @@ class Copter(Autopilot):
         if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
             self.set_mode(Mode.LAND)
 
-    def count_mission(self, total: int) -> None:
-        """Set MIS_TOTAL to the number of stored items, home included."""
-        if self.parameters["MIS_TOTAL"] != total:
-            self.parameters.set("MIS_TOTAL", total)
-            self.events.append(ParameterChanged("MIS_TOTAL"))
+    def on_station(self, change: StationLink) -> None:
+        """Act when the ground station is lost."""
+        if change is StationLink.LOST and self.flight.airborne:
+            self.bring_home()
+        self.send_text(change.value, Severity.WARNING)
+
+    def on_position_lost(self) -> None:
+        """Land, or do what FS_EKF_ACTION says."""
+        action = int(self.parameters["FS_EKF_ACTION"])
+        if action and (self.mode.needs_position or action == _EVEN_MANUAL) and self.mode is not Mode.LAND:
+            mode = Mode.ALT_HOLD if action == _ALT_HOLD else Mode.LAND
+            self.set_mode(mode)
+            self.send_text(f"EKF Failsafe: changed to {mode.name} Mode", Severity.CRITICAL)
+
+    def on_fence(self, action: int) -> None:
+        """Act when the fence is breached, by FENCE_ACTION."""
+        match action:
+            case 0:
+                return
+            case 2:
+                self.set_mode(Mode.LAND)
+            case 4:
+                self.set_mode(Mode.BRAKE)
+            case _:
+                self.bring_home()
+
+    def on_shortage(self, action: int) -> None:
+        """Act when the battery is low, by the BATT_FS_ parameters."""
+        if action in _LAND_ON_FAILSAFE:
+            self.set_mode(Mode.LAND)
+        else:
+            self.bring_home()
 
     def start_mission(self) -> Result:
         """MAV_CMD_MISSION_START: AUTO from its first item."""
@@ -290,54 +261,6 @@ class Copter(Autopilot):
             self._begin_item(self.mission.item(self.mission.current))
         return Result.ACCEPTED
 
-    def jump_to(self, seq: int) -> bool:
-        """MISSION_SET_CURRENT: AUTO continues, or will begin, with item `seq` (from 1). Returns False without one."""
-        if self.mission.item(seq) is None:
-            return False
-        self.mission.complete = False
-        if self.mode is Mode.AUTO:
-            self._fly_from(seq)
-        else:
-            self.mission.current = seq
-        return True
-
-    def _fly_from(self, seq: int) -> None:
-        """Fly to the next place of the mission; DO commands before it run on the way."""
-        self._actions, item = self.mission.next_place(seq)
-        self._actions_wait_until = self.now
-        if item is None:
-            self.mission.complete = True
-            self.flight.begin(Stop())  # AUTO hovers where the mission ends (ArduCopter)
-            return
-        self.mission.start(item, self.now)
-        self.send_text(f"Mission: {item.seq} {NAV_COMMANDS[item.command]}")
-        if self.flight.airborne:
-            self._begin_item(item)
-        else:
-            self.flight.begin(Stop())  # on the ground AUTO waits for MISSION_START
-
-    def _begin_item(self, item: Item | None) -> None:
-        task: Task = Stop()
-        if item is not None:
-            task = task_of(item, self.flight, self.chart, self.home or self.chart.origin)
-        self.flight.begin(task)
-
-    def _follow_mission(self) -> None:
-        if self._actions and self.now >= self._actions_wait_until:
-            self._do(self._actions.pop(0))
-        item = self.mission.item(self.mission.current)
-        if item is None or self.mission.complete or not self.flight.airborne:
-            return
-        if self.mission.done(item, self.flight, self.now):
-            self.events.append(ItemReached(item.seq))
-            if NAV_COMMANDS[item.command] == "WP":
-                self.send_text(f"Reached command #{item.seq}")
-            self._fly_from(item.seq + 1)
-
-    def _do(self, item: Item) -> None:
-        self.send_text(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")
-        if item.command == dialect.MAV_CMD_CONDITION_DELAY:
-            self._actions_wait_until = self.now + item.params[0]
-        else:
-            do(self, item.command, item.params)
-        self.events.append(ItemReached(item.seq))
+    def task_of(self, item: Item) -> Task:
+        """Return the effect of an item of the mission."""
+        return task_of(item, self.flight, self.chart, self.home or self.chart.origin)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from bridged.simulation.vehicle.ardupilot.battery import HOME_RADIUS, Shortage
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.notifications import Severity
 
 if TYPE_CHECKING:
-    from bridged.simulation.vehicle.ardupilot.copter import Copter
+    from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 
 
 FENCE_ALTITUDE, FENCE_CIRCLE = 1, 2
@@ -65,9 +64,15 @@ class StationLink(Enum):
 
 @dataclass(slots=True)
 class StationWatch:
-    """GCS failsafe: HEARTBEATs of system MAV_GCS_SYSID must not stop while FS_GCS_ENABLE is set and the motors turn."""
+    """GCS failsafe: HEARTBEATs of system MAV_GCS_SYSID must not stop while it is enabled and armed."""
 
     parameters: Parameters
+    switch: str = "FS_GCS_ENABLE"
+    """The parameter that enables it ..."""
+    timeout: str = "FS_GCS_TIMEOUT"
+    """... and the one of the seconds of silence, ..."""
+    extra: float = 0.0
+    """... to which so many are added."""
     heard_at: float | None = None
     lost: bool = False
 
@@ -76,12 +81,20 @@ class StationWatch:
         if sysid == int(self.parameters["MAV_GCS_SYSID"]):
             self.heard_at = now
 
+    def missing(self, now: float) -> bool:
+        """Return whether the failsafe acts and nothing is heard yet."""
+        return self.lost and self._silent(now)
+
+    def _silent(self, now: float) -> bool:
+        limit = max(2.0, self.parameters[self.timeout]) + self.extra
+        return self.heard_at is not None and now - self.heard_at >= limit
+
     def check(self, now: float, *, armed: bool) -> StationLink | None:
         """Return the change of the link since the last call; `now`: vehicle seconds."""
         if self.heard_at is None:
             return None
-        silent = now - self.heard_at >= max(2.0, self.parameters["FS_GCS_TIMEOUT"])
-        if not self.lost and silent and armed and self.parameters["FS_GCS_ENABLE"] > 0:
+        silent = self._silent(now)
+        if not self.lost and silent and armed and self.parameters[self.switch] > 0:
             self.lost = True
             return StationLink.LOST
         if self.lost and not silent:
@@ -90,16 +103,13 @@ class StationWatch:
         return None
 
 
-_LAND_ON_FAILSAFE = (1, 4)
 PREARM_REPORTED_EVERY = 30.0
 """Vehicle seconds (ArduPilot: PREARM_DISPLAY_PERIOD)."""
-_ALT_HOLD, _EVEN_MANUAL = 2, 3
-"""Values of FS_EKF_ACTION; others but 0 land a copter whose mode needs a position."""
 _TERMINATE = 5
-"""Values of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT; others but 0 bring the copter home."""
+"""Value of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT: motors off."""
 
 
-def watch_over(copter: "Copter", dt: float) -> None:
+def watch_over(copter: "ArduPilot", dt: float) -> None:
     """Check all failsafes; the last check was `dt` vehicle seconds ago."""
     _pilot(copter)
     _station(copter)
@@ -113,7 +123,7 @@ def watch_over(copter: "Copter", dt: float) -> None:
         copter.send_text(text)
 
 
-def _pilot(copter: "Copter") -> None:
+def _pilot(copter: "ArduPilot") -> None:
     pilot = copter.transmitter
     if not pilot.touched:
         return
@@ -126,17 +136,13 @@ def _pilot(copter: "Copter") -> None:
             copter.flight.begin(drift)
 
 
-def _station(copter: "Copter") -> None:
+def _station(copter: "ArduPilot") -> None:
     change = copter.station.check(copter.now, armed=copter.armed)
-    if change is StationLink.LOST:
-        if copter.flight.airborne:
-            copter.bring_home()
-        copter.send_text(change.value, Severity.WARNING)
-    elif change is StationLink.FOUND:
-        copter.send_text(change.value, Severity.WARNING)
+    if change is not None:
+        copter.on_station(change)
 
 
-def _position(copter: "Copter") -> None:
+def _position(copter: "ArduPilot") -> None:
     estimate = copter.estimate
     (glitched, failed), now = estimate.reported, (estimate.glitching, estimate.failed and copter.armed)
     estimate.reported = now
@@ -146,31 +152,19 @@ def _position(copter: "Copter") -> None:
         copter.send_text("EKF Failsafe Cleared", Severity.CRITICAL)
     elif now[1] and not failed:
         copter.send_text("EKF variance: over thresholds", Severity.CRITICAL)
-        action = int(copter.parameters["FS_EKF_ACTION"])
-        if action and (copter.mode.needs_position or action == _EVEN_MANUAL) and copter.mode is not Mode.LAND:
-            mode = Mode.ALT_HOLD if action == _ALT_HOLD else Mode.LAND
-            copter.set_mode(mode)
-            copter.send_text(f"EKF Failsafe: changed to {mode.name} Mode", Severity.CRITICAL)
+        copter.on_position_lost()
 
 
-def _fence(copter: "Copter") -> None:
+def _fence(copter: "ArduPilot") -> None:
     fence = copter.fence
     breach = fence.breach(copter.motion.position, copter.home_on_chart) if copter.flight.airborne else None
     if not fence.notice(breach, copter.now):
         return
     copter.send_text(f"{breach} fence breached", Severity.WARNING)
-    match int(copter.parameters["FENCE_ACTION"]):
-        case 0:
-            return
-        case 2:
-            copter.set_mode(Mode.LAND)
-        case 4:
-            copter.set_mode(Mode.BRAKE)
-        case _:
-            copter.bring_home()
+    copter.on_fence(int(copter.parameters["FENCE_ACTION"]))
 
 
-def _battery(copter: "Copter", dt: float) -> None:
+def _battery(copter: "ArduPilot", dt: float) -> None:
     battery, flight = copter.battery, copter.flight
     if not copter.armed and not flight.airborne and copter.home is not None:
         away = copter.motion.position.distance(copter.home_on_chart)
@@ -186,7 +180,5 @@ def _battery(copter: "Copter", dt: float) -> None:
     copter.send_text("Battery Failsafe", Severity.WARNING)
     if not flight.airborne or action == _TERMINATE:
         copter.disarm(force=True)
-    elif action in _LAND_ON_FAILSAFE:
-        copter.set_mode(Mode.LAND)
     else:
-        copter.bring_home()
+        copter.on_shortage(action)

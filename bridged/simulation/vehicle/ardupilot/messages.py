@@ -5,9 +5,9 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContext, global_setpoint, local_setpoint
-from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
 from bridged.simulation.vehicle.ardupilot.parameters import Parameter
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
@@ -40,17 +40,17 @@ _MISSION_MESSAGES = frozenset(
 )
 
 
-class ArduPilotMessages(MessageHandler[Copter]):
+class ArduPilotMessages(MessageHandler[ArduPilot]):
     """The messages of one ArduPilot."""
 
-    def __init__(self, autopilot: Copter) -> None:
+    def __init__(self, autopilot: ArduPilot) -> None:
         super().__init__(autopilot, telemetry.BUILDERS)
         self._mission = MissionProtocol(autopilot)
         self._next_timesync = TIMESYNC_PERIOD_S
 
     def streams(self) -> Streams:
         """Return the streams of a new link."""
-        return Streams(telemetry.BUILDERS, telemetry.DEFAULTS_S)
+        return Streams(telemetry.BUILDERS, self.autopilot.DEFAULTS_S)
 
     def sends(self, message: int) -> bool:
         """Return whether a stream is sent at all now, by message id."""

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Grip
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
 from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, Item, whole
@@ -15,7 +14,7 @@ from bridged.simulation.vehicle.motion.tasks import GoTo, Land, Return, Stage, S
 from bridged.simulation.vehicle.notifications import Result
 
 if TYPE_CHECKING:
-    from bridged.simulation.vehicle.ardupilot.copter import Copter
+    from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 
 
 NAV_COMMANDS = {
@@ -173,7 +172,7 @@ def _height(item: Item, chart: FlatMap, home: Place) -> float:
     return above_sea - chart.origin.alt
 
 
-def do(copter: "Copter", command: int, params: tuple[float, float, float, float]) -> Result:
+def do(copter: "ArduPilot", command: int, params: tuple[float, float, float, float]) -> Result:
     """Carry out one command (MAV_CMD) of `DO_COMMANDS`; its parameters are in the units of that command."""
     first, second, third, fourth = params
     match command:
@@ -197,7 +196,7 @@ def do(copter: "Copter", command: int, params: tuple[float, float, float, float]
     return Result.ACCEPTED
 
 
-def _change_speed(copter: "Copter", kind: float, speed: float) -> Result:
+def _change_speed(copter: "ArduPilot", kind: float, speed: float) -> Result:
     """m/s over the ground, until another mode."""
     if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
         return Result.FAILED
@@ -205,9 +204,9 @@ def _change_speed(copter: "Copter", kind: float, speed: float) -> Result:
     return Result.ACCEPTED
 
 
-def _turn(copter: "Copter", angle: float, direction: float, *, relative: bool) -> Result:
+def _turn(copter: "ArduPilot", angle: float, direction: float, *, relative: bool) -> Result:
     """Degrees from north, or from where the nose points."""
-    if copter.mode not in (Mode.GUIDED, Mode.AUTO) or not 0 <= angle <= 360:
+    if copter.mode not in (copter.GUIDED, copter.AUTO) or not 0 <= angle <= 360:
         return Result.FAILED
     heading = math.radians(angle)
     if relative:
@@ -216,7 +215,7 @@ def _turn(copter: "Copter", angle: float, direction: float, *, relative: bool) -
     return Result.ACCEPTED
 
 
-def _grip(copter: "Copter", action: float) -> Result:
+def _grip(copter: "ArduPilot", action: float) -> Result:
     if copter.parameters["GRIP_ENABLE"] < 1:
         return Result.FAILED
     if action not in (0.0, 1.0):
@@ -225,7 +224,7 @@ def _grip(copter: "Copter", action: float) -> Result:
     return Result.ACCEPTED
 
 
-def _unless(copter: "Copter", problem: str | None) -> Result:
+def _unless(copter: "ArduPilot", problem: str | None) -> Result:
     if problem is None:
         return Result.ACCEPTED
     copter.send_text(problem)

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
-from bridged.simulation.vehicle.ardupilot.copter import Copter
-from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.mission import KNOWN, goal_of
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.tasks import GoTo
@@ -41,7 +40,7 @@ class _Upload:
 class MissionProtocol:
     """Mission protocol with one upload at a time."""
 
-    def __init__(self, copter: Copter) -> None:
+    def __init__(self, copter: ArduPilot) -> None:
         self._copter = copter
         self._upload: _Upload | None = None
 
@@ -141,7 +140,7 @@ class MissionProtocol:
     def _guide(self, message: dialect.MAVLink_message, peer: tuple[int, int]) -> dialect.MAVLink_message:
         item, copter = _item_of(message), self._copter
         goal = goal_of(item, copter.chart, copter.home or copter.chart.origin) if item is not None else None
-        accepted = goal is not None and copter.mode is Mode.GUIDED and copter.guide(GoTo(goal))
+        accepted = goal is not None and copter.mode is copter.GUIDED and copter.guide(GoTo(goal))
         return dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED if accepted else _INVALID)
 
     def _other_list(self, message: dialect.MAVLink_message, peer: tuple[int, int], kind: str) -> Messages:

@@ -1,7 +1,7 @@
 """Parameters of the simulated copter: ArduCopter's names and defaults for what the simulation or a client uses."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -33,7 +33,10 @@ def _servo(number: int) -> tuple[tuple[str, float, Kind], ...]:
     )
 
 
-_TABLE: tuple[tuple[str, float, Kind], ...] = (
+Row = tuple[str, float, Kind]
+"""Name, default and type of a parameter."""
+
+COPTER: tuple[Row, ...] = (
     ("FORMAT_VERSION", 120, Kind.INT16),
     ("MAV_SYSID", 1, Kind.INT16),
     ("MAV_GCS_SYSID", 255, Kind.INT16),
@@ -113,6 +116,48 @@ _TABLE: tuple[tuple[str, float, Kind], ...] = (
 )
 
 
+_SHARED = (
+    "FORMAT_VERSION", "MAV_SYSID", "MAV_GCS_SYSID", "FENCE_", "BATT_", "FLTMODE", "MIS_TOTAL", "MIS_RESTART", "RCMAP_",
+    "RC_OVERRIDE_TIME", "GRIP_", "SIM_BATT", "SERIAL0", "STAT_", "SERVO",
+)  # fmt: skip
+_COMMON: tuple[Row, ...] = tuple(row for row in COPTER if row[0].startswith(_SHARED))
+"""What a copter has, and planes and rovers, too."""
+
+PLANE: tuple[Row, ...] = (
+    ("AIRSPEED_CRUISE", 22, Kind.REAL32),
+    ("ARMING_REQUIRE", 1, Kind.INT8),
+    ("FS_GCS_ENABL", 0, Kind.INT8),
+    ("FS_LONG_ACTN", 0, Kind.INT8),
+    ("FS_LONG_TIMEOUT", 5, Kind.REAL32),
+    ("FS_SHORT_ACTN", 0, Kind.INT8),
+    ("FS_SHORT_TIMEOUT", 1.5, Kind.REAL32),
+    ("LAND_DISARMDELAY", 20, Kind.INT8),
+    ("RTL_ALTITUDE", 100, Kind.REAL32),
+    ("RTL_AUTOLAND", 0, Kind.INT8),
+    ("RTL_RADIUS", 0, Kind.INT16),
+    ("THR_FAILSAFE", 1, Kind.INT8),
+    ("TKOFF_ALT", 50, Kind.INT16),
+    ("TKOFF_DIST", 200, Kind.INT16),
+    ("TKOFF_LVL_ALT", 10, Kind.INT16),
+    ("WP_LOITER_RAD", 80, Kind.INT16),
+    ("WP_RADIUS", 50, Kind.INT16),
+    *_COMMON,
+)
+
+ROVER: tuple[Row, ...] = (
+    ("CRUISE_SPEED", 5, Kind.REAL32),
+    ("FS_ACTION", 2, Kind.INT8),
+    ("FS_GCS_ENABLE", 0, Kind.INT8),
+    ("FS_GCS_TIMEOUT", 5, Kind.REAL32),
+    ("FS_TIMEOUT", 1.5, Kind.REAL32),
+    ("MIS_DONE_BEHAVE", 0, Kind.INT8),
+    ("RTL_SPEED", 0, Kind.REAL32),
+    ("WP_RADIUS", 3, Kind.REAL32),
+    ("WP_SPEED", 5, Kind.REAL32),
+    *_COMMON,
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One parameter with the fields of PARAM_VALUE."""
@@ -126,10 +171,10 @@ class Parameter:
 class Parameters:
     """All parameters of one vehicle of a system id (1..255). They survive a reboot."""
 
-    def __init__(self, system: int = 1) -> None:
-        self._values = {name: float(default) for name, default, _ in _TABLE}
-        self._kinds = {name: kind for name, _, kind in _TABLE}
-        self._names = [name for name, _, _ in _TABLE]
+    def __init__(self, system: int = 1, rows: Sequence[Row] = COPTER) -> None:
+        self._values = {name: float(default) for name, default, _ in rows}
+        self._kinds = {name: kind for name, _, kind in rows}
+        self._names = [name for name, _, _ in rows]
         self._values["MAV_SYSID"] = float(system)
         self.changes = 0
         """How often one was set."""

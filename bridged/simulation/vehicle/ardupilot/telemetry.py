@@ -5,12 +5,11 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.copter import Copter
-from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, TakeOff
+from bridged.simulation.vehicle.motion.tasks import Drift, TakeOff
 
 SATELLITES = 10
 FIX_TYPE = 6
@@ -23,10 +22,6 @@ LOCAL_POSITION_MASK = 3576
 LOCAL_VELOCITY_MASK = 3527
 """type_mask of POSITION_TARGET_LOCAL_NED: only the position counts, or only the velocity."""
 
-CAPABILITIES = 1 | 2 | 4 | 8 | 128 | 256 | 8192
-"""capabilities of AUTOPILOT_VERSION: float missions and parameters, MISSION_INT, COMMAND_INT, local and global
-setpoints, MAVLink 2. No file transfer, no terrain: what is not simulated is not promised."""
-
 _SENSORS_PRESENT = 1399979023
 _SENSORS_ENABLED = 1380031503
 _SENSORS_HEALTHY = 1196530703
@@ -36,20 +31,18 @@ _GPS, _POSITION_CONTROL, _FENCE, _AHRS, _LOGGING, _PREARM = 1 << 5, 3 << 13, 1 <
 _UNKNOWN_16 = 65535
 _INT16 = 32767
 
-Builder = Callable[[Copter], dialect.MAVLink_message | None]
+Builder = Callable[[ArduPilot], dialect.MAVLink_message | None]
 """Builds a message, or None while it has no content."""
 
 
-def heartbeat(copter: Copter) -> dialect.MAVLink_message:
+def heartbeat(copter: ArduPilot) -> dialect.MAVLink_message:
     """HEARTBEAT"""
-    base_mode = 1 | 16 | 64 | (8 if copter.mode.autonomous or not copter.passed(Milestone.READY) else 0)
-    if copter.armed:
-        base_mode |= 128
-    status = 1 if not copter.passed(Milestone.READY) else 4 if copter.armed and copter.flight.airborne else 3
-    return dialect.MAVLink_heartbeat_message(2, 3, base_mode, int(copter.mode), status, 3)
+    return dialect.MAVLink_heartbeat_message(
+        copter.TYPE, 3, copter.base_mode, int(copter.mode), copter.system_status, 3
+    )
 
 
-def sys_status(copter: Copter) -> dialect.MAVLink_message:
+def sys_status(copter: ArduPilot) -> dialect.MAVLink_message:
     """SYS_STATUS"""
     present, enabled, healthy = _SENSORS_PRESENT, _SENSORS_ENABLED, _SENSORS_HEALTHY
     if copter.passed(Milestone.GPS_FIX):
@@ -71,7 +64,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
+def global_position_int(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """GLOBAL_POSITION_INT; zeros before the vehicle has a position."""
     place, velocity = copter.place, copter.motion.velocity
     known = copter.passed(Milestone.GPS_FIX)
@@ -89,7 +82,7 @@ def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
     )
 
 
-def local_position_ned(copter: Copter) -> dialect.MAVLink_message | None:
+def local_position_ned(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """LOCAL_POSITION_NED"""
     if not copter.has_position:
         return None
@@ -99,14 +92,14 @@ def local_position_ned(copter: Copter) -> dialect.MAVLink_message | None:
     )
 
 
-def attitude(copter: Copter) -> dialect.MAVLink_message:
+def attitude(copter: ArduPilot) -> dialect.MAVLink_message:
     """ATTITUDE"""
     roll, pitch = copter.motion.tilt
     yaw = math.remainder(copter.motion.heading, 2 * math.pi)
     return dialect.MAVLink_attitude_message(_boot_ms(copter), roll, pitch, yaw, 0, 0, copter.motion.turn_rate)
 
 
-def vfr_hud(copter: Copter) -> dialect.MAVLink_message:
+def vfr_hud(copter: ArduPilot) -> dialect.MAVLink_message:
     """VFR_HUD"""
     speed = copter.motion.velocity.flat()
     throttle = 37 if copter.armed and copter.flight.airborne else 0
@@ -114,7 +107,7 @@ def vfr_hud(copter: Copter) -> dialect.MAVLink_message:
     return dialect.MAVLink_vfr_hud_message(speed, speed, heading, throttle, copter.place.alt, copter.motion.up.velocity)
 
 
-def gps_raw_int(copter: Copter) -> dialect.MAVLink_message:
+def gps_raw_int(copter: ArduPilot) -> dialect.MAVLink_message:
     """GPS_RAW_INT"""
     place, velocity = copter.gps_place, copter.motion.velocity
     if place is None:
@@ -129,7 +122,7 @@ def gps_raw_int(copter: Copter) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def battery_status(copter: Copter) -> dialect.MAVLink_message:
+def battery_status(copter: ArduPilot) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
     battery = copter.battery
     return dialect.MAVLink_battery_status_message(
@@ -138,7 +131,7 @@ def battery_status(copter: Copter) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def home_position(copter: Copter) -> dialect.MAVLink_message | None:
+def home_position(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """HOME_POSITION"""
     home = copter.home
     if home is None:
@@ -149,7 +142,7 @@ def home_position(copter: Copter) -> dialect.MAVLink_message | None:
     )
 
 
-def gps_global_origin(copter: Copter) -> dialect.MAVLink_message | None:
+def gps_global_origin(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """GPS_GLOBAL_ORIGIN"""
     if not copter.passed(Milestone.HOME):
         return None
@@ -157,10 +150,10 @@ def gps_global_origin(copter: Copter) -> dialect.MAVLink_message | None:
     return dialect.MAVLink_gps_global_origin_message(origin.lat_e7, origin.lon_e7, origin.alt_mm, _boot_us(copter))
 
 
-def position_target_global_int(copter: Copter) -> dialect.MAVLink_message | None:
+def position_target_global_int(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """POSITION_TARGET_GLOBAL_INT: the goal, also one that came while the motors were off (as recorded)."""
     target = copter.flight.target
-    if target is None or not (copter.mode in (Mode.GUIDED, Mode.RTL) or isinstance(copter.flight.task, GoTo)):
+    if target is None or not copter.reports_target:
         return None
     goal = copter.chart.place(target)
     return dialect.MAVLink_position_target_global_int_message(
@@ -168,7 +161,7 @@ def position_target_global_int(copter: Copter) -> dialect.MAVLink_message | None
     )
 
 
-def nav_controller_output(copter: Copter) -> dialect.MAVLink_message:
+def nav_controller_output(copter: ArduPilot) -> dialect.MAVLink_message:
     """NAV_CONTROLLER_OUTPUT"""
     roll, pitch = copter.motion.tilt
     target, at = copter.flight.target, copter.motion.position
@@ -183,49 +176,48 @@ def nav_controller_output(copter: Copter) -> dialect.MAVLink_message:
     )
 
 
-def mission_current(copter: Copter) -> dialect.MAVLink_message:
+def mission_current(copter: ArduPilot) -> dialect.MAVLink_message:
     """MISSION_CURRENT"""
-    mission, flying = copter.mission, copter.mode is Mode.AUTO
+    mission, flying = copter.mission, copter.mode is copter.AUTO
     state = 1 if not mission.items else 5 if mission.complete else 3 if flying else 2
     return dialect.MAVLink_mission_current_message(mission.current, len(mission.items), state, 1 if flying else 0)
 
 
-def autopilot_version(copter: Copter) -> dialect.MAVLink_message:
+def autopilot_version(copter: ArduPilot) -> dialect.MAVLink_message:
     """AUTOPILOT_VERSION"""
-    del copter
     return dialect.MAVLink_autopilot_version_message(
-        CAPABILITIES, 4 << 24 | 7 << 16, 0, 0, 0, list(b"argosy\0\0"), [0] * 8, [0] * 8, 0, 0, 0,
-        list(b"simulated copter\0\0"),
+        copter.CAPABILITIES, 4 << 24 | 7 << 16, 0, 0, 0, list(b"argosy\0\0"), [0] * 8, [0] * 8, 0, 0, 0,
+        list(f"simulated {copter.NAME}".encode().ljust(18, b"\0")),
     )  # fmt: skip
 
 
-def ekf_status_report(copter: Copter) -> dialect.MAVLink_message:
+def ekf_status_report(copter: ArduPilot) -> dialect.MAVLink_message:
     """EKF_STATUS_REPORT"""
     estimate = copter.estimate
     flags = copter.boot.ekf_flags(copter.now, lost=estimate.lost, glitching=estimate.glitching)
     return dialect.MAVLink_ekf_status_report_message(flags, *(0,) * 6)
 
 
-def rc_channels(copter: Copter) -> dialect.MAVLink_message:
+def rc_channels(copter: ArduPilot) -> dialect.MAVLink_message:
     """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
     pulses = copter.transmitter.pulses(copter.now)
     return dialect.MAVLink_rc_channels_message(_boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
 
 
-def servo_output_raw(copter: Copter) -> dialect.MAVLink_message:
+def servo_output_raw(copter: ArduPilot) -> dialect.MAVLink_message:
     """SERVO_OUTPUT_RAW: 16 outputs, the first four are motors; 0 is no pulse."""
     pulses = copter.outputs.pulses(armed=copter.armed, airborne=copter.flight.airborne)
     return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *pulses)
 
 
-def wind(copter: Copter) -> dialect.MAVLink_message:
+def wind(copter: ArduPilot) -> dialect.MAVLink_message:
     """WIND: from where it blows, in degrees from -180 to 180 (recorded)."""
     air = copter.motion.air
     direction = math.degrees(math.atan2(-air.east, -air.north))
     return dialect.MAVLink_wind_message(direction, math.hypot(air.north, air.east), 0.0)
 
 
-def fence_status(copter: Copter) -> dialect.MAVLink_message | None:
+def fence_status(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """FENCE_STATUS, while the fence is enabled."""
     fence = copter.fence
     if not fence.enabled:
@@ -236,9 +228,9 @@ def fence_status(copter: Copter) -> dialect.MAVLink_message | None:
     )
 
 
-def position_target_local_ned(copter: Copter) -> dialect.MAVLink_message | None:
+def position_target_local_ned(copter: ArduPilot) -> dialect.MAVLink_message | None:
     """POSITION_TARGET_LOCAL_NED in GUIDED: the goal, or the velocity that is flown (0 while it hovers)."""
-    if copter.mode is not Mode.GUIDED:
+    if copter.mode is not copter.GUIDED:
         return None
     task, target = copter.flight.task, copter.flight.target
     if isinstance(task, TakeOff):
@@ -282,16 +274,16 @@ BUILDERS: dict[int, Builder] = {
     285: lambda copter: copter.payload.gimbal.attitude(copter.place, copter.motion.heading, copter.now),
     376: lambda copter: copter.payload.relay_status(copter.now),
     9005: lambda copter: copter.payload.winch_status(copter.now),
-    245: lambda copter: dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed)),
+    245: lambda copter: dialect.MAVLink_extended_sys_state_message(copter.VTOL_STATE, copter.landed_state),
 }
 """Messages by id that can be asked for."""
 
 
-def _boot_ms(copter: Copter) -> int:
+def _boot_ms(copter: ArduPilot) -> int:
     return round(copter.now * 1000) % 2**32
 
 
-def _boot_us(copter: Copter) -> int:
+def _boot_us(copter: ArduPilot) -> int:
     return round(copter.now * 1e6)
 
 
@@ -302,9 +294,6 @@ def _milli(value: float) -> int:
 def _centi(value: float) -> int:
     return max(-_INT16, min(_INT16, round(value * 100)))
 
-
-DEFAULTS_S = {0: 1.0}
-"""Intervals after power on: HEARTBEAT only (recorded)."""
 
 GROUPS: dict[int, tuple[int, ...]] = {
     1: (),  # RAW_SENSORS: no raw sensors are simulated

@@ -30,8 +30,16 @@ class Tuning:
     smooth: Callable[[float], Limits]
     """Limits of a smooth leg of a length."""
     drift: Limits
+    slip: float = 1.0
+    """Share of a wanted velocity that is flown."""
+    turn_ahead: float = 0.5
+    """Seconds ahead to which the nose turns by a rate."""
+    circle: Limits
+    circle_slip: float = 1.0
+    """The same of the speed on a circle."""
     stop: Limits
     hard_stop: Limits
+    landing: Limits
     spool_up: float
     """From arming until the motors can lift."""
     lift_delay: float
@@ -210,7 +218,7 @@ class Flight:
         here = self.motion.position
         if leg.length is None:
             leg.length = math.hypot(leg.goal.north - here.north, leg.goal.east - here.east)
-        self.motion.go(leg.goal, self._limits(leg.length if leg.smooth else None), dt)
+        self.motion.go(leg.goal, leg.limits or self._limits(leg.length if leg.smooth else None), dt)
         off, left = _apart(leg.goal, here), _apart(leg.goal, self.motion.target)
         if off < self.tuning.radius and left < self.tuning.leg_done:
             self.reached = True
@@ -224,9 +232,11 @@ class Flight:
         if self.now >= drift.expires:
             self.begin(Stop())
             return
-        self.motion.fly(drift.velocity, self.tuning.drift, dt)
+        tuning, wanted = self.tuning, drift.velocity
+        flown = Vector(wanted.north * tuning.slip, wanted.east * tuning.slip, wanted.up)
+        self.motion.fly(flown, tuning.drift, dt)
         if drift.turn_rate is not None:
-            drift.heading = (self.motion.heading + drift.turn_rate * max(dt, 0.5)) % (2 * math.pi)
+            drift.heading = (self.motion.heading + drift.turn_rate * max(dt, tuning.turn_ahead)) % (2 * math.pi)
         self._turn(drift.heading if drift.heading is not None else self.heading_wish, dt)
 
     def _return(self, back: Return, dt: float) -> None:
@@ -260,7 +270,7 @@ class Flight:
         self.landed = Landed.LANDING
         towards = Vector() if over is None else self.motion.course_to(over, self.tuning.legs)
         towards.up = -self.tuning.descent(self.height)
-        self.motion.fly(towards, self.tuning.stop, dt)
+        self.motion.fly(towards, self.tuning.landing, dt)
 
     def _circle(self, circle: Circle, dt: float) -> None:
         """Fly along the tangent, and to the circle; the nose points to its centre."""
@@ -268,11 +278,12 @@ class Flight:
         north, east = here.north - centre.north, here.east - centre.east
         away = max(0.1, math.hypot(north, east))
         inward = max(-1.0, min(1.0, (away - abs(circle.radius)) / 4))
-        along = math.copysign(math.sqrt(1 - inward * inward), circle.radius) * circle.speed / away
-        inward *= circle.speed / away
+        speed = circle.speed * self.tuning.circle_slip
+        along = math.copysign(math.sqrt(1 - inward * inward), circle.radius) * speed / away
+        inward *= speed / away
         climb = max(-1.0, min(1.0, centre.up - here.up))
         velocity = Vector(-east * along - north * inward, north * along - east * inward, climb)
-        self.motion.fly(velocity, self.tuning.drift, dt)
+        self.motion.fly(velocity, self.tuning.circle, dt)
         self._turn(math.atan2(-east, -north) % (2 * math.pi), dt)
 
     def _turn(self, heading: float | None, dt: float) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 
-from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.dynamics import Limits, Vector
 
 
 class Landed(IntEnum):
@@ -30,6 +30,8 @@ class GoTo:
     heading: float | None = None
     smooth: bool = False
     length: float | None = None  # m, horizontally, from where it began
+    limits: Limits | None = None  # None: those of legs
+    radius: float | None = None  # m, of a plane's circle around it; anticlockwise if < 0, None: the autopilot's own
 
 
 @dataclass(slots=True)
@@ -83,4 +85,13 @@ class Circle:
     speed: float
 
 
-Task = TakeOff | GoTo | Drift | Stop | Return | Land | Circle
+@dataclass(slots=True)
+class Approach:
+    """A plane's landing: down to a place on the ground, along a straight line from where it begins."""
+
+    goal: Vector
+    length: float | None = None  # m, horizontally, from where it began ...
+    up: float = 0.0  # ... at this altitude
+
+
+Task = TakeOff | GoTo | Drift | Stop | Return | Land | Circle | Approach

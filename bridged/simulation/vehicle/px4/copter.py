@@ -8,10 +8,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.autopilot import BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.motion.copter_flight import Flight
-from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, TakeOff, Task
 from bridged.simulation.vehicle.px4 import parameters
-from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, CopterTuning
+from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, CopterTuning, stream_limits
 from bridged.simulation.vehicle.px4.px4 import Px4, Stored
 
 
@@ -26,7 +26,13 @@ class Px4Copter(Px4):
     @classmethod
     def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> "Px4Copter":
         """Make one at a place, with a heading in radians."""
-        return cls(place, Motion(heading), _flight, stored, boot, charge_time)
+        motion = Motion(heading)
+        return cls(place, motion, Flight(motion, CopterTuning(stored.parameters)), stored, boot, charge_time)
+
+    @property
+    def stream_limits(self) -> Limits:
+        """Limits of the way to a place that is streamed in OFFBOARD."""
+        return stream_limits(self.parameters)
 
     def begin_takeoff(self, up: float) -> None:
         """Take off to an altitude on the map."""
@@ -43,7 +49,3 @@ class Px4Copter(Px4):
     def return_height(self) -> float:
         """Return the height above home of a return from here, in metres."""
         return self.flight.tuning.return_height(self.motion.position.distance(self.home_on_chart))
-
-
-def _flight(motion: Motion, values: parameters.Parameters) -> Flight:
-    return Flight(motion, CopterTuning(values))

@@ -17,9 +17,19 @@ TOUCHDOWN_TO_LANDED_S = 2.6
 NEAR_HOME = 26.0
 """Metres; a return from nearer than this is flown lower (recorded: 20 m above home from 25 m, 30 m from 28 m)."""
 
-_SLIP = 0.85
+_SLIP = 0.83
 """Share of a wanted speed that is flown: the recorded simulator has drag, and its PX4 no integral for seconds."""
+_HOLD = Limits(accel=1.8, climb_accel=0.45)
 _CRAWL, _CRAWL_HEIGHT = 0.32, 0.7
+
+
+def stream_limits(values: Parameters) -> Limits:
+    """Return the limits of the way to a place that is streamed in OFFBOARD."""
+    up, down = 0.88 * values["MPC_Z_V_AUTO_UP"], values["MPC_Z_V_AUTO_DN"]
+    return Limits(
+        _SLIP * values["MPC_XY_VEL_MAX"], up, down, accel=4.0, brake=3.3, jerk=8.0, settle=0.95,
+        climb_accel=2.0, climb_brake=1.0, climb_settle=1.0,
+    )  # fmt: skip
 
 
 class CopterTuning:
@@ -48,10 +58,6 @@ def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
         _SLIP * max(0.2, speed), 0.88 * up, down, accel=2.4, brake=0.75, jerk=4.0, settle=4.0,
         climb_accel=1.9, climb_brake=0.6, climb_settle=0.55, response=0.3, release=0.3,
     )  # fmt: skip
-    stream = Limits(
-        _SLIP * values["MPC_XY_VEL_MAX"], 0.88 * up, down, accel=4.0, brake=3.3, jerk=8.0, settle=0.95,
-        climb_accel=2.0, climb_brake=1.0, climb_settle=1.0,
-    )  # fmt: skip
 
     def landing(height: float) -> float:
         if height < _CRAWL_HEIGHT:
@@ -64,10 +70,15 @@ def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
 
     return Tuning(
         legs=legs,
-        smooth=lambda length: stream,
-        drift=Limits(accel=3.0, jerk=6.0),
-        stop=Limits(accel=2.5),
-        hard_stop=Limits(accel=2.5),
+        smooth=lambda length: legs,
+        drift=Limits(accel=2.6, jerk=5.0),
+        slip=_SLIP,
+        turn_ahead=0.25,
+        circle=Limits(accel=1.2, jerk=1.6),
+        circle_slip=0.76,
+        stop=_HOLD,
+        hard_stop=_HOLD,
+        landing=Limits(accel=2.5),
         spool_up=SPOOL_UP_S + LIFT_S,
         lift_delay=LIFT_S,
         takeoff=lambda height, rising: takeoff,

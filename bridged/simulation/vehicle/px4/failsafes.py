@@ -17,7 +17,7 @@ from bridged.simulation.vehicle.px4.texts import CRITICAL
 if TYPE_CHECKING:
     from bridged.simulation.vehicle.px4.px4 import Px4
 
-HEARTBEAT_TIMEOUT_S = 2.4
+HEARTBEAT_TIMEOUT_S = 2.25
 """Seconds after the last HEARTBEAT of a kind at which its sender counts as silent (recorded: 2.1 to 2.6)."""
 COMPANION_S = 4.8
 """Seconds of that after which the companion is lost."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.transport import further_messages
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, ulog
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.mission_items import whole
@@ -16,7 +17,7 @@ from bridged.simulation.vehicle.notifications import (
     ParameterChanged,
     Text,
 )
-from bridged.simulation.vehicle.px4 import telemetry, wire
+from bridged.simulation.vehicle.px4 import telemetry
 from bridged.simulation.vehicle.px4.commands import Command, CommandContext, set_mode
 from bridged.simulation.vehicle.px4.failsafes import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import MissionProtocol
@@ -26,8 +27,12 @@ from bridged.simulation.vehicle.px4.setpoints import global_setpoint, local_setp
 
 TEXT_KEPT_S = 4.0
 """Vehicle seconds that a text waits for a ground station on a link (recorded: 2.1 were waited, 6 were not)."""
+STATION_NOTICED_S = 0.55
+"""Vehicle seconds from the first HEARTBEAT of a ground station on a link to the first text (recorded: 0.1 to 1.1)."""
 _ANNOUNCED_S = 0.02
 """Vehicle seconds after which a changed parameter is announced to all."""
+_TO_NOBODY = frozenset((420,))
+"""Commands whose acknowledgement has no target (recorded): INJECT_FAILURE."""
 _CHUNK = 50
 """Bytes of one STATUSTEXT."""
 _NO_INDEX, _ALL = -1, 0
@@ -62,6 +67,11 @@ class Px4Messages(MessageHandler[Px4]):
             self.autopilot.events += due
         return self._mission.advance()
 
+    @property
+    def waits(self) -> bool:
+        """Whether an upload or something that takes its time goes on."""
+        return bool(self._later) or self._mission.uploading
+
     def regular(self) -> Messages:
         """Return nothing: all that PX4 sends regularly is a stream."""
         return []
@@ -86,11 +96,15 @@ class Px4Messages(MessageHandler[Px4]):
     def _release(self, channel: Channel) -> None:
         now = self.autopilot.now
         channel.held = [one for one in channel.held if now - one[0] <= TEXT_KEPT_S]
-        if channel.station_at is None or now - channel.station_at > HEARTBEAT_TIMEOUT_S:
+        if not self._present(channel) or now - channel.station_since < STATION_NOTICED_S:
             return
         held, channel.held = channel.held, []
         for _, text, severity in held:
             channel.outbox += self._text(text, severity)
+
+    def _present(self, channel: Channel) -> bool:
+        at = channel.station_at
+        return at is not None and self.autopilot.now - at <= HEARTBEAT_TIMEOUT_S
 
     def _text(self, text: str, severity: int) -> Messages:
         self._texts = self._texts % 65535 + 1
@@ -114,7 +128,7 @@ class Px4Messages(MessageHandler[Px4]):
             case Number(number, levels):
                 self._events = (self._events + 1) % 65536
                 at = round(px4.now * 1000) % 2**32
-                return [wire.Event(number, at, self._events, 0, 0, levels, bytes(40))]
+                return [further_messages.Event(number, at, self._events, 0, 0, levels, [0] * 40)]
             case Done(command, result, peer):
                 return [dialect.MAVLink_command_ack_message(command, int(result), 0, 0, *peer)]
         return []
@@ -128,8 +142,9 @@ class Px4Messages(MessageHandler[Px4]):
             case "HEARTBEAT":
                 px4.links.heard(message, int(px4.parameters["MAV_SYS_ID"]), px4.now)
                 if message.type == dialect.MAV_TYPE_GCS:
+                    if not self._present(channel):
+                        channel.station_since = px4.now
                     channel.station_at = px4.now
-                    self._release(channel)
             case "COMMAND_LONG" | "COMMAND_INT":
                 return self._command(Command.of(message), channel)
             case "SET_MODE":
@@ -161,7 +176,8 @@ class Px4Messages(MessageHandler[Px4]):
         context = CommandContext(self.autopilot, channel.streams)
         result = context.carry_out(command)
         self._later += [(self.autopilot.now + seconds, done) for seconds, done in context.later]
-        return [*context.ahead, self._ack(command.number, int(result), command.peer)]
+        peer = (0, 0) if command.number in _TO_NOBODY else command.peer
+        return [*context.ahead, self._ack(command.number, int(result), peer)]
 
     def _ack(self, command: int, result: int, peer: tuple[int, int]) -> dialect.MAVLink_message:
         return dialect.MAVLink_command_ack_message(command, result, 0, 0, *peer)

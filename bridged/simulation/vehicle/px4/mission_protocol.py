@@ -15,7 +15,7 @@ from bridged.simulation.vehicle.px4.texts import CRITICAL
 MISSION, FENCE, RALLY = 0, 1, 2
 """mission_type (MAV_MISSION_TYPE)."""
 MAX_ITEMS = 500
-REPEAT_S, GIVE_UP_S = 0.25, 5.0
+REPEAT_S, GIVE_UP_S = 0.25, 5.06
 """Period and limit of repeated requests for a missing item, in seconds (recorded)."""
 _ACCEPTED, _ERROR, _BAD_FRAME, _UNSUPPORTED, _NO_SPACE, _BAD_SEQUENCE, _DENIED = 0, 1, 2, 3, 4, 13, 14
 """MISSION_ACK.type (MAV_MISSION_RESULT)."""
@@ -39,6 +39,11 @@ class MissionProtocol:
     def __init__(self, px4: Px4) -> None:
         self._px4 = px4
         self._upload: _Upload | None = None
+
+    @property
+    def uploading(self) -> bool:
+        """Whether items are requested."""
+        return self._upload is not None
 
     def receive(self, message: dialect.MAVLink_message) -> Messages:
         """Answer one message of the mission protocol."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from bridged.simulation.vehicle.motion.tasks import Landed, Task
+from bridged.simulation.vehicle.motion.tasks import Task
 from bridged.simulation.vehicle.notifications import ItemReached, MissionChanged, Number
 from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.missions import REPEATS, State
@@ -38,6 +38,8 @@ class Navigator:
             return State.NONE
         if mission.complete:
             return State.COMPLETE
+        if px4.mode is Mode.RTL and px4.lands_by_mission:
+            return State.PAUSED
         return State.ACTIVE if px4.mode is Mode.MISSION else State.NOT_STARTED
 
     def judge(self) -> None:
@@ -117,6 +119,12 @@ class Navigator:
         if self._done(item):
             self._fly_from(item.seq + 1, after=item)
 
+    def go_on(self) -> None:
+        """Go on with the item after the current one."""
+        mission = self._px4.missions
+        item = mission.item(mission.current)
+        self._fly_from(mission.current + 1, after=item)
+
     def landed(self) -> None:
         """Take note of a landing in the mission."""
         mission = self._px4.missions
@@ -180,8 +188,10 @@ class Navigator:
         if px4.climbs_first:
             px4.send_text(f"Climb to {height:.1f} meters above home")
         if px4.flight.airborne:
-            px4.flight.landed = Landed.IN_AIR
-        px4.begin_takeoff(goal.up)
+            here = px4.motion.position
+            px4.flight.begin(px4.going(Vector(here.north, here.east, goal.up), px4.motion.heading))
+        else:
+            px4.begin_takeoff(goal.up)
 
     def _do(self, item: Item) -> None:
         if item.command == _DO_CHANGE_SPEED and item.params[1] > 0:
@@ -191,7 +201,7 @@ class Navigator:
         px4, mission = self._px4, self._px4.missions
         match item.command:
             case missions.TAKEOFF:
-                return px4.flight.reached
+                return px4.flight.reached or abs(self._goal(item).up - px4.motion.up.position) < _ALTITUDE_REACHED
             case missions.LOITER_UNLIM | missions.LAND:
                 return False
             case missions.DELAY:

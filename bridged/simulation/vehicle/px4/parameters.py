@@ -39,7 +39,7 @@ COMMON: Mapping[str, tuple[float, Kind]] = {
     "GF_ACTION": (2, _I),
     "GF_MAX_HOR_DIST": (0, _F),
     "GF_MAX_VER_DIST": (0, _F),
-    "MAN_OVERRIDE_SPD": (1.5, _F),
+    "MAN_OVERRIDE_SPD": (1, _F),
     "MAV_SYS_ID": (1, _I),
     "MIS_TAKEOFF_ALT": (2.5, _F),
     "NAV_ACC_RAD": (10, _F),
@@ -68,6 +68,24 @@ COPTER: Mapping[str, tuple[float, Kind]] = {
     "MPC_XY_VEL_MAX": (12, _F),
     "MPC_Z_V_AUTO_DN": (1.5, _F),
     "MPC_Z_V_AUTO_UP": (3, _F),
+}
+
+
+PLANE: Mapping[str, tuple[float, Kind]] = {
+    "FW_AIRSPD_MAX": (20, _F),
+    "FW_AIRSPD_MIN": (10, _F),
+    "FW_AIRSPD_TRIM": (15, _F),
+    "FW_LND_ANG": (5, _F),
+    "MIS_TAKEOFF_ALT": (25, _F),
+    "RTL_RETURN_ALT": (100, _F),
+    "RTL_TYPE": (1, _I),
+    "RWTO_TKOFF": (1, _I),
+}
+
+ROVER: Mapping[str, tuple[float, Kind]] = {
+    "NAV_ACC_RAD": (0.5, _F),
+    "RO_SPEED_LIM": (3, _F),
+    "RTL_RETURN_ALT": (60, _F),
 }
 
 

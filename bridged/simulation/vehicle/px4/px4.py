@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, Self
 
 from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
-from bridged.simulation.vehicle.notifications import MissionChanged, Number, Result, Severity, Text
+from bridged.simulation.vehicle.notifications import Number, Result, Severity, Text
 from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.battery import Battery
 from bridged.simulation.vehicle.px4.failsafes import Failsafes, Links
@@ -28,11 +28,11 @@ from bridged.simulation.vehicle.px4.texts import CRITICAL, INFO, event_of
 FIRST_HEARTBEAT_S = 1.45
 """Seconds after power on; the times below count from here."""
 _HOME_S: Mapping[BootKind, float] = {"real": 0.9, "quick": 0.4}
-_READY_S: Mapping[BootKind, float] = {"real": 2.7, "quick": 1.0}
+_QUICK_READY_S = 1.0
 _COMPLAINT_S = 1.0
 """When the first arming check that fails is reported (recorded: 0.1 to 1.2)."""
 
-PREFLIGHT_EXTRA_S = 1.1
+PREFLIGHT_EXTRA_S = 1.15
 """Besides COM_DISARM_PRFLT, until a vehicle that does nothing is disarmed (recorded)."""
 
 
@@ -70,15 +70,17 @@ class Stored:
 class Px4(Autopilot):
     """One vehicle with PX4."""
 
-    PILOTED = Mode.POSCTL
-    LANDING = Mode.LAND
-    GIVEN_BACK = Mode.RTL
+    PILOTED: ClassVar = Mode.POSCTL
+    LANDING: ClassVar = Mode.LAND
+    GIVEN_BACK: ClassVar = Mode.RTL
     TYPE: ClassVar[int]
     """MAV_TYPE"""
     TABLES: ClassVar[tuple[Mapping[str, tuple[float, Kind]], ...]]
     """Its parameters besides the common ones."""
     DETECTED_S: ClassVar[float] = 0.0
     """Seconds before it leaves the ground at which a takeoff is detected."""
+    READY_S: ClassVar[float] = 2.7
+    """When the estimator has started (recorded: a copter 1.9 to 2.9)."""
     mode: Mode
     flight: Flight
 
@@ -86,7 +88,7 @@ class Px4(Autopilot):
         self,
         start: Place,
         motion: Motion,
-        make_flight: Callable[[Motion, Parameters], Flight],
+        flight: Flight,
         stored: Stored,
         boot: BootKind = "quick",
         charge_time: float = CHARGE_S,
@@ -96,8 +98,7 @@ class Px4(Autopilot):
         self.stored = stored
         self.parameters, self.missions, self.fence = stored.parameters, stored.missions, stored.fence
         self.boot = boot
-        self.make_flight = make_flight
-        self.flight = make_flight(motion, self.parameters)
+        self.flight = flight
         self.battery = Battery(self.parameters, charge_time)
         self.sticks = Sticks()
         self.links = Links()
@@ -116,11 +117,15 @@ class Px4(Autopilot):
         self._complained = False
         self._returning = False
 
+    @classmethod
+    @abstractmethod
+    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> Self:
+        """Make one at a place, with a heading in radians."""
+
     def restarted(self, place: Place) -> Self:
         """Return the vehicle after a restart at a place on the ground."""
-        motion = type(self.motion)(self.motion.heading)
         self.missions.current, self.missions.complete = 0, False
-        return type(self)(place, motion, self.make_flight, self.stored, self.boot, self.battery.charge_time)
+        return self.made(place, self.motion.heading, self.boot, self.stored, self.battery.charge_time)
 
     @property
     def age(self) -> float:
@@ -130,7 +135,7 @@ class Px4(Autopilot):
     @property
     def ready(self) -> bool:
         """Whether the estimator has started, so that it can be armed."""
-        return self.age >= _READY_S[self.boot]
+        return self.age >= (self.READY_S if self.boot == "real" else _QUICK_READY_S)
 
     @property
     def booting(self) -> bool:
@@ -213,6 +218,8 @@ class Px4(Autopilot):
         self.flight.begin(Stop())
         self.failsafes.clear()
         self.send_text(f"Disarmed by {by}")
+        if not self.flight.airborne:
+            self.set_home(self.place)
         if self.intended in (Mode.TAKEOFF, Mode.LAND, Mode.PRECLAND, Mode.RTL, Mode.ORBIT):
             self.intended = Mode.LOITER
         self.mode = self.intended
@@ -238,11 +245,8 @@ class Px4(Autopilot):
         """Do what a mode does, whatever was wanted; nothing new if it is the present one."""
         if mode is self.mode:
             return
-        was_mission = self.mode is Mode.MISSION
         self.mode = mode
         self._returning = False
-        if was_mission or mode is Mode.MISSION:
-            self.events.append(MissionChanged())
         self._enter(mode)
 
     def settle_in(self, mode: Mode, task: Task | None = None) -> None:
@@ -383,9 +387,16 @@ class Px4(Autopilot):
             if self.mode.piloted:
                 self.flight.begin(self.sticks.drift(self.motion.heading, self.now, self.top_speed))
 
+    lands_by_mission = False
+    """Whether AUTO.RTL flies the landing of the mission."""
     takes_off: ClassVar[bool] = True
     """Whether NAV_TAKEOFF is taken."""
     has_airspeed: ClassVar[bool] = False
+
+    @property
+    def stream_limits(self) -> Limits | None:
+        """Limits of the way to a place that is streamed in OFFBOARD; None: those of legs."""
+        return None
 
     @property
     def circle(self) -> Circle | None:
@@ -396,7 +407,7 @@ class Px4(Autopilot):
     @property
     def top_speed(self) -> float:
         """m/s of a stick at its end."""
-        return 10.0
+        return 6.0
 
     @property
     def _yields_to_sticks(self) -> bool:

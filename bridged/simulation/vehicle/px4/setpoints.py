@@ -35,7 +35,7 @@ def local_setpoint(px4: Px4, message: dialect.MAVLink_message) -> None:
         place = (here.north + north, here.east + east, message.z - here.up)
     if not mask & _IGNORE_POSITION and all(map(math.isfinite, place)):
         north, east, down = place
-        px4.guide(GoTo(Vector(north, east, -down), _heading(px4, message), smooth=True))
+        px4.guide(GoTo(Vector(north, east, -down), _heading(px4, message), limits=px4.stream_limits))
     elif not mask & _IGNORE_VELOCITY and all(map(math.isfinite, velocity)):
         _drift(px4, message, velocity)
 
@@ -56,7 +56,7 @@ def global_setpoint(px4: Px4, message: dialect.MAVLink_message) -> None:
     home = px4.home or px4.chart.origin
     altitude = message.alt if frame == _AMSL else home.alt + message.alt
     goal = px4.chart.at(message.lat_int / 1e7, message.lon_int / 1e7, altitude)
-    px4.guide(GoTo(goal, _heading(px4, message), smooth=True))
+    px4.guide(GoTo(goal, _heading(px4, message), limits=px4.stream_limits))
 
 
 def _drift(px4: Px4, message: dialect.MAVLink_message, velocity: tuple[float, float, float]) -> None:

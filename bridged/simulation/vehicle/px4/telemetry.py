@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.transport.further_messages import CurrentMode
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Landed, TakeOff
 from bridged.simulation.vehicle.px4.modes import AVAILABLE, STANDARD, Mode
 from bridged.simulation.vehicle.px4.px4 import Px4
-from bridged.simulation.vehicle.px4.wire import AvailableModes, CurrentMode, ProtocolVersion
+from bridged.simulation.vehicle.px4.wire import AvailableModes, ProtocolVersion
 
 AVAILABLE_MODES_ID, CURRENT_MODE_ID, PROTOCOL_VERSION_ID = 435, 436, 300
 
@@ -65,7 +66,7 @@ def sys_status(px4: Px4) -> dialect.MAVLink_message:
 
 def global_position_int(px4: Px4) -> dialect.MAVLink_message | None:
     """GLOBAL_POSITION_INT"""
-    if not px4.has_position:
+    if px4.home is None or px4.estimate.lost:
         return None
     place, velocity = px4.place, px4.motion.velocity
     return dialect.MAVLink_global_position_int_message(
@@ -77,7 +78,7 @@ def global_position_int(px4: Px4) -> dialect.MAVLink_message | None:
 
 def local_position_ned(px4: Px4) -> dialect.MAVLink_message | None:
     """LOCAL_POSITION_NED"""
-    if not px4.has_position:
+    if px4.home is None or px4.estimate.lost:
         return None
     at, velocity = px4.motion.position, px4.motion.velocity
     return dialect.MAVLink_local_position_ned_message(
@@ -250,7 +251,7 @@ BUILDERS: dict[int, Builder] = {
 REQUESTED: dict[int, Builder] = {
     **{number: builder for number, builder in BUILDERS.items() if number != 42},
     148: autopilot_version,
-    PROTOCOL_VERSION_ID: lambda px4: ProtocolVersion(200, 100, 203, bytes(8), b"argosy\0\0"),
+    PROTOCOL_VERSION_ID: lambda px4: ProtocolVersion(200, 100, 203, [0] * 8, list(b"argosy\0\0")),
 }
 """Messages by id for REQUEST_MESSAGE."""
 

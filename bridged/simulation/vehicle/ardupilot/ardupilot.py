@@ -1,0 +1,355 @@
+"""What ArduPilot's copters, planes and rovers have in common, without MAVLink: checks, modes, missions, failsafes."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, Protocol, Self
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot.battery import Battery
+from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, Milestone, Script
+from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationLink, StationWatch, watch_over
+from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do
+from bridged.simulation.vehicle.ardupilot.parameters import Parameters, Row
+from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
+from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.mission_items import Item
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
+from bridged.simulation.vehicle.notifications import ItemReached, ModeChanged, ParameterChanged, Result, Severity
+from bridged.simulation.vehicle.payload import Payload
+
+UNASKED_S = dict.fromkeys((0, 1, 2, 24, 30, 32, 33, 36, 42, 62, 65, 74, 87, 125, 147, 152, 193, 241), 1.0)
+"""Intervals of the streams that come unasked from the recorded plane and rover, by message id."""
+
+
+class Drive(Locomotion, Protocol):
+    """What ArduPilot needs of the motion of a vehicle."""
+
+    task: Task
+    reached: bool
+    cruise_speed: float | None
+
+    def arm(self) -> None:
+        """Start the motors."""
+
+    def begin(self, task: Task) -> None:
+        """Begin another task from the present motion."""
+
+    @property
+    def target(self) -> Vector | None:
+        """Goal of the present task, if the autopilot reports one (POSITION_TARGET_GLOBAL_INT)."""
+
+
+class ArduPilot(Autopilot):
+    """One vehicle with ArduPilot."""
+
+    NAME: ClassVar[str]
+    TYPE: ClassVar[int]
+    """MAV_TYPE"""
+    CAPABILITIES: ClassVar[int]
+    """capabilities of AUTOPILOT_VERSION"""
+    VTOL_STATE: ClassVar[int] = 0
+    """vtol_state of EXTENDED_SYS_STATE (MAV_VTOL_STATE)."""
+    ROWS: ClassVar[Sequence[Row]]
+    """Its parameters."""
+    SCRIPT: ClassVar[Script]
+    """Its boot sequence."""
+    DEFAULTS_S: ClassVar[dict[int, float]] = {0: 1.0}
+    """Intervals of the streams that come unasked, by message id."""
+    OUTSIDE_GUIDED: ClassVar[Result] = Result.DENIED
+    """Result of a DO_REPOSITION that may not change the mode, in another one."""
+    INITIAL: ClassVar[Any]
+    """The mode after power on, and the one that the pilot's switch sets then; modes are those of the kind ..."""
+    GUIDED: ClassVar[Any]
+    AUTO: ClassVar[Any]
+    RTL: ClassVar[Any]
+    LOITER: ClassVar[Any]
+    mode: Any
+    flight: Any
+
+    def __init__(
+        self,
+        start: Place,
+        motion: Motion,
+        flight: Drive,
+        *,
+        parameters: Parameters,
+        boot: BootKind = "quick",
+        stored: Mission | None = None,
+        charge_time: float = CHARGE_S,
+    ) -> None:
+        """`parameters` and the `stored` mission are what is in the vehicle's memory from before a restart; at home an
+        empty battery is full after `charge_time` seconds."""
+        super().__init__(start, motion, FIRST_HEARTBEAT_S)
+        self.parameters = parameters
+        self.boot = Boot(boot, start.alt, self.SCRIPT)
+        self.flight = flight
+        self.battery = Battery(self.parameters, charge_time)
+        self.fence = Fence(self.parameters)
+        self.station = self.station_watch(parameters)
+        self.outputs = Outputs(self.parameters)
+        self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
+        self.payload = Payload()
+        self.transmitter = Transmitter(self.parameters)
+        self.mission = stored or Mission()
+        self.mode = self.INITIAL
+        self._actions: list[Item] = []  # mission items to be done on the way
+        self._actions_wait_until = 0.0
+
+    @classmethod
+    @abstractmethod
+    def made(
+        cls,
+        start: Place,
+        *,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        parameters: Parameters | None = None,
+        stored: Mission | None = None,
+        charge_time: float = CHARGE_S,
+    ) -> Self:
+        """Make one at a place, with a heading in radians; the other arguments are those of `ArduPilot`."""
+
+    def restarted(self, place: Place) -> Self:
+        """Return the vehicle after a restart at a place on the ground."""
+        self.mission.rewind()
+        return self.made(
+            place,
+            heading=self.motion.heading,
+            boot=self.boot.kind,
+            parameters=self.parameters,
+            stored=self.mission,
+            charge_time=self.battery.charge_time,
+        )
+
+    @staticmethod
+    def station_watch(parameters: Parameters) -> StationWatch:
+        """Return the watch over the ground station."""
+        return StationWatch(parameters)
+
+    @property
+    def booting(self) -> bool:
+        """Whether the boot sequence goes on."""
+        return not self.boot.complete
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the estimator has a position."""
+        return self.passed(Milestone.POSITION) and not self.estimate.lost
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether the GPS has started."""
+        return self.passed(Milestone.GPS_FIX)
+
+    def passed(self, milestone: Milestone) -> bool:
+        """Return whether the boot sequence has passed a milestone."""
+        return self.boot.passed(milestone, self.now)
+
+    @property
+    @abstractmethod
+    def base_mode(self) -> int:
+        """base_mode of HEARTBEAT."""
+
+    @property
+    @abstractmethod
+    def system_status(self) -> int:
+        """system_status of HEARTBEAT."""
+
+    @property
+    def landed_state(self) -> int:
+        """landed_state of EXTENDED_SYS_STATE."""
+        return int(self.flight.landed)
+
+    @property
+    def reports_target(self) -> bool:
+        """Whether POSITION_TARGET_GLOBAL_INT is sent."""
+        return self.mode in (self.GUIDED, self.RTL) or isinstance(self.flight.task, GoTo)
+
+    @abstractmethod
+    def set_mode(self, number: int) -> Result:
+        """Change the flight mode to that of a number; a status text gives the reason of a refusal."""
+
+    def pilot_sets(self, number: int) -> None:
+        """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
+        self.set_mode(number)
+
+    def take_mode(self, mode: Any) -> None:
+        """Note another flight mode."""
+        self.mode = mode
+        self.flight.cruise_speed = None
+        self.events.append(ModeChanged())
+
+    @abstractmethod
+    def arming_problems(self) -> list[str]:
+        """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
+
+    @abstractmethod
+    def arm(self, *, force: bool = False) -> Result:
+        """Start the motors and set home here."""
+
+    @abstractmethod
+    def disarm(self, *, force: bool = False) -> Result:
+        """Stop the motors."""
+
+    def refuses_arming(self, *, force: bool) -> bool:
+        """Return whether the motors cannot be armed; texts give the reasons."""
+        problems = self.arming_problems()
+        if not problems or (force and self.passed(Milestone.READY)):
+            return False
+        for problem in problems:
+            self.send_text(f"Arm: {problem}", Severity.CRITICAL)
+        return True
+
+    def take_off(self, altitude: float) -> Result:
+        """MAV_CMD_NAV_TAKEOFF to metres above home."""
+        return Result.UNSUPPORTED
+
+    def land(self) -> Result:
+        """MAV_CMD_NAV_LAND"""
+        return Result.UNSUPPORTED
+
+    def start_landing(self) -> Result:
+        """MAV_CMD_DO_LAND_START"""
+        return Result.UNSUPPORTED
+
+    @property
+    def setpoint_lasts(self) -> float:
+        """Seconds after which a velocity that was sent once ends."""
+        return max(0.1, self.parameters["GUID_TIMEOUT"])
+
+    def takes_setpoints(self) -> bool:
+        """Return whether SET_POSITION_TARGET messages are taken in GUIDED."""
+        return True
+
+    @abstractmethod
+    def bring_home(self) -> None:
+        """Do what failsafes do that bring it home."""
+
+    @abstractmethod
+    def on_station(self, change: StationLink) -> None:
+        """Act when the ground station is lost, and when it is found again."""
+
+    def on_position_lost(self) -> None:
+        """Act when the estimator has no position any more."""
+
+    def on_fence(self, action: int) -> None:
+        """Act when the fence is breached, by FENCE_ACTION."""
+        if action:
+            self.bring_home()
+
+    def on_shortage(self, action: int) -> None:
+        """Act when the battery is low, by the BATT_FS_ parameters."""
+        self.bring_home()
+
+    def allows(self, goal: Vector) -> bool:
+        """Return whether the fence allows a goal."""
+        return self.fence.breach(goal, self.home_on_chart) is None
+
+    def guide(self, task: GoTo | Drift) -> bool:
+        """Follow a goal or a velocity; returns False if it is dropped: not in GUIDED, or outside the fence."""
+        if self.mode is not self.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
+            return False
+        if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
+            self.flight.task, self.flight.reached = task, False
+        else:
+            self.flight.begin(task)
+        return True
+
+    def _boot(self) -> None:
+        if not self.boot.complete:
+            for milestone, texts in self.boot.advance(self.now):
+                self._reach(milestone, texts)
+
+    def _guard(self, dt: float) -> None:
+        watch_over(self, dt)
+
+    def _reach(self, milestone: Milestone | None, texts: Sequence[tuple[str, Severity]]) -> None:
+        if milestone is Milestone.HOME:
+            self.set_home(self.place)
+            self.count_mission(len(self.mission.items) + 1)
+        for text, severity in texts:
+            self.send_text(text, severity)
+        if milestone is Milestone.MODE_SWITCH and self.mode is not self.after_boot and not self.armed:
+            self.set_mode(self.after_boot)
+
+    @property
+    def after_boot(self) -> Any:
+        """The mode that the pilot's switch sets at the end of the boot."""
+        return self.INITIAL
+
+    def count_mission(self, total: int) -> None:
+        """Set MIS_TOTAL to the number of stored items, home included."""
+        if self.parameters["MIS_TOTAL"] != total:
+            self.parameters.set("MIS_TOTAL", total)
+            self.events.append(ParameterChanged("MIS_TOTAL"))
+
+    @abstractmethod
+    def start_mission(self) -> Result:
+        """MAV_CMD_MISSION_START"""
+
+    def jump_to(self, seq: int) -> bool:
+        """MISSION_SET_CURRENT: AUTO continues, or will begin, with item `seq` (from 1). Returns False without one."""
+        if self.mission.item(seq) is None:
+            return False
+        self.mission.complete = False
+        if self.mode is self.AUTO:
+            self._fly_from(seq)
+        else:
+            self.mission.current = seq
+        return True
+
+    def _fly_from(self, seq: int) -> None:
+        """Fly to the next place of the mission; DO commands before it run on the way."""
+        self._actions, item = self.mission.next_place(seq)
+        self._actions_wait_until = self.now
+        if item is None:
+            self.mission.complete = True
+            self.mission_ended()
+            return
+        self.mission.start(item, self.now)
+        self.send_text(f"Mission: {item.seq} {NAV_COMMANDS[item.command]}")
+        if self.flight.airborne:
+            self._begin_item(item)
+        else:
+            self.flight.begin(Stop())  # on the ground AUTO waits for MISSION_START
+
+    def _begin_item(self, item: Item | None) -> None:
+        self.flight.begin(Stop() if item is None else self.task_of(item))
+
+    @abstractmethod
+    def task_of(self, item: Item) -> Task:
+        """Return the effect of an item of the mission."""
+
+    def mission_ended(self) -> None:
+        """Do what is done after the last item."""
+        self.flight.begin(Stop())
+
+    def _follow_mission(self) -> None:
+        if self._actions and self.now >= self._actions_wait_until:
+            self._do(self._actions.pop(0))
+        item = self.mission.item(self.mission.current)
+        if item is None or self.mission.complete or not self.flight.airborne:
+            return
+        if self.mission.done(item, self.flight, self.now):
+            self.item_reached(item)
+            self._fly_from(item.seq + 1)
+
+    def item_reached(self, item: Item) -> None:
+        """Report that an item is done."""
+        self.events.append(ItemReached(item.seq))
+        if NAV_COMMANDS[item.command] == "WP":
+            self.send_text(f"Reached command #{item.seq}")
+
+    def _do(self, item: Item) -> None:
+        self.send_text(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")
+        if item.command == dialect.MAV_CMD_CONDITION_DELAY:
+            self._actions_wait_until = self.now + item.params[0]
+        else:
+            do(self, item.command, item.params)
+        self.events.append(ItemReached(item.seq))

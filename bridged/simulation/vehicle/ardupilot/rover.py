@@ -1,0 +1,291 @@
+"""A simulated Rover of ArduPilot without MAVLink."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
+from bridged.simulation.vehicle.ardupilot import parameters as tables
+from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot
+from bridged.simulation.vehicle.ardupilot.boot import Milestone
+from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
+from bridged.simulation.vehicle.ardupilot.flight_modes import RoverMode
+from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, Mission, goal_of
+from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
+from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.mission_items import Item
+from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverMotion, RoverTuning
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
+from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
+
+SETPOINT_LASTS_S = 3.0
+"""Seconds after the last velocity at which a rover stops."""
+HOME_FOLLOWS_S = 1.0
+"""Period at which home follows a vehicle that is disarmed."""
+_FIRST_HOME = 0.2
+"""Altitude of home in metres until the first disarming, as the recorded rover had it (with `boot` real)."""
+_SMART_S = 3.0
+"""Seconds until a rover leaves in SMART_RTL; it drives home straight."""
+_ACCEL = 1.25
+"""m/s² (recorded)."""
+_FAILSAFE_ACTIONS = {1: RoverMode.RTL, 2: RoverMode.HOLD}
+"""FS_ACTION"""
+
+
+class Rover(ArduPilot):
+    """A rover that steers by its wheels."""
+
+    NAME: ClassVar = "rover"
+    TYPE: ClassVar = dialect.MAV_TYPE_GROUND_ROVER
+    CAPABILITIES: ClassVar = 1 | 2 | 4 | 8 | 128 | 256 | 8192
+    ROWS: ClassVar = tables.ROVER
+    SCRIPT: ClassVar = boot_sequence.ROVER
+    DEFAULTS_S: ClassVar = UNASKED_S
+    OUTSIDE_GUIDED: ClassVar = Result.FAILED
+    INITIAL: ClassVar = RoverMode.INITIALISING
+    GUIDED: ClassVar = RoverMode.GUIDED
+    AUTO: ClassVar = RoverMode.AUTO
+    RTL: ClassVar = RoverMode.RTL
+    LOITER: ClassVar = RoverMode.LOITER
+    PILOTED: ClassVar = RoverMode.MANUAL
+    LANDING: ClassVar = RoverMode.HOLD
+    mode: RoverMode
+    flight: RoverDrive
+    _home_at = 0.0
+    _smart_at = math.inf
+    _arrived = False
+
+    @classmethod
+    def made(
+        cls,
+        start: Place,
+        *,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        parameters: Parameters | None = None,
+        stored: Mission | None = None,
+        charge_time: float = CHARGE_S,
+    ) -> Rover:
+        """Make one at a place, with a heading in radians."""
+        motion, parameters = RoverMotion(heading), parameters or Parameters(rows=cls.ROWS)
+        drive = RoverDrive(motion, lambda speed: _tuning(parameters, speed))
+        return cls(start, motion, drive, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
+
+    @staticmethod
+    def station_watch(parameters: Parameters) -> StationWatch:
+        """Return the watch over the ground station."""
+        return StationWatch(parameters, extra=0.8)
+
+    @property
+    def after_boot(self) -> RoverMode:
+        """The mode that the pilot's switch sets at the end of the boot."""
+        return RoverMode.MANUAL
+
+    @property
+    def base_mode(self) -> int:
+        """base_mode of HEARTBEAT."""
+        sticks = 64 if self.mode in (RoverMode.MANUAL, RoverMode.INITIALISING) else 0
+        return 1 | sticks | (8 if self.mode.autonomous else 0) | (128 if self.armed else 0)
+
+    @property
+    def system_status(self) -> int:
+        """system_status of HEARTBEAT."""
+        if self.mode is RoverMode.INITIALISING:
+            return 2
+        return 5 if self.station.missing(self.now) else 3 if self.mode is RoverMode.HOLD else 4
+
+    @property
+    def landed_state(self) -> int:
+        """A rover reports none."""
+        return 0
+
+    @property
+    def reports_target(self) -> bool:
+        """Whether POSITION_TARGET_GLOBAL_INT is sent."""
+        return self.mode in (RoverMode.GUIDED, RoverMode.AUTO, RoverMode.RTL, RoverMode.SMART_RTL)
+
+    @property
+    def setpoint_lasts(self) -> float:
+        """Seconds after which a velocity that was sent once ends."""
+        return SETPOINT_LASTS_S
+
+    def set_mode(self, number: int) -> Result:
+        """Change the mode to that of a number; a status text gives the reason of a refusal."""
+        try:
+            mode = RoverMode(number)
+        except ValueError:
+            self.send_text(f"No such mode {number}", Severity.WARNING)
+            return Result.FAILED
+        if mode is self.mode:
+            return Result.ACCEPTED
+        problem = self._problem_with(mode)
+        if problem is not None:
+            if problem:
+                self.send_text(problem, Severity.NOTICE)
+            self.send_text("Flight mode change failed", Severity.WARNING)
+            return Result.FAILED
+        self.take_mode(mode)
+        self._arrived = False
+        match mode:
+            case RoverMode.RTL:
+                self.flight.begin(GoTo(self.home_on_chart))
+            case RoverMode.SMART_RTL:
+                self._smart_at = self.now + _SMART_S
+                self.flight.begin(Stop(hard=True))
+            case RoverMode.AUTO:
+                first = 1 if self.mission.complete else max(1, self.mission.current)
+                self.mission.complete = False
+                self._fly_from(first)
+            case _:
+                self.flight.begin(Stop(hard=mode is not RoverMode.HOLD))
+        return Result.ACCEPTED
+
+    def _problem_with(self, mode: RoverMode) -> str | None:
+        """Return why a mode cannot be entered; an empty text: no reason is given."""
+        if mode is RoverMode.AUTO and not self.mission.flyable:
+            return "No Mission. Can't set AUTO."
+        if mode is RoverMode.DOCK:
+            return "Dock: target not acquired"
+        if mode is RoverMode.FOLLOW or (mode.autonomous and self.armed and not self.has_position):
+            return ""
+        return None
+
+    def arming_problems(self) -> list[str]:
+        """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
+        if not self.passed(Milestone.READY):
+            return ["System not initialised"]
+        problems = [self.hindrance] if self.hindrance else []
+        if not self.passed(Milestone.HOME):
+            problems.append("AHRS: waiting for home")
+        if self.mode.autonomous and not self.has_position:
+            problems.append("Need Position Estimate")
+        if self.estimate.gps is None:
+            problems.append("GPS 1: Bad fix")
+        return problems
+
+    def arm(self, *, force: bool = False) -> Result:
+        """Switch the motors on and set home here."""
+        if self.armed:
+            return Result.ACCEPTED
+        if self.refuses_arming(force=force):
+            return Result.FAILED
+        self.flight.arm()
+        self.send_text("Throttle armed")
+        if self.mode is RoverMode.AUTO:
+            self._begin_item(self.mission.item(max(1, self.mission.current)))
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool = False) -> Result:
+        """Switch the motors off, also while it drives."""
+        if self.armed:
+            self.flight.disarm()
+            if self.mode is not RoverMode.AUTO:
+                self.mission.rewind()
+            self.send_text("Throttle disarmed")
+        return Result.ACCEPTED
+
+    def bring_home(self) -> None:
+        """Do what FS_ACTION says."""
+        mode = _FAILSAFE_ACTIONS.get(int(self.parameters["FS_ACTION"]))
+        if mode is not None:
+            self.set_mode(mode)
+
+    def on_station(self, change: StationLink) -> None:
+        """Act when the ground station is lost."""
+        if change is StationLink.LOST:
+            self.bring_home()
+            self.send_text("Radio Failsafe", Severity.WARNING)
+        else:
+            self.send_text(change.value)
+
+    def on_position_lost(self) -> None:
+        """Stop."""
+        if self.mode.autonomous:
+            self.set_mode(RoverMode.HOLD)
+
+    def start_mission(self) -> Result:
+        """MAV_CMD_MISSION_START: AUTO from the first item if the mission is over."""
+        return self.set_mode(RoverMode.AUTO)
+
+    def task_of(self, item: Item) -> Task:
+        """Return the effect of an item of the mission."""
+        home = self.home or self.chart.origin
+        if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return GoTo(self.home_on_chart)
+        goal = goal_of(item, self.chart, home)
+        if goal is None or item.command == dialect.MAV_CMD_NAV_DELAY:
+            return Stop()
+        after = self.mission.item(item.seq + 1)
+        passes = after is not None and after.command in NAV_COMMANDS and item.params[0] <= 0
+        return GoTo(goal, smooth=passes)
+
+    def item_reached(self, item: Item) -> None:
+        """Report that an item is done."""
+        self.events.append(ItemReached(item.seq))
+        if NAV_COMMANDS[item.command] == "WP":
+            self.send_text(f"Reached waypoint #{item.seq}")
+
+    def mission_ended(self) -> None:
+        """Stop; the mode stays."""
+        self.send_text("Mission Complete", Severity.NOTICE)
+        self.flight.begin(Stop())
+
+    def _reach(self, milestone: Milestone | None, texts: Sequence[tuple[str, Severity]]) -> None:
+        if milestone is Milestone.READY:
+            self.take_mode(self.after_boot)
+        super()._reach(milestone, texts)
+        if milestone is Milestone.HOME and self.boot.kind == "real":
+            self.set_home(Place(self.place.lat, self.place.lon, _FIRST_HOME))
+
+    def _move(self, dt: float) -> None:
+        flight, drifted = self.flight, isinstance(self.flight.task, Drift)
+        flight.step(dt)
+        self.battery.step(dt, flying=self.armed and abs(flight.speed) > 0.2, effort=0.1)
+        if drifted and isinstance(flight.task, Stop):
+            self.send_text("target not received last 3secs, stopping", Severity.WARNING)
+        if self.mode is RoverMode.SMART_RTL and self.now >= self._smart_at:
+            self._smart_at = math.inf
+            flight.begin(GoTo(self.home_on_chart))
+        if self.mode is RoverMode.AUTO and self.armed:
+            self._follow_mission()
+        elif flight.reached and not self._arrived and isinstance(flight.task, GoTo):
+            self._arrived = True
+            if self.mode is RoverMode.GUIDED:
+                self.events.append(ItemReached(0))
+            elif self.mode in (RoverMode.RTL, RoverMode.SMART_RTL):
+                self.send_text("Reached destination")
+
+    def guide(self, task: GoTo | Drift) -> bool:
+        """Follow a goal or a velocity; returns False if it is dropped."""
+        self._arrived = False
+        return super().guide(task)
+
+    def _guard(self, dt: float) -> None:
+        super()._guard(dt)
+        follow_with_home(self)
+
+
+def follow_with_home(vehicle: Rover) -> None:
+    """Let home follow a vehicle that is disarmed, each second."""
+    if vehicle.armed or vehicle.home is None or vehicle.now < vehicle._home_at:
+        return
+    vehicle._home_at = vehicle.now + HOME_FOLLOWS_S
+    if vehicle.motion.position.distance(vehicle.home_on_chart) > 0.2:
+        vehicle.set_home(vehicle.place)
+
+
+def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
+    return RoverTuning(
+        speed=speed or values["WP_SPEED"],
+        accel=_ACCEL,
+        brake=0.68,
+        turn_rate=math.radians(70),
+        radius=values["WP_RADIUS"],
+        roll_out=1.75,
+        delay=0.75,
+    )
