@@ -28,7 +28,7 @@ test-browser: $(VENV)/test.stamp byte-code  ## run the tests that drive chromium
 
 test-all: test test-boards test-browser  ## run all tests
 
-index: $(VENV)/test.stamp  ## count the recorded exchanges that the simulated copter answers as the real one did
+index: $(VENV)/test.stamp  ## count the recorded exchanges that the simulated vehicles answer as the recorded ones did
 	@$(BIN)/python -m tests.bridged.index_replay
 
 soak: $(VENV)/test.stamp  ## run the tests that are too long for CI; writes docs/measurements/soak.md and docs/measurements/systemd-units.md

@@ -57,7 +57,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "0.1 s, 0.3 s, 0.5 s, 4 MiB, 8 MiB, 1 MB, 128 kB, 150 kB, 256 kB, 256 MB",
         "limits and pauses",
     ),
-    "docs/guides/simulated-copter.md": (
+    "docs/guides/simulated-vehicles.md": (
         "0.02 s, 0.1 s",
         "the step of the simulation, and from when on it counts as late",
     ),

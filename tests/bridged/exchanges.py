@@ -1,9 +1,13 @@
-"""Plays the recorded exchanges of tests/data/INDEX.json into simulated copters, in virtual time.
+"""Plays the recorded exchanges of tests/data/INDEX.json and tests/data/autopilots/INDEX.json into simulated vehicles.
 
 What is compared, per entry and in the window of the entry: acknowledgements, changes of mode, arming and landed state,
 texts, parameters that were asked for, MESSAGE_INTERVAL, home, targets, mission messages, the place of the vehicle,
 and that nothing else of these kinds was said. What is not compared: PARAM_VALUEs that nobody asked for (calibration
 and statistics of the recorded vehicle), order between different kinds, digits inside texts.
+
+In the recordings of several autopilots also: system_status, CURRENT_MODE, MISSION_CURRENT, the mode at the end of an
+entry. Not: EVENTs, the index of a parameter among those of the real vehicle, names of log files. HEARTBEAT,
+CURRENT_MODE and HOME_POSITION are sent when the recorded ones were: a short mode is seen by whoever looks then.
 """
 
 from __future__ import annotations
@@ -11,7 +15,9 @@ from __future__ import annotations
 import json
 import math
 import re
+import struct
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -19,11 +25,15 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.simulation.vehicle.autopilot import STEP_S
 from bridged.simulation.vehicle.geodesy import METRES_PER_DEGREE, Place
+from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.vehicle import Vehicle
-from tests.bridged.recorded import DATA, packets
+from tests.bridged.recorded import DATA, packets, start_of
 
 FIELD = Place(-27.604033, -48.518363, 21.1)
 """Home of the recordings as the recorded vehicle reported it."""
+
+PX4_FIELD = Place(FIELD.lat, FIELD.lon, 20.99)
+"""The same as PX4 reported it."""
 
 HOMES = {1: FIELD, 2: Place(FIELD.lat, -48.5182615, FIELD.alt), 3: Place(FIELD.lat, -48.5181603, FIELD.alt)}
 VEHICLE_SECONDS = {"three_uav.tlog.gz": 5.016}
@@ -41,7 +51,24 @@ ANSWERS = ("COMMAND_ACK", "MESSAGE_INTERVAL", "MISSION_ACK", "MISSION_COUNT", "M
 PERIODIC = ("POSITION_TARGET_GLOBAL_INT",)
 """Streams of which the index holds one sample."""
 
-UNASKED_PARAMETERS = ("INS_", "BARO", "STAT_", "EK3_", "MOT_THST_HOVER")
+UNASKED_PARAMETERS = (
+    "INS_", "BARO", "STAT_", "EK3_", "MOT_THST_HOVER", "ARSPD_OFFSET", "SIM_PIN_MASK", "RELAY", "CAM1_", "CAM2_",
+)  # fmt: skip
+
+CIRCLE = 190.0
+"""Metres across the circle of a plane."""
+
+AUTOPILOTS = "autopilots"
+"""Folder of the recordings of several vehicles and autopilots."""
+
+ALIGNED = {"HEARTBEAT": 0, "MISSION_CURRENT": 42, "HOME_POSITION": 242, "CURRENT_MODE": 436}
+"""Streams that are sent when the recorded ones were."""
+
+TAKEN_S = 0.012
+"""Seconds after which a message of ours is taken: answers came after 2 to 30 ms."""
+
+OFF = {"px4_quad_failsafe.tlog.gz": ("process_ended", "process_started_again")}
+"""Entries at which the recorded process ended, and was started again."""
 
 Record = dict[str, Any]
 
@@ -64,6 +91,12 @@ class Playback:
     scale: float
     said: dict[int, list[Said]]
     truth: dict[int, list[Said]] = field(default_factory=dict)
+    new: bool = False
+    """Whether it is one of the recordings of several autopilots."""
+    beats: list[Said] = field(default_factory=list)
+    """HEARTBEATs as they were recorded."""
+    circles: bool = False
+    """Whether it is a plane: where on its circle it is does not count."""
 
     def seconds(self, t_us: int) -> float:
         return (t_us - self.begin) / 1e6
@@ -71,16 +104,45 @@ class Playback:
     def recorded(self, system: int) -> list[tuple[float, tuple[object, ...] | None]]:
         """All that is recorded of one vehicle, whatever exchange it stands in."""
         return [
-            (self.seconds(entry["t_us"]) + reply["dt_ms"] / 1e3, facts(reply, entry["sent"]))
+            (self.seconds(entry["t_us"]) + reply["dt_ms"] / 1e3, self.facts(reply, entry["sent"]))
             for entry in self.entries
             if (entry.get("sysid") or 1) == system
             for reply in entry["replies"]
         ]
 
+    def before(self, entry: Record) -> float:
+        """When the entry before ended."""
+        at = next(number for number, one in enumerate(self.entries) if one is entry)
+        return window(self, self.entries[at - 1])[1] if at else 0.0
 
+    def repeated(self, reply: Record) -> bool:
+        """Whether PX4 reports an item that it has reached once more, as it does each second."""
+        if not self.new or reply["msg"] != "MISSION_ITEM_REACHED":
+            return False
+        reached = [one for entry in self.entries for one in entry["replies"] if one["msg"] == reply["msg"]]
+        at = next(number for number, one in enumerate(reached) if one is reply)
+        return at > 0 and reached[at - 1]["seq"] == reply["seq"]
+
+    @property
+    def periodic(self) -> tuple[str, ...]:
+        """Streams of which the index does not hold every message."""
+        return (*PERIODIC, "HOME_POSITION", "GPS_GLOBAL_ORIGIN") if self.new else PERIODIC
+
+    def facts(self, record: Record, sent: list[Record]) -> tuple[object, ...] | None:
+        """What counts of a reply."""
+        return new_facts(record, sent) if self.new else facts(record, sent)
+
+
+@cache
 def index() -> dict[str, list[Record]]:
     entries: dict[str, list[Record]] = json.loads((DATA / "INDEX.json").read_text())
-    return entries
+    further: dict[str, list[Record]] = json.loads((DATA / AUTOPILOTS / "INDEX.json").read_text())
+    return entries | further
+
+
+def is_new(name: str) -> bool:
+    """Whether a file is one of the recordings of several autopilots."""
+    return name.startswith(("px4_", "ardu_"))
 
 
 def message_of(record: Record) -> dialect.MAVLink_message:
@@ -95,6 +157,8 @@ def message_of(record: Record) -> dialect.MAVLink_message:
 
 def play(name: str, entries: list[Record]) -> Playback:
     """Sends what was sent, when it was sent, and collects what comes back."""
+    if is_new(name):
+        return play_new(name, entries)
     begin, scale = entries[0]["t_us"], VEHICLE_SECONDS.get(name, 1.0)
     systems = sorted({entry["sysid"] for entry in entries if entry.get("sysid")})
     vehicles = {system: Vehicle(HOMES[system], system=system, boot="real") for system in systems}
@@ -143,16 +207,101 @@ def _fly(
     return said
 
 
-def _note_changes(said: list[Said]) -> None:
+def play_new(name: str, entries: list[Record]) -> Playback:
+    """The same for a recording of several autopilots: all that was sent stands in it."""
+    begin = entries[0]["t_us"]
+    autopilot, vehicle_name = name.removesuffix(".tlog.gz").split("_")[:2]
+    vehicle_name = {"quad": "copter"}.get(vehicle_name, vehicle_name)
+    kind = KINDS[vehicle_name, {"ardu": "ardupilot"}.get(autopilot, autopilot)]
+    vehicle = Vehicle(PX4_FIELD if autopilot == "px4" else FIELD, kind, boot="real")
+    playback = Playback(entries, begin, 1.0, {1: []}, {1: []}, new=True, circles=vehicle_name == "plane")
+    off, on = _off_and_on(name, entries)
+    said, now, allowed, is_off = playback.said[1], 0.0, set[str](), False
+
+    def until(t: float) -> None:
+        nonlocal now
+        while now < t:
+            step = min(STEP_S, t - now)
+            now += step
+            if not is_off:
+                keep(vehicle.advance(step))
+
+    def keep(messages: list[dialect.MAVLink_message]) -> None:
+        for message in messages:
+            kind = message.get_type()
+            if kind not in ALIGNED or kind in allowed or autopilot == "ardu":
+                said.append(Said(now, message))
+            allowed.discard(kind)
+
+    end = begin
+    for t_us, message, own in _packets(name):
+        end, at = t_us, (t_us - begin) / 1e6
+        if off <= at and not is_off and at < on:
+            until(off)
+            is_off = True
+        if is_off and at >= on:
+            until(at)
+            vehicle._power_on(vehicle.autopilot.restarted(PX4_FIELD))  # its simulator starts at home again
+            is_off = False
+        if own:
+            until(at)
+            if not is_off:
+                keep(vehicle.receive(message))
+            continue
+        kind = message.get_type()
+        if kind in ALIGNED:
+            until(at)
+            allowed.add(kind)
+            vehicle.channels[0].streams.hurry(ALIGNED[kind], vehicle.autopilot.now)
+            keep(vehicle.handler.streamed(vehicle.channels[0], vehicle.autopilot.now))
+        if kind == "GLOBAL_POSITION_INT":
+            playback.truth[1].append(Said(at, message))
+        elif kind == "HEARTBEAT":
+            playback.beats.append(Said(at, message))
+    until((end - begin) / 1e6)
+    _note_changes(said, new=True)
+    return playback
+
+
+def _off_and_on(name: str, entries: list[Record]) -> tuple[float, float]:
+    if name not in OFF:
+        return math.inf, math.inf
+    times = {entry["name"]: entry for entry in entries}
+    off, on = (times[one] for one in OFF[name])
+    first = next(reply["dt_ms"] for reply in on["replies"] if reply["msg"] == "HEARTBEAT")
+    begin = entries[0]["t_us"]
+    return (off["t_us"] - begin) / 1e6, (on["t_us"] - begin) / 1e6 + first / 1e3 - 0.1
+
+
+def _packets(name: str) -> list[tuple[int, dialect.MAVLink_message, bool]]:
+    """Time, message and whether we sent it."""
+    start = start_of(f"{AUTOPILOTS}/{name.removesuffix('.tlog.gz')}")
+    found = []
+    for packet in packets(f"{AUTOPILOTS}/{name.removesuffix('.tlog.gz')}"):
+        message = packet.message
+        own = (message.get_srcSystem(), message.get_srcComponent()) != (1, 1)
+        found.append((start + round((packet.at + own * TAKEN_S) * 1e6), message, own))
+    return sorted(found, key=lambda one: one[0])
+
+
+def _note_changes(said: list[Said], *, new: bool = False) -> None:
     """Marks the HEARTBEATs and EXTENDED_SYS_STATEs that tell something new, as the index does."""
-    last: dict[str, Any] = {"HEARTBEAT": (0, False)}
+    last: dict[str, Any] = {"HEARTBEAT": (0, False, False)}
     for item in said:
         message, kind = item.message, item.message.get_type()
         state: Any = None
         if kind == "HEARTBEAT":
-            state = (message.custom_mode, bool(message.base_mode & 128))
+            state = (message.custom_mode, bool(message.base_mode & 128), new and message.system_status)
         elif kind == "EXTENDED_SYS_STATE":
             state = message.landed_state
+        elif new and kind == "CURRENT_MODE":
+            state = (message.custom_mode, message.intended_custom_mode)
+        elif new and kind == "MISSION_CURRENT":
+            state = (message.seq, message.total, message.mission_state)
+        elif new and kind == "ORBIT_EXECUTION_STATUS":
+            state = message.radius
+        elif new and kind == "MISSION_ITEM_REACHED":
+            state = message.seq
         if state is not None and last.get(kind) != state:
             last[kind], item.note = state, "changed"
 
@@ -198,6 +347,40 @@ def facts(record: Record, sent: list[Record]) -> tuple[object, ...] | None:
     return None
 
 
+def new_facts(record: Record, sent: list[Record]) -> tuple[object, ...] | None:
+    """What counts of a reply in the recordings of several autopilots."""
+    kind = record["msg"]
+    match kind:
+        case "HEARTBEAT":
+            return kind, record["custom_mode"], record["armed"], record["system_status"]
+        case "CURRENT_MODE":
+            return kind, record["custom_mode"], record["intended_custom_mode"]
+        case "MISSION_CURRENT":
+            return kind, record["seq"], record["total"], record["mission_state"]
+        case "STATUSTEXT":
+            text = record["text"]
+            return (
+                None if text.startswith("[logger]") else (kind, record["severity"], re.sub(r"-?\d+(\.\d+)?", "#", text))
+            )
+        case "PARAM_VALUE":
+            if record["param_id"].startswith(UNASKED_PARAMETERS):
+                return None
+            value = record.get("int32_by_bytes", record["param_value"])
+            return kind, record["param_id"], value, record["param_type"]
+        case "PARAM_ERROR":
+            return kind, record["param_id"], record["error"]
+        case "MISSION_REQUEST_INT":
+            return kind, record["seq"], record["mission_type"]
+        case "PROTOCOL_VERSION":
+            return kind, record["version"], record["min_version"], record["max_version"]
+        case "AVAILABLE_MODES":
+            fields = ("number_modes", "mode_index", "standard_mode", "custom_mode", "properties", "mode_name")
+            return kind, *(record[name] for name in fields)
+        case "ORBIT_EXECUTION_STATUS":
+            return kind, record["radius"]
+    return facts(record, sent)
+
+
 def _without_digits(text: str) -> str:
     """Speeds and altitudes measured differ in their last digits."""
     return re.sub(r"\d+\.\d+", "#", text)
@@ -207,8 +390,14 @@ def record_of(said: Said) -> Record:
     """A message of a simulated vehicle in the form of the index."""
     message = said.message
     record: Record = {"msg": message.get_type(), **message.to_dict()}
+    if record["msg"] == "PARAM_VALUE":
+        (record["param_value"],) = struct.unpack("<f", struct.pack("<f", record["param_value"]))
+    record |= {name: value.decode().rstrip("\0") for name, value in record.items() if isinstance(value, bytes)}
     if record["msg"] == "HEARTBEAT":
         record["armed"] = bool(message.base_mode & 128)
+    if record["msg"] == "PARAM_VALUE" and record["param_type"] == dialect.MAV_PARAM_TYPE_INT32:
+        (number,) = struct.unpack("<i", struct.pack("<f", record["param_value"]))
+        record["int32_by_bytes"] = number
     return record
 
 
@@ -229,16 +418,26 @@ def differences(playback: Playback, entry: Record) -> list[str]:
     def slack(at: float) -> float:
         return (LATE_S + LATE_SHARE * (at - begin) * scale) / scale
 
-    candidates = [(item, facts(record_of(item), entry["sent"])) for item in said if _tells(item)]
-    wanted = [(reply["dt_ms"] / 1e3 + begin, facts(reply, entry["sent"]), reply) for reply in entry["replies"]]
+    candidates = [(item, playback.facts(record_of(item), entry["sent"])) for item in said if _tells(item, playback.new)]
+    early = playback.before(entry)
+    wanted = [
+        (
+            reply["dt_ms"] / 1e3 + (early if number < _restart(entry) else begin),
+            playback.facts(reply, entry["sent"]),
+            reply,
+        )
+        for number, reply in enumerate(entry["replies"])
+        if not playback.repeated(reply)
+    ]
     used: set[int] = set()
+    around = CIRCLE if playback.circles else 4.0 if playback.new else 0.5
     for at, fact, reply in wanted:
         if fact is None:
             continue
         near = [
             (abs(item.at - at), number)
             for number, (item, other) in enumerate(candidates)
-            if other == fact and number not in used and abs(item.at - at) <= slack(at) and _alike(item, reply)
+            if other == fact and number not in used and abs(item.at - at) <= slack(at) and _alike(item, reply, around)
         ]
         if near:
             used.add(min(near)[1])
@@ -250,7 +449,7 @@ def differences(playback: Playback, entry: Record) -> list[str]:
             continue
         if fact[0] in ANSWERS:
             found.append(f"not recorded, after {item.at - begin:.2f} s: {fact}")
-        elif fact[0] not in PERIODIC and (item.at + slack(item.at) <= end or item.at == begin):
+        elif fact[0] not in playback.periodic and (item.at + slack(item.at) <= end or item.at == begin):
             # Near the borders of the window it may stand in the exchange before or after.
             elsewhere = any(other == fact and abs(at - item.at) <= slack(item.at) for at, other in recorded)
             if not elsewhere:
@@ -258,6 +457,10 @@ def differences(playback: Playback, entry: Record) -> list[str]:
     found += _displacement(playback, entry, system)
     if entry["name"] == "ready":
         found += _readiness(playback, entry, system)
+    if playback.new:
+        found += _mode_at_end(playback, entry)
+    if "rates_hz" in entry:
+        found += _rates(playback, entry)
     if entry["name"] == "intervals_lost":
         found += [
             f"sent without being asked again: {item.message.get_type()}"
@@ -267,17 +470,50 @@ def differences(playback: Playback, entry: Record) -> list[str]:
     return found
 
 
-def _tells(item: Said) -> bool:
-    return item.note == "changed" or item.message.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+def _tells(item: Said, new: bool) -> bool:
+    states = ("CURRENT_MODE", "MISSION_CURRENT", "MISSION_ITEM_REACHED", "ORBIT_EXECUTION_STATUS") if new else ()
+    return item.note == "changed" or item.message.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE", *states)
 
 
-def _alike(item: Said, reply: Record) -> bool:
-    """Places within half a metre, altitudes within 20 cm."""
+def _mode_at_end(playback: Playback, entry: Record) -> list[str]:
+    """The mode at the end of an entry is the recorded one, or was shortly before or after."""
+    _, end = window(playback, entry)
+    recorded = [item for item in playback.beats if item.at <= end]
+    shown = [item.message for item in playback.said[1] if item.message.get_type() == "HEARTBEAT"]
+    times = [item.at for item in playback.said[1] if item.message.get_type() == "HEARTBEAT"]
+    if not recorded or not shown:
+        return []
+    at, mode = recorded[-1].at, recorded[-1].message.custom_mode
+    near = [message.custom_mode for message, time in zip(shown, times, strict=True) if abs(time - at) <= LATE_S + 0.6]
+    return [] if mode in near else [f"is in mode {near[-1:]} at the end, recorded {mode}"]
+
+
+def _rates(playback: Playback, entry: Record) -> list[str]:
+    begin, end = window(playback, entry)
+    counts: dict[str, int] = {}
+    for item in playback.said[1]:
+        if begin <= item.at < end:
+            counts[item.message.get_type()] = counts.get(item.message.get_type(), 0) + 1
+    return [
+        f"{kind} at {counts.get(kind, 0) / (end - begin):.1f} Hz, recorded {rate}"
+        for kind, rate in entry["rates_hz"].items()
+        if abs(counts.get(kind, 0) / (end - begin) - rate) > 0.2 * rate + 0.1
+    ]
+
+
+def _restart(entry: Record) -> int:
+    """How many of an entry's first replies came before it: their times count from the end of the entry before."""
+    times = [reply["dt_ms"] for reply in entry["replies"]]
+    return next((number for number in range(1, len(times)) if times[number] < times[number - 1] - 500), 0)
+
+
+def _alike(item: Said, reply: Record, around: float) -> bool:
+    """Places within half a metre, altitudes within 20 cm; home, which is where a vehicle stopped, within `around`."""
     message = item.message
     match reply["msg"]:
         case "HOME_POSITION" | "GPS_GLOBAL_ORIGIN":
             flat = _metres(message.latitude, message.longitude, reply["latitude"], reply["longitude"])
-            return flat < 0.5 and abs(message.altitude - reply["altitude"]) < 200
+            return flat < around and abs(message.altitude - reply["altitude"]) < 200
         case "POSITION_TARGET_GLOBAL_INT":
             flat = _metres(message.lat_int, message.lon_int, reply["lat_int"], reply["lon_int"])
             return flat < 0.5 and abs(message.alt - reply["alt"]) < 0.2
@@ -310,13 +546,29 @@ def _displacement(playback: Playback, entry: Record, system: int) -> list[str]:
     climbed = abs(there.relative_alt - recorded[0].message.relative_alt) / 1e3
     off = _metres(here.lat, here.lon, there.lat, there.lon)
     above = abs(here.relative_alt - there.relative_alt) / 1e3
-    if off > 1.0 + LATE_SHARE * flown or above > 0.5 + LATE_SHARE * climbed:
+    flat, high = (CIRCLE, 4.0) if playback.circles else (1.0, 0.5)
+    apart = [(off, above)]
+    if playback.new:  # a difference of an earlier exchange is not one of this
+        apart.append(_way_apart(recorded, simulated, last, other))
+    if all(off > flat + LATE_SHARE * flown or above > high + LATE_SHARE * climbed for off, above in apart):
         return [f"is {off:.1f} m away and {above:.1f} m above or below the recorded place at the end"]
     return []
 
 
+def _way_apart(recorded: list[Said], simulated: list[Said], last: Said, other: Said) -> tuple[float, float]:
+    """How far apart the ways of the two from the beginning of an exchange to its end are: metres, metres of height."""
+    first = recorded[0].message
+    start = min(simulated, key=lambda item: abs(item.at - recorded[0].at)).message
+    here, there = other.message, last.message
+    lat, lon = here.lat - start.lat + first.lat, here.lon - start.lon + first.lon
+    climb, climbed = here.relative_alt - start.relative_alt, there.relative_alt - first.relative_alt
+    return _metres(lat, lon, there.lat, there.lon), abs(climb - climbed) / 1e3
+
+
 def _readiness(playback: Playback, entry: Record, system: int) -> list[str]:
-    """Pre-arm bit, EKF position flag and GPS fix are all there when they were recorded to be."""
+    """Pre-arm bit, position flag of the estimator and GPS fix are all there when they were recorded to be."""
+    if "t_seen_us" not in entry:
+        return []
     seen = playback.seconds(entry["t_seen_us"])
     good: dict[str, float] = {}
     for item in playback.said[system]:
@@ -326,7 +578,7 @@ def _readiness(playback: Playback, entry: Record, system: int) -> list[str]:
         match message.get_type():
             case "SYS_STATUS" if message.onboard_control_sensors_health & 1 << 28:
                 good.setdefault("prearm", item.at)
-            case "EKF_STATUS_REPORT" if message.flags & 16:
+            case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS" if message.flags & 16:
                 good.setdefault("ekf", item.at)
             case "GPS_RAW_INT" if message.fix_type >= 3:
                 good.setdefault("gps", item.at)

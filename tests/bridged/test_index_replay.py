@@ -1,4 +1,4 @@
-"""The simulated copter answers what a real ArduCopter answered: every exchange of tests/data/INDEX.json, replayed."""
+"""The simulated vehicles answer what recorded ones answered: every exchange of the INDEX.json files, replayed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from tests.bridged.exchanges import Playback, Record, differences
 from tests.bridged.index_replay import FILES, KNOWN_DIFFERENCES, playback_of, summary, tally_of
 
-PAGE = Path(__file__).parent.parent.parent / "docs/guides/simulated-copter.md"
-ENTRIES = 302
+PAGE = Path(__file__).parent.parent.parent / "docs/guides/simulated-vehicles.md"
+ENTRIES = 755
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -24,7 +24,7 @@ def test_each_recorded_exchange_is_answered_as_recorded_but_the_listed_ones(name
     assert listed <= set(tally.different), "matches now, but is listed"
 
 
-def test_the_page_of_the_simulated_copter_tells_how_many_exchanges_are_answered_as_recorded() -> None:
+def test_the_page_of_the_simulated_vehicles_tells_how_many_exchanges_are_answered_as_recorded() -> None:
     tallies = [tally_of(name) for name in FILES]
     assert sum(len(tally.exchanges) + tally.markers for tally in tallies) == ENTRIES
     assert summary() in " ".join(PAGE.read_text().split())

@@ -55,7 +55,7 @@ NOT_RUN: Final[dict[Key, str]] = {
         "docs/start/search-and-rescue.md",
         "argosy referee",
     ): "judges a flight of minutes: tests/boards/test_rescue.py",
-    ("docs/guides/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+    ("docs/guides/simulated-vehicles.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
     ("docs/guides/mavlink.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
     ("docs/guides/mavlink.md", "argosy run --real"): _REAL,
     ("docs/guides/mavlink.md", "sudo usermod"): "changes the machine",
@@ -160,7 +160,7 @@ STAYS: Final[dict[Key, Stay]] = {
         says="argosy/by-hand/local/health/agentd {"
     ),
     ("docs/reference/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
-    ("docs/guides/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/guides/simulated-vehicles.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/guides/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
     ("docs/start/tutorial.md", "argosy run missions"): Stay(
         says="uav: flying to", ends="failed", after="argosy stop rtl"
