@@ -175,6 +175,7 @@ class VehicleSession:
         if name == "COMMAND_ACK":
             self.commands.acknowledge(message, self.flight.now, component)
         elif name.startswith(MESSAGES):
+            self.streams.received[name] += 1
             self._report(name, message)
         else:
             return

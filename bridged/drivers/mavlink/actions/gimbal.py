@@ -32,6 +32,8 @@ POINTS_WITHIN = (20.0, 8.0)
 """Mission and wall seconds in which a gimbal must have turned; slow ones take 10 s for half a circle."""
 NEAR = 3.0
 """Degrees between the directions within which it points there, unless the manifest says otherwise."""
+UNIT_NEAR = 0.05
+"""By how much the length of a quaternion may differ from 1."""
 _LEAVE = -1.0
 """Parameter of DO_GIMBAL_MANAGER_CONFIGURE: unchanged."""
 
@@ -220,6 +222,9 @@ class _Attitude:
 
     def _take(self, message: dialect.MAVLink_message) -> None:
         w, x, y, z = message.q
+        if not abs(math.hypot(w, x, y, z) - 1.0) <= UNIT_NEAR:  # zeros or NaN: the gimbal does not know
+            self._direction = None
+            return
         ahead, right, up = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (w * y - x * z)
         pitch, yaw = math.asin(max(-1.0, min(1.0, up))), math.atan2(right, ahead)
         self.figures = {"pitch": round(math.degrees(pitch), 1), "yaw": round(math.degrees(yaw), 1)}

@@ -110,7 +110,8 @@ def move_winch(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     yield from acknowledged(flight, run, command, moves)
     line, moved_at = before.line_length, flight.now
     while not reports():
-        out = line if reports.last is None else reports.last.line_length
+        last = reports.last
+        out = last.line_length if last is not None and math.isfinite(last.line_length) else line
         if abs(out - line) >= LINE_NEAR:
             line, moved_at = out, flight.now
         if flight.now - moved_at > flight.wait(*LINE_MOVES_WITHIN):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import msgspec
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.copter import Copter
 from bridged.simulation.vehicle.payload import Payload
+from schemas.manifest.loader import PerceptEntry, load_manifest
 from schemas.wire.records import ActionStatus
 from tests.bridged.components import CAMERA, CameraComponent, GimbalComponent
-from tests.bridged.sky import Message, Sky, is_ack_of, is_command
+from tests.bridged.sky import HOME, Message, Sky, is_ack_of, is_command
 
+COPTER = load_manifest("copter")
 STATION = (255, 190)
 
 
@@ -314,6 +317,31 @@ def test_a_gimbal_that_does_not_move_fails_with_where_it_points(sky: Sky) -> Non
     status = sky.do("point_gimbal", -30, 90)
     assert status.state == "failed"
     assert "but it points to pitch 0, yaw 0 degrees" in status.reason
+
+
+@pytest.mark.parametrize("q", [[0.0] * 4, [math.nan] * 4, [math.nan, 0.0, 0.0, 0.0]], ids=["zeros", "NaN", "one NaN"])
+def test_a_gimbal_that_does_not_know_where_it_points_proves_nothing(sky: Sky, q: list[float]) -> None:
+    def forgetful(message: Message) -> bool:
+        if message.get_type() == "GIMBAL_DEVICE_ATTITUDE_STATUS":
+            message.q = q
+        return True
+
+    sky.we_hear = forgetful
+    status = sky.do("point_gimbal", 0, 0)
+    assert (status.state, "but the gimbal does not report where it points" in status.reason) == ("failed", True)
+
+
+def test_messages_of_a_gimbal_may_be_percepts_and_are_no_late_stream(sky: Sky, gimbal: GimbalComponent) -> None:
+    source = PerceptEntry(source="GIMBAL_DEVICE_ATTITUDE_STATUS", args=("q",), rate=1.0)
+    manifest = msgspec.structs.replace(COPTER, percepts=COPTER.percepts | {"gimbal": source})
+    sky.driver.adopt(manifest)
+    sky.bridge.percepts.adopt(manifest)
+    sky.we_hear = lambda message: message.get_srcComponent() != 1 or message.get_type() != source.source
+    for _ in range(12):
+        gimbal.outbox.append(gimbal.gimbal.attitude(HOME, 0.0, 0.0))
+        sky.wait(1)
+    assert sky.belief("gimbal") == ([1, 0, 0, 0],)
+    assert [note for note in sky.driver.notes() if note.code == "message_late"] == []
 
 
 def test_a_vehicle_without_a_gimbal_says_so(sky: Sky) -> None:
