@@ -16,6 +16,7 @@ from bridged.drivers.api import Value
 from bridged.drivers.argument_check import fields_of
 from bridged.drivers.mavlink.actions import (
     camera,
+    fence_upload,
     flight,
     gimbal,
     log_download,
@@ -155,6 +156,7 @@ CALLS: Mapping[str, CallForm] = MappingProxyType({
             mission_execution.start_mission, ("item", "items", "reached", "altitude", "distance"), judges_mode=True
         ),
     ),
+    "fence_upload": CallForm(("points",), Procedure(fence_upload.upload_fence, _ITEMS), ("points",)),
     "mission_clear": CallForm((), Procedure(mission_actions.clear_mission)),
     "mission_set_current": CallForm(("seq",), Procedure(mission_actions.set_current), ("seq",)),
     "param_pull": CallForm((), Procedure(parameters.pull_parameters, ("params", "of"))),

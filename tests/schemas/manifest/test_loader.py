@@ -48,7 +48,8 @@ def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
         "return_to_launch": 0,
     }
     more = {
-        "reposition": 3, "orbit": 5, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1, "download_mission": 0,
+        "reposition": 3, "orbit": 5, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1,
+        "upload_fence": 1, "download_mission": 0,
         "clear_mission": 0, "set_mission_item": 1, "start_mission": 0, "download_log": range(2), "get_param": 1,
         "set_param": 2, "enable_fence": 1, "fence_radius": 1, "fence_altitude": 1, "drop_buoy": 0,
         "grip": 1, "set_relay": 2, "winch": 1, "take_picture": range(2), "start_video": range(2),

@@ -175,10 +175,10 @@ def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item]:
     raise Ended("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
 
 
-def ours(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
-    """Whether it is of the mission's list, not of the fence's or the rally points', and for us."""
+def ours(flight: ProcedureContext, message: dialect.MAVLink_message, kind: int = 0) -> bool:
+    """Whether it is for us, and of the list of a kind (MAV_MISSION_TYPE): the mission's, not the fence's."""
     for_us = hasattr(message, "target_system") and flight.commands.identity.is_addressed(message)
-    return for_us and getattr(message, "mission_type", 0) == 0
+    return for_us and getattr(message, "mission_type", 0) == kind
 
 
 def _result(message: dialect.MAVLink_message) -> str:

@@ -371,6 +371,21 @@ def test_the_fence_of_a_copters_manifest(sky: Sky) -> None:
     assert sorted(present) == [("FENCE_RADIUS", 300.0), ("GF_ACTION", 2.0)]
 
 
+FIELD = [[-27.6050, -48.5195], [-27.6050, -48.5170], [-27.6025, -48.5170], [-27.6025, -48.5195]]
+
+
+def test_a_fence_of_corners_is_stored_and_keeps_targets_in(sky: Sky) -> None:
+    sky.wait(5)
+    assert sky.do("upload_fence", [[1, 2], [3, 4]]).state == "refused"
+    assert sky.do("upload_fence", [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]]).reason == "home is outside of the fence"
+    done(sky, "upload_fence", FIELD)
+    sky.flying(15)
+    final = sky.do("goto", -27.6000, -48.5184, 20)
+    assert final.state == "refused"
+    assert "outside geofence" in final.reason
+    done(sky, "goto", *GOAL)
+
+
 def test_a_mission_is_stored_without_home_and_flown_to_its_end(sky: Sky) -> None:
     sky.wait(5)
     done(sky, "upload_mission", FLIGHT)
