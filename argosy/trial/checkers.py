@@ -479,7 +479,7 @@ class Checkers:
     def finish(self) -> list[Violation]:
         """Judge the end of the run; return everything that was found."""
         for name, seen in self._world.vehicles.items():
-            if seen.armed and not seen.piloted:
+            if seen.armed and not seen.piloted and not seen.parked:
                 self._tell("on the ground", name, f"the run is over and {name} is armed, {seen.height:.1f} m high")
         self.mail.finish()
         return self.found

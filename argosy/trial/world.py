@@ -28,6 +28,8 @@ SAMPLED = 0.2
 """Virtual seconds between two looks at the vehicles."""
 BURST = (0.1, 1.5)
 """Virtual seconds of a burst of loss: shorter than a lease, so that all that was sent arrives after it."""
+STANDS = 0.3
+"""m/s below which a rover stands."""
 PATIENCE = 3.0
 """Virtual seconds for an operator to reach a router, and before he repeats what was not confirmed."""
 
@@ -55,6 +57,13 @@ class Seen:
     def armed(self) -> bool:
         """Whether its motors turn."""
         return bool(self.vehicle.autopilot.armed)
+
+    @property
+    def parked(self) -> bool:
+        """Whether it is a rover that stands: it needs no motors for that, and nobody to bring it down."""
+        motion = self.vehicle.autopilot.motion
+        speed = math.hypot(motion.north.velocity, motion.east.velocity)
+        return bool(self.vehicle.kind.name == "rover") and speed < STANDS
 
     @property
     def pilots_mode(self) -> str:
