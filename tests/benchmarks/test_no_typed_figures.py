@@ -44,7 +44,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "0.05 s, 0.1 s, 0.3 s, 0.5 s, 50 times, 1 MB, 256 MB, 256 kB, 64 kB, 64 MB, x 8",
         "limits, pauses, and bits of a byte",
     ),
-    "docs/guides/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB", "limits and pauses"),
+    "docs/guides/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB, 2 MB, 1 GiB, 64 MiB", "limits and pauses"),
     "docs/reference/mind-records.md": ("0.2 s, 4 kB", _LIMITS),
     "docs/architecture/mind.md": ("100 times", _LIMITS),
     "docs/guides/recording.md": (
