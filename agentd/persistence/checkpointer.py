@@ -24,10 +24,12 @@ from schemas.wire.records import Action, Note
 
 log = logging.getLogger("keeping")
 
-MAIL_EVERY = 0.02
-"""Wall seconds from the beginning of a commit to that of the next for which mail waits."""
+MAIL_EVERY = 0.005
+"""Wall seconds from the beginning of a commit to that of the next for which mail or a receipt waits."""
+NEAR_EVERY = 0.02
+"""The same for mail between agents of the daemon, which waits for no commit."""
 OTHERS_EVERY = 0.5
-"""The same for commits for which nothing waits."""
+"""The same for all else."""
 ACTION_PATIENCE = 0.3
 """Wall seconds for which an action waits for its commit; a slow disk must not keep a robot from acting."""
 LIFE_PATIENCE = 1.0
@@ -132,9 +134,11 @@ class Checkpointer:
         mailing, commits = self._mailing, self._commits
         outbox = mailing.outbox
         self._quiet = quiet
-        mail = mailing.absorbed() or self._exposed or bool(outbox.unsaved or mailing.held)
+        mail = mailing.absorbed() or bool(outbox.unsaved)
+        near = self._exposed or bool(mailing.held)
         if not (
             mail
+            or near
             or self._begun
             or self._ended
             or outbox.gone
@@ -153,7 +157,7 @@ class Checkpointer:
                 return
         self._exposed |= mailing.release()
         commits.busy.discard(self)
-        commits.ask(self, 0.0 if self._begun else MAIL_EVERY if mail else OTHERS_EVERY)
+        commits.ask(self, 0.0 if self._begun else MAIL_EVERY if mail else NEAR_EVERY if near else OTHERS_EVERY)
 
     def _is_whole(self, now: float) -> bool:
         """Whether the mind may be saved as it is, at a loop time."""

@@ -23,6 +23,10 @@ log = logging.getLogger("keeping")
 
 SHARE: Final = 4.0
 """Time from the beginning of a commit to that of the next, in multiples of the time in which the minds stood still."""
+WRITING: Final = 2.0
+"""The same in multiples of the time that the disk took for the last one, so that it rests in between..."""
+WRITING_MOST: Final = 0.02
+"""... up to so many wall seconds: mail must not wait longer for a slow disk than that itself takes."""
 BUSY_PATIENCE: Final = 0.5
 """Wall seconds for which a commit waits for a busy mind whose messages others have taken."""
 ATOMIC_PATIENCE: Final = 10.0
@@ -89,6 +93,8 @@ class GroupCommit:
         self._last = -1e9
         self._pause = 0.0
         """Wall seconds from `_last` to the next commit at least."""
+        self._wrote = 0.0
+        """Wall seconds that the last commit took until it was on disk."""
         self._timer: asyncio.TimerHandle | None = None
         self._saving: asyncio.Future[None] | None = None
         """The commit under way."""
@@ -163,7 +169,7 @@ class GroupCommit:
             if flush[0] not in self._asked:
                 self._flushes.remove(flush)
                 batch.done.append(partial(_set, flush[1]))
-        self._pause = SHARE * (self._loop.time() - now)
+        self._pause = max(SHARE * (self._loop.time() - now), min(WRITING * self._wrote, WRITING_MOST))
         if batch.savings and self._checkpoint is not None:
             self._saving = self._loop.create_future()
             self._slow = self._loop.call_later(SLOW, self._is_slow)
@@ -224,6 +230,7 @@ class GroupCommit:
             log.info("the agents are kept again")
             self.problem = ""
         self._saving = None
+        self._wrote = self._loop.time() - self._last
         if self._slow is not None:
             self._slow.cancel()
         saved.set_result(None)

@@ -395,8 +395,9 @@ _ONE_CORE: Final = (
     "answered questions that end with them, names that are not copied for each message"
 )
 _FOUR_COMMITS: Final = (
-    "four commits and their queries follow one another, and which of them waits was not measured; nothing was tried: "
-    "mail between boards takes the way that it took before"
+    "four commits and three queries follow one another, and take a processor most of the time: in a profile about "
+    "1.5 ms of each agentd and 2.5 ms of each commd. Tried: the next commit for mail of others follows after 5 ms "
+    "instead of 20"
 )
 _HEALTH: Final = (
     "at rest nine tenths of the time are the health of each agent, which is collected once a second. Tried: one health "

@@ -8,7 +8,7 @@ from agentd.language.compiler.compile import compile_program
 from agentd.language.parse import parse_program
 from agentd.mail import outbox
 from agentd.mind import Mind
-from agentd.persistence import checkpointer
+from agentd.persistence import checkpointer, group_commit
 from agentd.runtime import action_client
 from commd.client import actions, receive_once, send_mail
 from commd.liveness import presence
@@ -31,7 +31,8 @@ def test_the_figures_of_the_page_are_those_of_the_code() -> None:
         f"for {checkpointer.ACTION_PATIENCE:g} s at most",
         f"nothing, for {actions.BUS_GRACE:g} s",
         f"back within {presence.AGENT_GRACE:g} s",
-        f"at most {1 / checkpointer.MAIL_EVERY:g} times a second",
+        f"at most {1 / checkpointer.MAIL_EVERY:g} times a second, {1 / group_commit.WRITING_MOST:g} on a slow disk",
+        f"at most {1 / checkpointer.NEAR_EVERY:g} times a second",
         f"at the latest after {checkpointer.BUSY_PATIENCE:g} s",
         f"{outbox.MOST_FOR_ONE:,} messages to this receiver, or {outbox.MOST_BYTES // 2**20} MB",
         f"more than {send_mail.LARGEST // 2**20} MB encoded",

@@ -1,0 +1,81 @@
+"""How often the agents of a daemon are committed, in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from typing import Any, cast
+
+import pytest
+
+from agentd.persistence.checkpoint import Checkpoint, Saving
+from agentd.persistence.group_commit import Batch, GroupCommit
+from argosy.trial.event_loop import VirtualLoop
+
+
+class Disk:
+    """Takes `takes` virtual seconds for each save, as the checkpoint and the thread that writes it."""
+
+    def __init__(self, takes: float) -> None:
+        self.takes = takes
+        self.began: list[float] = []
+
+    def submit(self, work: Callable[[], None]) -> None:
+        loop = asyncio.get_running_loop()
+        self.began.append(round(loop.time(), 6))
+        loop.call_later(self.takes, work)
+
+    def save(self, savings: Mapping[str, Saving], soft: bool) -> None:
+        assert savings
+
+    def shorten_log(self) -> None:
+        pass
+
+
+class Busy:
+    """An agent that always has something to be saved within `within` seconds."""
+
+    atomic = False
+
+    def __init__(self, commits: GroupCommit, within: float) -> None:
+        self._commits, self._within = commits, within
+
+    def look(self) -> None:
+        self._commits.ask(self, self._within)
+
+    def capture(self, batch: Batch, now: float) -> bool:
+        batch.savings["bob"] = Saving()
+        batch.members.append(self)
+        asyncio.get_running_loop().call_soon(self.look)
+        return True
+
+    def add_mail(self, batch: Batch) -> None:
+        pass
+
+    def committed(self, failed: bool) -> None:
+        assert not failed
+
+
+@pytest.mark.parametrize(
+    ("takes", "within", "apart"),
+    [(0.0005, 0.005, 0.005), (0.0005, 0.02, 0.02), (0.004, 0.005, 0.008), (0.015, 0.005, 0.02), (0.03, 0.005, 0.03)],
+)
+def test_a_commit_follows_when_it_may_and_a_fast_disk_has_rested_as_long_as_it_wrote(
+    takes: float, within: float, apart: float
+) -> None:
+    disk = Disk(takes)
+
+    async def main() -> None:
+        commits = GroupCommit(cast(Checkpoint, disk), cast(Executor, disk))
+        Busy(commits, within).look()
+        await asyncio.sleep(1.0)
+
+    loop: Any = VirtualLoop()
+    try:
+        loop.run_until_complete(main())
+    finally:
+        loop.close()
+    between = [after - before for before, after in zip(disk.began[1:], disk.began[2:], strict=False)]
+    assert between == pytest.approx([apart] * len(between))
+    assert len(between) >= 10
