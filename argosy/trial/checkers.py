@@ -26,6 +26,7 @@ from argosy.trial import faults
 from argosy.trial.network import Query, Sample, Session
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.bridge.safety_orders import COMING, StepField, read_steps
+from bridged.drivers.mavlink.vehicle.flight_modes import COMING_HOME
 from bridged.drivers.registry import load_robot_manifest
 from bridged.simulation.turtle.turtle import Turtle
 from schemas.files.findings import Findings
@@ -40,8 +41,6 @@ from schemas.wire.term_text import write
 
 SLACK: Final = 2.0
 """Metres by which a limit may be passed before it counts: vehicles overshoot, and do not measure the truth."""
-HOME: Final = frozenset(("RTL", "LAND", "SMART_RTL"))
-"""Modes in which a vehicle comes down by itself."""
 UNATTENDED: Final = 30.0
 """Virtual seconds beside what the mission declares for which a vehicle may be in the air with nobody in charge: its
 bridge may have to be restarted, and to ask again."""
@@ -399,7 +398,7 @@ class Checkers:
         why: StepField | None = None
         dead = now < self._world.machine(self._mission.robots[name].board).down_until
         others = dead or seen.piloted or name in self._world.stopped
-        if seen.armed and seen.height > 1 and seen.mode not in HOME and not others:
+        if seen.armed and seen.height > 1 and seen.mode not in COMING_HOME and not others:
             agents = self._agents[name]
             if not self._served(name):
                 why = "on_agent_loss"
@@ -430,7 +429,7 @@ class Checkers:
         elif order != "pause" and (more := begun - rest.begun):
             text = f"{', '.join(sorted(more))} began after the operator's {order} at {rest.since:.0f} s"
             self._tell("motion after stop", name, text)
-        if seen.mode in HOME or not seen.armed:
+        if seen.mode in COMING_HOME or not seen.armed:
             self._rests[name] = rest._replace(armed=seen.armed, place=None)
         elif now - rest.since > SETTLED:
             here = *seen.estimated, seen.height

@@ -10,7 +10,17 @@
      !departed;
      +departed;
      !on_the_way.
+-!carry(_, _)[cause(Cause), error_msg(Why)] : passing(Cause) <- .print("interrupted: ", Why); !resumed.
 -!carry(_, _)[error_msg(Why)] <- !given_up(Why).
+
+// What a silent link or a lost bridge cuts short goes on.
+passing(Cause) :- .member(Cause, [link, unreachable, restart, busy]).
+
++!resumed
+  <- .wait(1000);
+     .wait(bridge(up), 120000);
+     .wait(state(_, true, _), 120000);
+     !go_on.
 
 +!on_the_way : task(Lat, Long)
   <- .print("on the way to ", Lat, ", ", Long);
@@ -56,4 +66,5 @@ coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL"
 +!go_on : departed & state(_, _, true) <- set_mode("GUIDED"); !on_the_way.
 +!go_on : not departed & task(Lat, Long) <- !carry(Lat, Long).
 +!go_on <- .fail(error_msg("its motors were stopped on the way")).     // whoever did that had a reason
+-!go_on[cause(Cause), error_msg(Why)] : passing(Cause) <- .print("interrupted: ", Why); !resumed.
 -!go_on[error_msg(Why)] <- !given_up(Why).
