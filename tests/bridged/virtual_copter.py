@@ -1,4 +1,4 @@
-"""A simulated copter in virtual time, and a ground station that talks to it in real MAVLink bytes."""
+"""A simulated vehicle in virtual time, and a ground station that talks to it in real MAVLink bytes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.autopilot import BootKind
+from bridged.simulation.vehicle.kinds import COPTER, VehicleKind
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME
@@ -20,8 +21,10 @@ STEP = 0.1
 class Station:
     """Says things to one vehicle and keeps what it hears. `now` is vehicle time."""
 
-    def __init__(self, boot: BootKind = "quick", system: int = 1, ready: bool = True) -> None:
-        self.vehicle = Vehicle(HOME, system=system, boot=boot)
+    def __init__(
+        self, boot: BootKind = "quick", system: int = 1, ready: bool = True, kind: VehicleKind = COPTER
+    ) -> None:
+        self.vehicle = Vehicle(HOME, kind, system=system, boot=boot)
         self.copter = self.vehicle.autopilot
         self.heard: list[dialect.MAVLink_message] = []
         self._encoder, self._framer = Encoder(255, 190), Framer(WireCounters())

@@ -276,7 +276,9 @@ class Flight:
         """Fly along the tangent, and to the circle; the nose points to its centre."""
         here, centre = self.motion.position, circle.centre
         north, east = here.north - centre.north, here.east - centre.east
-        away = max(0.1, math.hypot(north, east))
+        if math.hypot(north, east) < 0.1:  # outward from the centre, ahead
+            north, east = 0.1 * math.cos(self.motion.heading), 0.1 * math.sin(self.motion.heading)
+        away = math.hypot(north, east)
         inward = max(-1.0, min(1.0, (away - abs(circle.radius)) / 4))
         speed = circle.speed * self.tuning.circle_slip
         along = math.copysign(math.sqrt(1 - inward * inward), circle.radius) * speed / away

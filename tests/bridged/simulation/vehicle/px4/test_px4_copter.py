@@ -1,0 +1,226 @@
+"""A simulated copter with PX4: what it hears and what it does, as tests/data/autopilots/px4_quad_*.tlog.gz have it."""
+
+from __future__ import annotations
+
+import pytest
+
+from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.px4.modes import Mode, packed
+from tests.bridged.attended_vehicle import NAN, AttendedVehicle
+from tests.bridged.sky import HOME
+
+ARM, SET_MODE, TAKE_OFF, LAND, RETURN, REPOSITION, ORBIT = 400, 176, 22, 21, 20, 192, 34
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+
+
+@pytest.fixture
+def px4() -> AttendedVehicle:
+    return AttendedVehicle("copter", "px4")
+
+
+@pytest.fixture
+def flying(px4: AttendedVehicle) -> AttendedVehicle:
+    """At 10 m in AUTO.LOITER."""
+    assert px4.command(ARM, 1) == ACCEPTED
+    assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 10) == ACCEPTED
+    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.heard.clear()
+    return px4
+
+
+def test_its_heartbeat_comes_each_second_and_has_main_and_sub_mode(px4: AttendedVehicle) -> None:
+    beats = [one for one in px4.wait(5.0) if one.get_type() == "HEARTBEAT"]
+    assert len(beats) == 5
+    assert (beats[0].autopilot, beats[0].type, beats[0].custom_mode) == (12, 2, packed(4, 3))
+    assert [beats[0].system_status, beats[0].base_mode & 128] == [3, 0]
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "result", "mode"),
+    [
+        (6, 0, ACCEPTED, Mode.OFFBOARD),
+        (4, 5, ACCEPTED, Mode.RTL),
+        (4, 0, ACCEPTED, Mode.MISSION),
+        (3, 0, ACCEPTED, Mode.POSCTL),
+        (99, 0, REJECTED, Mode.LOITER),
+        (4, 77, REJECTED, Mode.LOITER),
+    ],
+)
+def test_on_the_ground_any_mode_that_there_is_can_be_set(
+    px4: AttendedVehicle, main: int, sub: int, result: int, mode: Mode
+) -> None:
+    assert px4.command(SET_MODE, 1, main, sub) == result
+    assert px4.copter.mode is mode
+    px4.wait(1.2)
+    assert px4.last("HEARTBEAT").custom_mode == mode
+    assert ("Unsupported" in " ".join(px4.said)) == (result == REJECTED)
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "name"), [(6, 0, "Offboard"), (3, 0, "Position"), (4, 4, "Mission"), (1, 0, "Manual")]
+)
+def test_in_flight_a_mode_that_lacks_something_is_refused_with_a_text(
+    flying: AttendedVehicle, main: int, sub: int, name: str
+) -> None:
+    assert flying.command(SET_MODE, 1, main, sub) == REJECTED
+    flying.wait(0.2)
+    assert flying.said == [f"Switching to {name} is currently not available"]
+    assert flying.copter.mode is Mode.LOITER
+
+
+def test_a_mode_that_lacks_something_clears_the_health_bit_and_arming_is_refused(px4: AttendedVehicle) -> None:
+    def healthy() -> bool:
+        px4.wait(1.5)
+        return bool(px4.last("SYS_STATUS").onboard_control_sensors_health & 1 << 28)
+
+    assert healthy()
+    px4.command(SET_MODE, 1, 6)
+    assert not healthy()
+    px4.heard.clear()
+    assert px4.command(ARM, 1) == REJECTED
+    px4.wait(0.2)
+    assert "Arming denied: Resolve system health failures first" in px4.said
+    px4.command(SET_MODE, 1, 4, 3)
+    assert healthy()
+    assert px4.command(ARM, 1) == ACCEPTED
+
+
+def test_it_disarms_itself_without_a_takeoff_and_sooner_after_a_landing(flying: AttendedVehicle) -> None:
+    assert flying.command(ARM, 0) == REJECTED
+    assert flying.command(LAND) == ACCEPTED
+    flying.until(lambda: not flying.copter.armed, "disarming")
+    assert flying.said == ["Disarming denied: not landed", "Landing at current position", "Landing detected",
+                           "Disarmed by landing"]  # fmt: skip
+    assert flying.copter.mode is Mode.LOITER
+    flying.heard.clear()
+    assert flying.command(ARM, 1) == ACCEPTED
+    took = flying.until(lambda: not flying.copter.armed, "disarming")
+    assert 10 < took < 12
+    assert flying.said[-1] == "Disarmed by auto preflight disarming"
+
+
+def test_a_takeoff_is_to_an_altitude_over_the_sea_and_ends_in_hold(flying: AttendedVehicle) -> None:
+    assert flying.at.up == pytest.approx(10, abs=1.0)
+    flying.wait(1.2)
+    assert flying.last("EXTENDED_SYS_STATE").landed_state == 2
+    assert flying.last("HEARTBEAT").system_status == 4
+
+
+def test_a_takeoff_is_acknowledged_before_arming_and_flown_after_it(px4: AttendedVehicle) -> None:
+    assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 8) == ACCEPTED
+    px4.wait(3.0)
+    assert px4.at.up == 0
+    assert px4.command(ARM, 1) == ACCEPTED
+    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    assert px4.at.up == pytest.approx(8, abs=0.7)
+
+
+def test_a_takeoff_under_the_ground_is_acknowledged_and_not_flown(px4: AttendedVehicle) -> None:
+    px4.command(ARM, 1)
+    assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, 10.0) == ACCEPTED
+    px4.wait(5.0)
+    assert "Already higher than takeoff altitude" in px4.said
+    assert px4.at.up == 0
+
+
+def test_a_reposition_goes_to_an_altitude_over_the_sea_whatever_the_frame_is(flying: AttendedVehicle) -> None:
+    goal = Vector(20, 10, 15)
+    assert flying.place(REPOSITION, goal, -1, 1, 0, NAN, frame=6) == ACCEPTED
+    flying.until(lambda: flying.distance(goal) < 0.5 and abs(flying.at.up - 15) < 0.5, "goal")
+    assert flying.copter.mode is Mode.LOITER
+
+
+def test_a_reposition_without_a_place_stops_here_and_from_another_mode_needs_the_flag(flying: AttendedVehicle) -> None:
+    flying.place(REPOSITION, Vector(60, 0, 10), -1, 1, 0, NAN)
+    flying.wait(4.0)
+    assert flying.place(REPOSITION, None, -1, 1, 0, NAN) == ACCEPTED
+    flying.wait(9.0)
+    assert flying.at.north < 30
+    assert flying.speed < 0.1
+    flying.command(RETURN)
+    assert flying.place(REPOSITION, Vector(60, 0, 10), -1, 0, 0, NAN) == DENIED
+    assert flying.copter.mode is Mode.RTL
+
+
+def test_a_reposition_out_of_the_fence_is_acknowledged_and_refused_by_a_text(flying: AttendedVehicle) -> None:
+    flying.copter.parameters.set("GF_MAX_HOR_DIST", 50)
+    assert flying.place(REPOSITION, Vector(80, 0, 10), -1, 1, 0, NAN) == ACCEPTED
+    flying.wait(3.0)
+    assert flying.said == ["Reposition is outside geofence"]
+    assert flying.at.north < 1
+
+
+def test_a_return_goes_home_lands_and_disarms(flying: AttendedVehicle) -> None:
+    flying.place(REPOSITION, Vector(30, 0, 10), -1, 1, 0, NAN)
+    flying.wait(12.0)
+    flying.heard.clear()
+    assert flying.command(RETURN) == ACCEPTED
+    flying.until(lambda: not flying.copter.armed, "landing", 200)
+    assert flying.at.flat() < 0.5
+    begin, *_ = [text for text in flying.said if text.startswith("RTL: start return")]
+    assert "above destination" in begin
+    assert flying.said[-2:] == ["Landing detected", "Disarmed by landing"]
+
+
+def test_it_circles_a_place_by_a_command_and_holds_when_that_is_wanted(flying: AttendedVehicle) -> None:
+    assert flying.place(ORBIT, Vector(0, 0, 10), 12, 3, 0, NAN) == ACCEPTED
+    flying.wait(15.0)
+    assert flying.copter.mode is Mode.ORBIT
+    assert flying.at.flat() == pytest.approx(12, abs=1.5)
+    assert {"ORBIT_EXECUTION_STATUS"} <= flying.kinds()
+    assert flying.command(SET_MODE, 1, 4, 3) == ACCEPTED
+    flying.wait(6.0)
+    assert flying.speed < 0.2
+
+
+def test_a_change_of_the_altitude_is_taken_in_hold_alone(flying: AttendedVehicle) -> None:
+    assert flying.command(186, HOME.alt + 14) == ACCEPTED
+    flying.until(lambda: abs(flying.at.up - 14) < 0.5, "altitude")
+    flying.command(RETURN)
+    assert flying.command(186, HOME.alt + 20) == REJECTED
+
+
+def test_a_gripper_is_in_progress_and_then_done(px4: AttendedVehicle) -> None:
+    assert px4.command(211, 1, 1) == 5
+    acks = [one for one in px4.wait(2.0) if one.get_type() == "COMMAND_ACK"]
+    assert [(one.command, one.result) for one in acks] == [(211, 0)]
+
+
+def test_streams_come_unasked_and_those_that_it_does_not_have_fail(px4: AttendedVehicle) -> None:
+    px4.heard.clear()
+    px4.wait(4.0)
+    assert {"ATTITUDE", "GLOBAL_POSITION_INT", "ESTIMATOR_STATUS", "BATTERY_STATUS", "CURRENT_MODE"} <= px4.kinds()
+    assert "EKF_STATUS_REPORT" not in px4.kinds()
+    assert px4.command(511, 193, 100_000) == FAILED
+    assert px4.command(511, 33, 50_000) == ACCEPTED
+    heard = [one for one in px4.wait(2.0) if one.get_type() == "GLOBAL_POSITION_INT"]
+    assert len(heard) == pytest.approx(40, abs=2)
+    assert px4.command(12345) == UNSUPPORTED
+
+
+def test_texts_are_sent_only_while_a_ground_station_is_heard(px4: AttendedVehicle) -> None:
+    px4.silent = True
+    px4.wait(10.0)
+    px4.heard.clear()
+    px4.command(ARM, 1)
+    px4.wait(1.0)
+    assert px4.said == []
+    px4.silent = False
+    px4.wait(3.0)
+    px4.heard.clear()
+    px4.command(ARM, 0)
+    px4.wait(1.0)
+    assert px4.said == ["Disarmed by external command"]
+
+
+def test_current_mode_tells_what_was_wanted_while_a_failsafe_has_it(flying: AttendedVehicle) -> None:
+    flying.copter.parameters.set("NAV_DLL_ACT", 2)
+    flying.silent = True
+    flying.wait(20.0)
+    mode = flying.last("CURRENT_MODE")
+    assert (mode.custom_mode, mode.intended_custom_mode) == (Mode.RTL, Mode.LOITER)
+
+
+def test_a_restart_keeps_the_parameters(px4: AttendedVehicle) -> None:
+    px4.copter.parameters.set("RTL_RETURN_ALT", 44)
+    assert px4.copter.restarted(HOME).parameters["RTL_RETURN_ALT"] == 44
