@@ -12,8 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.vehicle.derived_readings import DERIVED
 from bridged.drivers.mavlink.vehicle.streams import unread
 from bridged.simulation.vehicle.fault_injection import Faults
+from bridged.simulation.vehicle.kinds import KINDS, AutopilotName
+from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import Manifest, load_manifest
-from tests.bridged.sky import Message, Sky
+from tests.bridged.sky import HOME, MISSION, Message, Sky
 
 COPTER = load_manifest("copter")
 
@@ -89,6 +91,17 @@ def test_what_a_vehicle_does_not_have_is_no_warning_if_it_is_optional(tmp_path: 
     sky.flying()
     sky.wait(30)
     assert intervals(sky, dialect.MAVLINK_MSG_ID_DISTANCE_SENSOR)
+    assert [note for note in sky.driver.notes() if note.code in ("message_unknown", "message_late")] == []
+
+
+@pytest.mark.parametrize(("kind", "autopilot"), KINDS)
+def test_the_percepts_of_each_kind_with_each_autopilot_are_sent_or_optional(
+    tmp_path: Path, kind: str, autopilot: AutopilotName
+) -> None:
+    mission = MISSION.replace("copter", kind)
+    sky = Sky(tmp_path, mission=mission, manifest=load_manifest(kind), vehicle=Vehicle(HOME, KINDS[kind, autopilot]))
+    sky.forward(lambda: sky.belief("home_pos"), "home")
+    sky.wait(20)
     assert [note for note in sky.driver.notes() if note.code in ("message_unknown", "message_late")] == []
 
 
