@@ -3,6 +3,7 @@
 
 { include("relay.asl") }
 
++!departed : altitude(A) & A > 5 & state(_, _, true) <- set_mode("GUIDED").     // a takeoff was interrupted
 +!departed : height(Height)
   <- !in_hand;
      arm_motors(true);

@@ -3,24 +3,22 @@
 
    A task arrives as a goal, by the mission file or by the agent that had it before. */
 
-+!carry(Lat, Long)
++!carry(Lat, Long)[source(From)] : not task(_, _)
   <- +task(Lat, Long);
+     +task_of(From);
      .wait(bridge(up), 120000);
      .wait(state(_, true, _), 120000);
-     !departed;
-     +departed;
-     !on_the_way.
+     !under_way.
++!carry(_, _) <- !go_on.                     // a request of others comes again after a death
 -!carry(_, _)[cause(Cause), error_msg(Why)] : passing(Cause) <- .print("interrupted: ", Why); !resumed.
 -!carry(_, _)[error_msg(Why)] <- !given_up(Why).
+
++!under_way <- !departed; +departed; !on_the_way.
 
 // What a silent link or a lost bridge cuts short goes on.
 passing(Cause) :- .member(Cause, [link, unreachable, restart, busy]).
 
-+!resumed
-  <- .wait(1000);
-     .wait(bridge(up), 120000);
-     .wait(state(_, true, _), 120000);
-     !go_on.
++!resumed <- .wait(1000); !go_on.
 
 +!on_the_way : task(Lat, Long)
   <- .print("on the way to ", Lat, ", ", Long);
@@ -55,16 +53,20 @@ coming_home(Mode) :- state(Mode, true, true) & .member(Mode, ["RTL", "SMART_RTL"
 +!safe <- return_to_launch.
 -!safe[error_msg(Why)] <- .print("cannot return: ", Why).
 
-// Started again by a supervisor after a death: what has handed its task over comes home, and what is under way goes on.
-+restarted(_) : task(_, _) & not carried & not gave_up(_)
-  <- .print("started again");
-     .wait(state(_, true, _), 120000);
-     !go_on.
+// Started again by a supervisor after a death: a task of its own goes on, one of others comes again as a request.
++restarted(_) : task_of(self) & not carried & not gave_up(_) <- .print("started again"); !go_on.
 
-+!go_on : handed <- !home.
-+!go_on : override(_) <- .fail(error_msg("others have it")).
-+!go_on : departed & state(_, _, true) <- set_mode("GUIDED"); !on_the_way.
-+!go_on : not departed & task(Lat, Long) <- !carry(Lat, Long).
-+!go_on <- .fail(error_msg("its motors were stopped on the way")).     // whoever did that had a reason
+// What has handed its task over comes home, and what is under way goes on: nothing is armed twice.
++!go_on
+  <- .wait(bridge(up), 120000);
+     .wait(state(_, true, _), 120000);
+     !continue.
 -!go_on[cause(Cause), error_msg(Why)] : passing(Cause) <- .print("interrupted: ", Why); !resumed.
 -!go_on[error_msg(Why)] <- !given_up(Why).
+
++!continue : carried | gave_up(_).
++!continue : handed <- !home.
++!continue : override(_) <- .fail(error_msg("others have it")).
++!continue : departed & state(_, _, true) <- set_mode("GUIDED"); !on_the_way.
++!continue : not departed <- !under_way.
++!continue <- .fail(error_msg("its motors were stopped on the way")).     // whoever did that had a reason
