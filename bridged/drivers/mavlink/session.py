@@ -293,7 +293,9 @@ class VehicleSession:
         before = self._mode_before_pause
 
         def bind() -> BoundAction:
-            return mode_action(self.modes, self.modes.guided if before is None else before)
+            modes = self.modes
+            by_a_target = before is None or before in modes.also_targets  # modes that only a target of ours began
+            return mode_action(modes, modes.guided if before is None or by_a_target else before)
 
         for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet
             self.stop(run, Outcome("cancelled", "the operator continues", "operator"))

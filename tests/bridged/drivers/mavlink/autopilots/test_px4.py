@@ -14,6 +14,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOAR
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.vehicle import Vehicle
+from tests.bridged.bridge.test_pause import ended, pause, resume
 from tests.bridged.bridge.test_safety_orders import leaving, passing
 from tests.bridged.sky import GOAL, HOME, MISSION, Message, Sky
 from tests.support.buses import async_test
@@ -288,6 +289,31 @@ def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
     sky.wait(4)
     assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
     assert mode(sky) == "HOLD"
+
+
+@async_test
+async def test_what_an_operator_pauses_goes_on(tmp_path: Path) -> None:
+    sky = px4(tmp_path)
+    for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
+        done(sky, name, argument)
+    climbing = sky.begin("takeoff", 20)
+    sky.forward(lambda: altitude(sky) > 6, "6 m", 20)
+    assert (await pause(sky)).state == "succeeded"
+    await passing(sky, 20)
+    assert altitude(sky) < 12
+    assert (await resume(sky)).state == "succeeded"
+    assert (await ended(sky, climbing)).state == "succeeded"
+    going = sky.begin("goto", -27.6020, -48.5180, 30)
+    await passing(sky, 4)
+    await pause(sky)
+    await passing(sky, 10)
+    assert speed(sky) < 0.3
+    await resume(sky)
+    assert (await ended(sky, going)).state == "succeeded"
+    done(sky, "fly", 2.0, 0.0, 0.0)
+    await pause(sky)
+    assert (await resume(sky)).state == "succeeded"
+    assert sky.belief("override") is None
 
 
 def test_sticks_of_a_pilot_take_it(sky: Sky) -> None:
