@@ -21,9 +21,9 @@ Item = tuple[int, int, tuple[float, float, float, float], Vector | None, float]
 class AttendedVehicle(Station):
     """Tells `silent` = True to keep the ground station silent."""
 
-    def __init__(self, vehicle: str, autopilot: str) -> None:
+    def __init__(self, vehicle: str, autopilot: str, *faults: str) -> None:
         self.silent, self._beat_at = False, 0.0
-        super().__init__(kind=KINDS[vehicle, autopilot])
+        super().__init__(kind=KINDS[vehicle, autopilot], faults=faults)
 
     def wait(self, seconds: float) -> list[dialect.MAVLink_message]:
         """Lets time pass, with a HEARTBEAT at each second; returns what was heard meanwhile."""

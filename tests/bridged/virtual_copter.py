@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.autopilot import BootKind
+from bridged.simulation.vehicle.fault_injection import Faults
 from bridged.simulation.vehicle.kinds import COPTER, VehicleKind
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.vehicle import Vehicle
@@ -22,9 +23,14 @@ class Station:
     """Says things to one vehicle and keeps what it hears. `now` is vehicle time."""
 
     def __init__(
-        self, boot: BootKind = "quick", system: int = 1, ready: bool = True, kind: VehicleKind = COPTER
+        self,
+        boot: BootKind = "quick",
+        system: int = 1,
+        ready: bool = True,
+        kind: VehicleKind = COPTER,
+        faults: Sequence[str] = (),
     ) -> None:
-        self.vehicle = Vehicle(HOME, kind, system=system, boot=boot)
+        self.vehicle = Vehicle(HOME, kind, system=system, boot=boot, faults=Faults.parse(faults))
         self.copter = self.vehicle.autopilot
         self.heard: list[dialect.MAVLink_message] = []
         self._encoder, self._framer = Encoder(255, 190), Framer(WireCounters())
