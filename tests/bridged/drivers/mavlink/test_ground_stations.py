@@ -30,9 +30,9 @@ ROOT = Path(__file__).parents[4]
 
 
 @contextmanager
-def copter(link: str, *more: str) -> Iterator[subprocess.Popen[str]]:
-    """A simulated copter as a process; it is gone afterwards whatever happened."""
-    command = ["bridged", "simulate", "copter", "--link", link, *more]
+def copter(link: str, *more: str, vehicle: str = "copter") -> Iterator[subprocess.Popen[str]]:
+    """A simulated vehicle as a process; it is gone afterwards whatever happened."""
+    command = ["bridged", "simulate", vehicle, "--link", link, *more]
     process = Forked(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     try:
         yield process

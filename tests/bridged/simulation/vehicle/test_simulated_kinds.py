@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -100,3 +102,11 @@ def test_only_parameters_of_its_autopilot_can_be_set(kind: str, autopilot: str) 
 
 def test_the_default_is_an_arducopter() -> None:
     assert KINDS["copter", "ardupilot"] is COPTER
+
+
+def test_the_page_of_the_simulated_vehicles_tells_how_many_parameters_each_has() -> None:
+    page = (Path(__file__).parents[4] / "docs/guides/simulated-vehicles.md").read_text()
+    count = {kind: len(AttendedVehicle(*kind).copter.parameters) for kind in ALL}
+    plane, rover = count["plane", "ardupilot"], count["rover", "ardupilot"]
+    of_px4 = "{}, {} and {}".format(*(count[kind, "px4"] for kind in ("copter", "plane", "rover")))
+    assert f"{plane} of an ArduPlane, {rover} of a Rover, and {of_px4} of a PX4" in page

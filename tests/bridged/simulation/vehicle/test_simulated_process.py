@@ -1,4 +1,4 @@
-"""The simulated copter as a process on real links: a pilot's link of its own, signatures, faults."""
+"""The simulated vehicles as processes on real links: a pilot's link of its own, signatures, faults."""
 
 from __future__ import annotations
 
@@ -64,6 +64,31 @@ async def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees
         assert not [one for one in bridge.heard if one.get_type() == "COMMAND_ACK"]
         await bridge.link.close()
         await pilot.link.close()
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "autopilot", "type_"),
+    [
+        ("plane", "ardupilot", 1),
+        ("rover", "ardupilot", 10),
+        ("copter", "px4", 2),
+        ("plane", "px4", 1),
+        ("rover", "px4", 10),
+    ],
+)
+@async_test
+async def test_each_kind_is_a_process_and_is_armed(vehicle: str, autopilot: str, type_: int) -> None:
+    port = free_port()
+    bridge = await Station().open(port)
+    with copter(f"udpout:127.0.0.1:{port}", "--autopilot", autopilot, "--speed", "10", vehicle=vehicle):
+        beat = await bridge.until("HEARTBEAT", type=type_)
+        assert beat.autopilot == {"ardupilot": 3, "px4": 12}[autopilot]
+        await bridge.until("HOME_POSITION")
+        async with asyncio.timeout(PATIENCE):
+            while not any(one.get_type() == "HEARTBEAT" and one.base_mode & 128 for one in bridge.heard):
+                bridge.command(400, 1)
+                await asyncio.sleep(0.2)
+        await bridge.link.close()
 
 
 @pytest.fixture
