@@ -33,13 +33,13 @@ CHECKSUMS: Final = {"zlib"}
 """Of what is kept on disk."""
 KEPT: Final = {"sqlite3"}
 """Mail and minds on disk."""
-LINK: Final = {"fastcrc", "gc", "hmac", "pymavlink", "termios", "tty"}
-"""MAVLink, signed or not, over UDP or a serial line; `gc` puts away what the start has made."""
-REASONING: Final = {"bisect", "encodings", "gc", "random", "zlib"}
-"""`zlib` packs the grammar's tables and what is told of a mind; a program may begin with a byte order mark; `gc` puts
-away what the start has made."""
+LINK: Final = {"fastcrc", "hmac", "pymavlink", "termios", "tty"}
+"""MAVLink, signed or not, over UDP or a serial line."""
+REASONING: Final = {"bisect", "encodings", "random", "zlib"}
+"""`zlib` packs the grammar's tables and what is told of a mind; a program may begin with a byte order mark."""
 
-DAEMON: Final = COMMAND_LINE | MISSION | THREADS
+DAEMON: Final = COMMAND_LINE | MISSION | THREADS | {"gc"}
+"""`gc` looks for garbage seldom, and not in what the start has made."""
 ALLOWED: Final[dict[str, set[str]]] = {
     "client": MISSION | DIGESTS | {"commd", "concurrent", "queue", "schemas"},
     "commd": DAEMON | CHECKSUMS | DIGESTS | KEPT | {"commd", "schemas"},

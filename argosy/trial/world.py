@@ -61,9 +61,10 @@ class Seen:
     @property
     def parked(self) -> bool:
         """Whether it is a rover that stands: it needs no motors for that, and nobody to bring it down."""
+        if self.vehicle.kind.name != "rover":
+            return False
         motion = self.vehicle.autopilot.motion
-        speed = math.hypot(motion.north.velocity, motion.east.velocity)
-        return bool(self.vehicle.kind.name == "rover") and speed < STANDS
+        return math.hypot(motion.north.velocity, motion.east.velocity) < STANDS
 
     @property
     def pilots_mode(self) -> str:

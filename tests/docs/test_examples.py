@@ -16,6 +16,7 @@ RUN_IN = {
     "missions/paper_uav.yaml": "tests/argosy/trial/test_missions.py",
     "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",
     "missions/single_uav.yaml": "tests/argosy/run/test_mission_runner.py",
+    "missions/relay.yaml": "tests/argosy/trial/test_missions.py",
     "missions/three_uavs.yaml": "tests/argosy/trial/test_missions.py",
     "missions/turtle.yaml": "tests/argosy/trial/test_missions.py",
 }

@@ -61,7 +61,8 @@ class Copter:
 
     @property
     def motion(self) -> SimpleNamespace:
-        return SimpleNamespace(up=SimpleNamespace(position=self.up))
+        still = SimpleNamespace(velocity=0.0)
+        return SimpleNamespace(up=SimpleNamespace(position=self.up), north=still, east=still)
 
     @property
     def home_on_chart(self) -> SimpleNamespace:
@@ -85,8 +86,10 @@ class Run:
         self.world = World(self.network, {}, faults, list)
         self.copters = {name: Copter() for name in mission.robots}
         self.pilot: SimpleNamespace = SimpleNamespace(switch=None, landed=False)
+        self.kind = SimpleNamespace(name="copter")
         self.world.vehicles = {
-            name: Seen(SimpleNamespace(autopilot=one, character=self.pilot)) for name, one in self.copters.items()
+            name: Seen(SimpleNamespace(autopilot=one, character=self.pilot, kind=self.kind))
+            for name, one in self.copters.items()
         }
         self.served = True
         self.checkers = Checkers(mission, self.world, lambda robot: self.served, separation=separation)
@@ -732,6 +735,12 @@ def test_a_vehicle_that_is_armed_at_the_end_is_reported(run: Run) -> None:
     in_air(run)
     run.after(1)
     assert run.end() == ["on the ground"]
+
+
+def test_a_rover_that_stands_armed_at_the_end_needs_nobody(run: Run) -> None:
+    in_air(run)
+    run.kind.name = "rover"
+    assert run.checkers.finish() == []
 
 
 def test_a_vehicle_that_a_pilot_has_at_the_end_is_his(run: Run) -> None:

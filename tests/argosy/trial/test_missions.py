@@ -53,6 +53,14 @@ def test_the_paper_flies(fly: Fly) -> None:
         assert any(f"uav: {action} succeeded after" in line for line in outcome.journal), action
 
 
+def test_three_kinds_of_vehicles_hand_a_task_over(fly: Fly) -> None:
+    outcome = fly("relay", 1)
+    assert outcome.success, outcome.why
+    assert outcome.violations == []
+    said = ("plane: hands the task over to copter", "copter: hands the task over to rover", "rover: the task is done")
+    assert [one for line in outcome.journal for one in said if one in line] == list(said)
+
+
 def test_a_mission_is_done_by_what_a_robot_reports_when_its_program_never_says_so(fly: Fly, tmp_path: Path) -> None:
     silent = """\
 !start.

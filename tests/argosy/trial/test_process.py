@@ -201,5 +201,5 @@ def test_a_killed_process_leaves_the_bus_its_addresses_and_its_locks(trial: Tria
 
 
 def test_a_program_that_no_trial_knows_is_refused() -> None:
-    with pytest.raises(ValueError, match="bridged simulate plane cannot run in a trial"):
-        _ = main_of(("bridged", "simulate", "plane"))
+    with pytest.raises(ValueError, match="bridged simulate submarine cannot run in a trial"):
+        _ = main_of(("bridged", "simulate", "submarine"))
