@@ -23,8 +23,9 @@ from bridged.simulation.vehicle.px4.messages import Px4Messages
 from bridged.simulation.vehicle.px4.missions import Missions
 from bridged.simulation.vehicle.px4.parameters import Parameters as Px4Parameters
 from bridged.simulation.vehicle.px4.plane import Px4Plane
-from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.rover import Px4Rover
+from bridged.simulation.vehicle.px4.state import Stored
 
 AutopilotName = Literal["ardupilot", "px4"]
 

@@ -12,7 +12,8 @@ from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, TakeOff, Task
 from bridged.simulation.vehicle.px4 import parameters
 from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, CopterTuning, stream_limits
-from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+from bridged.simulation.vehicle.px4.px4 import Px4
+from bridged.simulation.vehicle.px4.state import Stored
 
 
 class Px4Copter(Px4):

@@ -19,7 +19,7 @@ from bridged.simulation.vehicle.notifications import (
 )
 from bridged.simulation.vehicle.px4 import telemetry
 from bridged.simulation.vehicle.px4.commands import Command, CommandContext, set_mode
-from bridged.simulation.vehicle.px4.failsafes import HEARTBEAT_TIMEOUT_S
+from bridged.simulation.vehicle.px4.links import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import MissionProtocol
 from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, Kind, Parameter, decoded
 from bridged.simulation.vehicle.px4.px4 import Px4

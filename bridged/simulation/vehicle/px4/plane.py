@@ -17,7 +17,8 @@ from bridged.simulation.vehicle.motion.tasks import Approach, Circle, GoTo, Land
 from bridged.simulation.vehicle.notifications import MissionChanged, Result
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
-from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+from bridged.simulation.vehicle.px4.px4 import Px4
+from bridged.simulation.vehicle.px4.state import Stored
 from bridged.simulation.vehicle.px4.texts import GLIDE_SLOPE_TOO_STEEP
 
 _SLIP = 0.88

@@ -1,73 +1,31 @@
-"""The simulated PX4 without MAVLink: state, arming checks, modes, takeoff and landing."""
+"""The simulated PX4 without MAVLink: arming, modes, takeoff and landing."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Self
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
+from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
-from bridged.simulation.vehicle.notifications import Number, Result, Severity, Text
+from bridged.simulation.vehicle.notifications import Result, Text
 from bridged.simulation.vehicle.px4 import missions
-from bridged.simulation.vehicle.px4.battery import Battery
-from bridged.simulation.vehicle.px4.failsafes import Failsafes, Links
-from bridged.simulation.vehicle.px4.fence import Fence
-from bridged.simulation.vehicle.px4.missions import Missions
+from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
 from bridged.simulation.vehicle.px4.navigator import Navigator
-from bridged.simulation.vehicle.px4.parameters import Kind, Parameters
-from bridged.simulation.vehicle.px4.sticks import Sticks
-from bridged.simulation.vehicle.px4.texts import CRITICAL, INFO, event_of
-
-FIRST_HEARTBEAT_S = 1.45
-"""Seconds after power on; the times below count from here."""
-_HOME_S: Mapping[BootKind, float] = {"real": 0.9, "quick": 0.4}
-_QUICK_READY_S = 1.0
-_COMPLAINT_S = 1.0
-"""When the first arming check that fails is reported (recorded: 0.1 to 1.2)."""
+from bridged.simulation.vehicle.px4.parameters import Kind
+from bridged.simulation.vehicle.px4.state import Flight, Px4State, Stored
+from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 PREFLIGHT_EXTRA_S = 1.15
 """Besides COM_DISARM_PRFLT, until a vehicle that does nothing is disarmed (recorded)."""
 
 
-class Flight(Locomotion, Protocol):
-    """What PX4 needs of the motion of a vehicle."""
-
-    task: Task
-    reached: bool
-    cruise_speed: float | None
-
-    def arm(self) -> None:
-        """Start the motors."""
-
-    def begin(self, task: Task) -> None:
-        """Begin another task from the present motion."""
-
-    @property
-    def target(self) -> Vector | None:
-        """Goal of the present task, if there is one."""
-
-    @property
-    def lift_at(self) -> float | None:
-        """When it will leave the ground, in vehicle seconds; None: it is not about to."""
-
-
-@dataclass(slots=True)
-class Stored:
-    """What survives a restart."""
-
-    parameters: Parameters
-    missions: Missions
-    fence: Fence
-
-
-class Px4(Autopilot):
+class Px4(Px4State):
     """One vehicle with PX4."""
 
     PILOTED: ClassVar = Mode.POSCTL
@@ -79,10 +37,6 @@ class Px4(Autopilot):
     """Its parameters besides the common ones."""
     DETECTED_S: ClassVar[float] = 0.0
     """Seconds before it leaves the ground at which a takeoff is detected."""
-    READY_S: ClassVar[float] = 2.7
-    """When the estimator has started (recorded: a copter 1.9 to 2.9)."""
-    mode: Mode
-    flight: Flight
 
     def __init__(
         self,
@@ -94,27 +48,9 @@ class Px4(Autopilot):
         charge_time: float = CHARGE_S,
     ) -> None:
         """At home an empty battery is full after `charge_time` seconds."""
-        super().__init__(start, motion, FIRST_HEARTBEAT_S)
-        self.stored = stored
-        self.parameters, self.missions, self.fence = stored.parameters, stored.missions, stored.fence
-        self.boot = boot
-        self.flight = flight
-        self.battery = Battery(self.parameters, charge_time)
-        self.sticks = Sticks()
-        self.links = Links()
+        super().__init__(start, motion, flight, stored, boot, charge_time)
         self.failsafes = Failsafes(self)
         self.navigator = Navigator(self)
-        self.mode = self.intended = Mode.LOITER
-        self.takeoff_up: float | None = None
-        """Altitude on the map of the takeoff that was ordered; None: MIS_TAKEOFF_ALT above here."""
-        self.setpoint: Task | None = None
-        """The last setpoint for OFFBOARD ..."""
-        self.setpoint_at = -math.inf
-        """... and when it came, in vehicle seconds."""
-        self.flown = False
-        """Whether it has taken off since it was armed."""
-        self.armed_at = self.landed_at = 0.0
-        self._complained = False
         self._returning = False
 
     @classmethod
@@ -126,69 +62,6 @@ class Px4(Autopilot):
         """Return the vehicle after a restart at a place on the ground."""
         self.missions.current, self.missions.complete = 0, False
         return self.made(place, self.motion.heading, self.boot, self.stored, self.battery.charge_time)
-
-    @property
-    def age(self) -> float:
-        """Seconds since the first HEARTBEAT."""
-        return self.now - FIRST_HEARTBEAT_S
-
-    @property
-    def ready(self) -> bool:
-        """Whether the estimator has started, so that it can be armed."""
-        return self.age >= (self.READY_S if self.boot == "real" else _QUICK_READY_S)
-
-    @property
-    def booting(self) -> bool:
-        """Whether the boot sequence goes on."""
-        return not self.ready
-
-    @property
-    def has_fix(self) -> bool:
-        """Whether the GPS has started."""
-        return True
-
-    @property
-    def has_position(self) -> bool:
-        """Whether the estimator has a position."""
-        return self.ready and not self.estimate.lost
-
-    def send_text(self, text: str, severity: Severity = INFO) -> None:
-        """Queue a STATUSTEXT, and the EVENT of the same news."""
-        self.events.append(Text(severity, f"{text}\t"))
-        if event := event_of(text):
-            self.events.append(Number(*event))
-
-    def problems(self) -> list[str]:
-        """Return the failed arming checks that do not depend on the mode, in the vehicle's words."""
-        if not self.ready:
-            return ["no heading reference"]
-        problems = [self.hindrance] if self.hindrance else []
-        if self.estimate.gps is None or not self.has_position:
-            problems.append("no valid global position estimate")
-        if self.parameters["NAV_DLL_ACT"] > 0 and not self.links.station_present(self.now):
-            problems.append("No connection to the ground control station")
-        return problems
-
-    def mode_problem(self, mode: Mode) -> bool:
-        """Return whether something that a mode needs is missing."""
-        if mode.piloted:
-            return not self.sticks.alive(self.now)
-        if mode is Mode.MISSION:
-            return not self.missions.valid
-        if mode is Mode.OFFBOARD:
-            return not self.setpoints_come
-        return False
-
-    @property
-    def setpoints_come(self) -> bool:
-        """Whether setpoints are streamed."""
-        return self.now - self.setpoint_at <= self.parameters["COM_OF_LOSS_T"]
-
-    @property
-    def healthy(self) -> bool:
-        """Bit 28 of SYS_STATUS: whether all checks pass in the present mode."""
-        ground_only = not self.armed and self.mode in (Mode.RTL, Mode.LAND, Mode.PRECLAND, Mode.DESCEND)
-        return not self.problems() and not self.mode_problem(self.mode) and not ground_only
 
     def arm(self, *, force: bool = False) -> Result:
         """Start the motors and set home here."""
@@ -367,13 +240,6 @@ class Px4(Autopilot):
                 self.flight.task = setpoint
             else:
                 self.flight.begin(setpoint)
-
-    def _boot(self) -> None:
-        if self.home is None and self.age >= _HOME_S[self.boot]:
-            self.set_home(self.place)
-        if not self._complained and not self.ready and self.age >= _COMPLAINT_S:
-            self._complained = True
-            self.events.append(Text(CRITICAL, f"Preflight Fail: {self.problems()[0]}"))
 
     def _guard(self, dt: float) -> None:
         self.failsafes.check(dt)

@@ -16,7 +16,8 @@ from bridged.simulation.vehicle.motion.tasks import GoTo, Landed, Stop, Task
 from bridged.simulation.vehicle.notifications import Result
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
-from bridged.simulation.vehicle.px4.px4 import Px4, Stored
+from bridged.simulation.vehicle.px4.px4 import Px4
+from bridged.simulation.vehicle.px4.state import Stored
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 UNDER_WAY_S = 0.5
