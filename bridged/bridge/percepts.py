@@ -150,7 +150,7 @@ class PerceptPublisher:
     def tick(self) -> float:
         """Publish what the rate held back and is due, and remove what has aged.
 
-        Returns the mission seconds until more of it is due; infinite if nothing is held back.
+        Returns the mission seconds until more of it is due; infinite if nothing is held back or ages.
         """
         now, due = self._clock.now(), math.inf
         for key, slot in list(self._slots.items()):
@@ -159,9 +159,13 @@ class PerceptPublisher:
             if slot.waiting is not None:
                 due = min(due, slot.due)
             ttl = slot.entry.ttl
-            if ttl is not None and now - slot.heard_at > ttl * self._ttl_scale:
+            if ttl is None:
+                continue
+            if now - slot.heard_at > ttl * self._ttl_scale:
                 self.expired += 1
                 self._remove(key)
+            else:
+                due = min(due, slot.heard_at + ttl * self._ttl_scale)
         return due - now
 
     def flush(self) -> None:
@@ -217,6 +221,8 @@ class PerceptPublisher:
                 self._remove(next(iter(self._slots)))
             slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now)
             self._publish_slot(slot, parameters, now)
+            if entry.ttl is not None:
+                self._tick_by(now + entry.ttl * self._ttl_scale)
             return
         since, slot.heard_at = now - slot.heard_at, now
         if entry.buf == "update" and not _changed(entry.deadband, slot.published, parameters):
@@ -225,9 +231,12 @@ class PerceptPublisher:
             self._publish_slot(slot, parameters, now)
         else:
             slot.waiting = parameters
-            if slot.due < self.next_tick:
-                self.next_tick = slot.due
-                self._wake.set()
+            self._tick_by(slot.due)
+
+    def _tick_by(self, due: float) -> None:
+        if due < self.next_tick:
+            self.next_tick = due
+            self._wake.set()
 
     def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
         period = _period(slot.entry)

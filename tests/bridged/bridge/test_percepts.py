@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -173,12 +172,12 @@ def test_what_a_late_reading_of_a_source_at_the_rate_holds_back_is_at_most_what_
 
 def test_a_tick_returns_how_long_a_value_is_held_back(board: Board) -> None:
     board.hear("POSITION", alt=0)
-    assert board.percepts.tick() == math.inf
+    assert board.percepts.tick() == pytest.approx(3), "it ages then"
     board.clock.time += 0.02
     board.hear("POSITION", alt=100)
     assert board.percepts.tick() == pytest.approx(0.08)
     board.clock.time += 0.08
-    assert board.percepts.tick() == math.inf
+    assert board.percepts.tick() == pytest.approx(3), "it ages then"
     assert board.taken()[-1] == ("replace", "altitude", (0.1,))
 
 
@@ -287,12 +286,23 @@ def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_ag
 
 def test_a_change_that_is_held_back_wakes_the_bridge_only_if_it_is_due_before_the_next_tick(board: Board) -> None:
     board.hear("POSITION", alt=5000)
+    board.wake.clear()
     board.percepts.next_tick = board.clock.now() + 0.05
     board.hear("POSITION", alt=6000)
     assert not board.wake.is_set(), "it is due in 0.1 s"
     board.percepts.next_tick = board.clock.now() + 0.25
     board.hear("POSITION", alt=7000)
     assert board.wake.is_set()
+
+
+def test_a_belief_that_ages_before_the_next_tick_wakes_the_bridge() -> None:
+    board = Board(read_manifest(MANIFEST.replace('ttl = "3s"', 'ttl = "0.2s"'), "m.toml"))
+    board.percepts.next_tick = board.clock.now() + 1.0  # a robot that rests is looked at each second
+    board.hear("POSITION", alt=5000)
+    assert board.wake.is_set()
+    assert board.percepts.tick() == pytest.approx(0.2)
+    board.wait(0.3)
+    assert ("remove", "altitude", (5.0,)) in board.taken()
 
 
 def test_what_another_manifest_holds_back_for_less_long_wakes_the_bridge(board: Board) -> None:
