@@ -177,7 +177,7 @@ def test_a_tick_returns_how_long_a_value_is_held_back(board: Board) -> None:
     board.hear("POSITION", alt=100)
     assert board.percepts.tick() == pytest.approx(0.08)
     board.clock.time += 0.08
-    assert board.percepts.tick() == pytest.approx(3), "it ages then"
+    assert board.percepts.tick() == pytest.approx(2.92), "it ages 3 s after it was heard"
     assert board.taken()[-1] == ("replace", "altitude", (0.1,))
 
 
