@@ -7,6 +7,7 @@ from collections.abc import Awaitable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from bridged.bridge.safety_orders import Step
 from bridged.drivers.api import Order, Outcome
@@ -69,12 +70,9 @@ def is_at(sky: Sky, before: tuple[float, float, float]) -> bool:
 
 def quick(deadline: float) -> Manifest:
     """The copter's manifest with a `goto` that has so many seconds."""
-    manifest = load_manifest("copter")
-    manifest.actions["goto"] = type(manifest.actions["goto"])(
-        **{name: getattr(manifest.actions["goto"], name) for name in manifest.actions["goto"].__struct_fields__}
-        | {"deadline": type(manifest.actions["goto"].deadline)(deadline)}
-    )
-    return manifest
+    manifest = load_manifest("copter")  # shared by all tests of a process
+    goto = manifest.actions["goto"]
+    return replace(manifest, actions=manifest.actions | {"goto": replace(goto, deadline=type(goto.deadline)(deadline))})
 
 
 @pytest.fixture
