@@ -5,7 +5,6 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Value
-from bridged.drivers.mavlink.actions.confirmation import next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     BoundAction,
@@ -20,6 +19,7 @@ from bridged.drivers.mavlink.actions.mission_actions import (
     TRIES,
     TRY_EVERY,
     VEHICLE_GIVES_UP,
+    count_items,
     mission_protocol,
     ours,
 )
@@ -46,15 +46,12 @@ def upload_fence(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
             return Outcome("refused", f"{what} is outside of the fence")
     with mission_protocol(flight, run):
         yield from _send(flight, run, corners)
-        for _ in range(TRIES):
-            flight.send(dialect.MAVLink_mission_request_list_message(*flight.addressee, FENCE))
-            run.waits_for = "the vehicle to report how many corners it holds"
-            held = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one, FENCE))
-            if held is not None:
-                if held.count == len(corners):
-                    return SUCCEEDED
-                return Outcome("failed", f"{len(corners)} corners were acknowledged, the vehicle holds {held.count}")
-    return Outcome("failed", "the vehicle acknowledged the fence, but does not report it")
+        held = yield from count_items(flight, run, FENCE)
+    if held == len(corners):
+        return SUCCEEDED
+    if held is None:
+        return Outcome("failed", "the vehicle acknowledged the fence, but does not report it")
+    return Outcome("failed", f"{len(corners)} corners were acknowledged, the vehicle holds {held}")
 
 
 def _send(flight: ProcedureContext, run: ProcedureRun, corners: list[Corner]) -> Part:

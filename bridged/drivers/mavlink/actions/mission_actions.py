@@ -133,12 +133,15 @@ def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, Non
     return tuple(items)
 
 
-def count_items(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, int | None]:
-    """Request how many items the vehicle holds, with home. Returns None without an answer."""
+def count_items(flight: ProcedureContext, run: ProcedureRun, kind: int = 0) -> Generator[None, None, int | None]:
+    """Request how many items of a list (MAV_MISSION_TYPE) the vehicle holds, a mission's with home.
+
+    Returns None without an answer.
+    """
     run.waits_for = "the vehicle to report how many items it holds"
     for _ in range(TRIES):
-        flight.send(dialect.MAVLink_mission_request_list_message(*flight.addressee))
-        message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one))
+        flight.send(dialect.MAVLink_mission_request_list_message(*flight.addressee, kind))
+        message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one, kind))
         if message is not None:
             return int(message.count)
     return None

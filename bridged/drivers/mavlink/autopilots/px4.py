@@ -44,10 +44,12 @@ FIRST_ACTUATOR, ACTUATORS = 301, 6
 """Functions of outputs (PWM_MAIN_FUNC1, ...) that DO_SET_ACTUATOR sets: `Peripheral via Actuator Set`."""
 _SIGNED = {dialect.MAV_PARAM_TYPE_INT8, dialect.MAV_PARAM_TYPE_INT16, dialect.MAV_PARAM_TYPE_INT32}
 _UNSIGNED = {dialect.MAV_PARAM_TYPE_UINT8, dialect.MAV_PARAM_TYPE_UINT16, dialect.MAV_PARAM_TYPE_UINT32}
-_NUMBERED = frozenset({
-    "MISSION_CURRENT", "MISSION_ITEM_REACHED", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT",
-    "MISSION_ITEM", "MISSION_SET_CURRENT",
-})  # fmt: skip
+_ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
+_OF_MISSIONS = _ITEMS | {
+    "MISSION_COUNT", "MISSION_CURRENT", "MISSION_ITEM_REACHED", "MISSION_REQUEST", "MISSION_REQUEST_INT",
+    "MISSION_SET_CURRENT",
+}  # fmt: skip
+"""Messages that number or count items."""
 
 
 class Px4(Autopilot):
@@ -94,17 +96,11 @@ class Px4(Autopilot):
         kind = message.get_type()
         if kind == "PARAM_VALUE":
             message.param_value = number_of(message.param_value, message.param_type)
-        elif getattr(message, "mission_type", 0) == dialect.MAV_MISSION_TYPE_MISSION:
-            if kind in _NUMBERED:
-                message.seq += 1
-            if kind == "MISSION_COUNT":
-                message.count += 1
-            elif kind == "MISSION_CURRENT" and message.total == NO_MISSION:
+        elif _renumbered(message, kind, 1):
+            if kind == "MISSION_CURRENT" and message.total == NO_MISSION:
                 message.total = 0
-            elif kind in ("MISSION_ITEM_INT", "MISSION_ITEM"):
-                message.param4 = 0.0 if math.isnan(message.param4) else message.param4
-                if message.command == dialect.MAV_CMD_DO_JUMP:
-                    message.param1 += 1
+            elif kind in _ITEMS and math.isnan(message.param4):
+                message.param4 = 0.0
         return message
 
     def outgoing(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
@@ -112,16 +108,10 @@ class Px4(Autopilot):
         kind = message.get_type()
         if kind == "PARAM_SET":
             message.param_value = bits_of(message.param_value, message.param_type)
-        elif getattr(message, "mission_type", 0) == dialect.MAV_MISSION_TYPE_MISSION:
-            if kind in _NUMBERED:
-                message.seq -= 1
-            if kind == "MISSION_COUNT":
-                message.count -= 1
-            elif kind == "MISSION_ITEM_INT":
-                if message.command <= dialect.MAV_CMD_NAV_LAST and message.param4 == 0.0:
-                    message.param4 = math.nan
-                if message.command == dialect.MAV_CMD_DO_JUMP:
-                    message.param1 -= 1
+        elif _renumbered(message, kind, -1):
+            flown = kind in _ITEMS and message.command <= dialect.MAV_CMD_NAV_LAST
+            if flown and message.param4 == 0.0:
+                message.param4 = math.nan
         return message
 
     def hold(self, modes: ModeTable) -> BoundAction:
@@ -199,6 +189,19 @@ class Px4(Autopilot):
                 raise
         stream.until = flight.now + GUIDED_TIMEOUT
         return lambda: None
+
+
+def _renumbered(message: dialect.MAVLink_message, kind: str, by: int) -> bool:
+    """Add to the numbers of items in a message of the mission's list, and to its count. Returns whether it is one."""
+    if kind not in _OF_MISSIONS or getattr(message, "mission_type", 0) != dialect.MAV_MISSION_TYPE_MISSION:
+        return False
+    if kind == "MISSION_COUNT":
+        message.count += by
+    else:
+        message.seq += by
+    if kind in _ITEMS and message.command == dialect.MAV_CMD_DO_JUMP:
+        message.param1 += by
+    return True
 
 
 def number_of(value: float, kind: int) -> float:

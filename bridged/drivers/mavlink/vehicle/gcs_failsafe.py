@@ -71,12 +71,13 @@ class FailsafeCheck:
         self._every = TRY_EVERY * max(1.0, speed)
         self._tries = 0
         self._next_at = math.inf
-        self._for_texts = False
+        self._stations_only = self._for_texts = False
 
     def begin(self, now: float, autopilot: Autopilot, modes: ModeTable) -> None:
         """Read the parameter of a vehicle that is connected (again) now (seconds), unless nobody needs to know it."""
         self.parameter = autopilot.station_failsafe(modes)
-        self._for_texts = autopilot.texts_for_stations_only and not self.claims_ground_station
+        self._stations_only = autopilot.texts_for_stations_only
+        self._for_texts = self._stations_only and not self.claims_ground_station
         if self._failsafe.watches or self._for_texts:
             self.value, self._tries, self._next_at = None, 0, now
 
@@ -89,8 +90,7 @@ class FailsafeCheck:
         """
         if self._for_texts and self.value is None and self._tries < TRIES:
             return None
-        stands_in = self._for_texts and self.value == 0
-        if stands_in or (self.claims_ground_station and self.parameter == "NAV_DLL_ACT"):
+        if self._stations_only and (self.claims_ground_station or self.value == 0):
             return int(dialect.MAV_TYPE_GCS)
         return int(dialect.MAV_TYPE_ONBOARD_CONTROLLER)
 
