@@ -51,7 +51,7 @@ class ArduPilot(Autopilot):
     NAME: ClassVar[str]
     TYPE: ClassVar[int]
     """MAV_TYPE"""
-    CAPABILITIES: ClassVar[int]
+    CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 128 | 256 | 8192
     """capabilities of AUTOPILOT_VERSION"""
     VTOL_STATE: ClassVar[int] = 0
     """vtol_state of EXTENDED_SYS_STATE (MAV_VTOL_STATE)."""
@@ -101,8 +101,12 @@ class ArduPilot(Autopilot):
         self._actions: list[Item] = []  # mission items to be done on the way
         self._actions_wait_until = 0.0
 
-    @classmethod
+    @staticmethod
     @abstractmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Drive]:
+        """Return what moves, with a heading in radians, and what drives it by its parameters."""
+
+    @classmethod
     def made(
         cls,
         start: Place,
@@ -114,6 +118,9 @@ class ArduPilot(Autopilot):
         charge_time: float = CHARGE_S,
     ) -> Self:
         """Make one at a place, with a heading in radians; the other arguments are those of `ArduPilot`."""
+        parameters = parameters or Parameters(rows=cls.ROWS)
+        motion, flight = cls.moving(heading, parameters)
+        return cls(start, motion, flight, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
 
     def restarted(self, place: Place) -> Self:
         """Return the vehicle after a restart at a place on the ground."""

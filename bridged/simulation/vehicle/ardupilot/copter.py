@@ -10,17 +10,17 @@ from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
 from bridged.simulation.vehicle.ardupilot import parameters as tables
 from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, CopterTuning
+from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, copter_tuning
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.mission import Mission, task_of
+from bridged.simulation.vehicle.ardupilot.mission import task_of
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Motion
 from bridged.simulation.vehicle.motion.tasks import Land, Return, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, ParameterChanged, Result, Severity
 
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -36,7 +36,6 @@ class Copter(ArduPilot):
 
     NAME: ClassVar = "copter"
     TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
-    CAPABILITIES: ClassVar = 1 | 2 | 4 | 8 | 128 | 256 | 8192
     VTOL_STATE: ClassVar = 3
     ROWS: ClassVar = tables.COPTER
     SCRIPT: ClassVar = boot_sequence.COPTER
@@ -51,21 +50,11 @@ class Copter(ArduPilot):
     flight: Flight
     _compass_checked = False
 
-    @classmethod
-    def made(
-        cls,
-        start: Place,
-        *,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        parameters: Parameters | None = None,
-        stored: Mission | None = None,
-        charge_time: float = CHARGE_S,
-    ) -> Copter:
-        """Make one at a place, with a heading in radians."""
-        motion, parameters = Motion(heading), parameters or Parameters(rows=cls.ROWS)
-        flight = Flight(motion, CopterTuning(parameters))
-        return cls(start, motion, flight, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
+        """Return its motion and what drives it."""
+        motion = Motion(heading)
+        return motion, Flight(motion, TuningCache(parameters, copter_tuning))
 
     @property
     def base_mode(self) -> int:

@@ -25,23 +25,7 @@ _STOP = Limits(accel=2.5)
 _HARD_STOP = Limits(accel=3.4, release=1.1)
 
 
-class CopterTuning:
-    """The tuning of a copter, made anew when a parameter or the speed of its legs has changed."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        self._parameters = parameters
-        self._made_of: tuple[float | None, int] | None = None
-        self._tuning: Tuning
-
-    def __call__(self, speed: float | None) -> Tuning:
-        """Return the tuning; `speed` of legs in m/s, None: that of the parameters."""
-        made_of = speed, self._parameters.changes
-        if made_of != self._made_of:
-            self._made_of, self._tuning = made_of, _tuning(self._parameters, speed)
-        return self._tuning
-
-
-def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
+def copter_tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
     speed = cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
     climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)
     slow = max(0.3, values["LAND_SPEED"] / 100)

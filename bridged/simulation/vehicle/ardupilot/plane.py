@@ -14,14 +14,13 @@ from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
 from bridged.simulation.vehicle.ardupilot.flight_modes import PlaneMode
-from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, Mission, goal_of
+from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
-from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.plane_flight import PlaneFlight, PlaneMotion, PlaneTuning
 from bridged.simulation.vehicle.motion.tasks import Approach, Drift, GoTo, Landed, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
 
 _WIDER = 1.15
@@ -44,7 +43,6 @@ class Plane(ArduPilot):
 
     NAME: ClassVar = "plane"
     TYPE: ClassVar = dialect.MAV_TYPE_FIXED_WING
-    CAPABILITIES: ClassVar = 1 | 2 | 4 | 8 | 128 | 256 | 8192
     ROWS: ClassVar = tables.PLANE
     SCRIPT: ClassVar = boot_sequence.PLANE
     DEFAULTS_S: ClassVar = UNASKED_S
@@ -70,21 +68,11 @@ class Plane(ArduPilot):
     _landed_at: float | None = None
     _prearm_at: float | None = None
 
-    @classmethod
-    def made(
-        cls,
-        start: Place,
-        *,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        parameters: Parameters | None = None,
-        stored: Mission | None = None,
-        charge_time: float = CHARGE_S,
-    ) -> Plane:
-        """Make one at a place, with a heading in radians."""
-        motion, parameters = PlaneMotion(heading), parameters or Parameters(rows=cls.ROWS)
-        flight = PlaneFlight(motion, lambda speed: _tuning(parameters, speed))
-        return cls(start, motion, flight, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[PlaneMotion, PlaneFlight]:
+        """Return its motion and what drives it."""
+        motion = PlaneMotion(heading)
+        return motion, PlaneFlight(motion, TuningCache(parameters, _tuning))
 
     @staticmethod
     def station_watch(parameters: Parameters) -> StationWatch:

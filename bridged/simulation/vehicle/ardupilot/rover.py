@@ -14,13 +14,13 @@ from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
 from bridged.simulation.vehicle.ardupilot.flight_modes import RoverMode
-from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, Mission, goal_of
+from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
 from bridged.simulation.vehicle.ardupilot.parameters import Parameters
-from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverMotion, RoverTuning
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
 
 SETPOINT_LASTS_S = 3.0
@@ -42,7 +42,6 @@ class Rover(ArduPilot):
 
     NAME: ClassVar = "rover"
     TYPE: ClassVar = dialect.MAV_TYPE_GROUND_ROVER
-    CAPABILITIES: ClassVar = 1 | 2 | 4 | 8 | 128 | 256 | 8192
     ROWS: ClassVar = tables.ROVER
     SCRIPT: ClassVar = boot_sequence.ROVER
     DEFAULTS_S: ClassVar = UNASKED_S
@@ -60,21 +59,11 @@ class Rover(ArduPilot):
     _smart_at = math.inf
     _arrived = False
 
-    @classmethod
-    def made(
-        cls,
-        start: Place,
-        *,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        parameters: Parameters | None = None,
-        stored: Mission | None = None,
-        charge_time: float = CHARGE_S,
-    ) -> Rover:
-        """Make one at a place, with a heading in radians."""
-        motion, parameters = RoverMotion(heading), parameters or Parameters(rows=cls.ROWS)
-        drive = RoverDrive(motion, lambda speed: _tuning(parameters, speed))
-        return cls(start, motion, drive, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[RoverMotion, RoverDrive]:
+        """Return its motion and what drives it."""
+        motion = RoverMotion(heading)
+        return motion, RoverDrive(motion, TuningCache(parameters, _tuning))
 
     @staticmethod
     def station_watch(parameters: Parameters) -> StationWatch:

@@ -5,15 +5,14 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.autopilot import BootKind
-from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, TakeOff, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.px4 import parameters
-from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, CopterTuning, stream_limits
+from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, copter_tuning, stream_limits
+from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
-from bridged.simulation.vehicle.px4.state import Stored
 
 
 class Px4Copter(Px4):
@@ -24,11 +23,11 @@ class Px4Copter(Px4):
     DETECTED_S: ClassVar = DETECTED_S
     flight: Flight
 
-    @classmethod
-    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> "Px4Copter":
-        """Make one at a place, with a heading in radians."""
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
+        """Return its motion and what drives it."""
         motion = Motion(heading)
-        return cls(place, motion, Flight(motion, CopterTuning(stored.parameters)), stored, boot, charge_time)
+        return motion, Flight(motion, TuningCache(parameters, copter_tuning))
 
     @property
     def stream_limits(self) -> Limits:

@@ -32,23 +32,7 @@ def stream_limits(values: Parameters) -> Limits:
     )  # fmt: skip
 
 
-class CopterTuning:
-    """The tuning of a copter, made anew when a parameter or the speed of its legs has changed."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        self._parameters = parameters
-        self._made_of: tuple[float | None, int] | None = None
-        self._tuning: Tuning
-
-    def __call__(self, speed: float | None) -> Tuning:
-        """Return the tuning; `speed` of legs in m/s, None: that of the parameters."""
-        made_of = speed, self._parameters.changes
-        if made_of != self._made_of:
-            self._made_of, self._tuning = made_of, _tuning(self._parameters, speed)
-        return self._tuning
-
-
-def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
+def copter_tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
     speed = min(cruise_speed or values["MPC_XY_CRUISE"], values["MPC_XY_VEL_MAX"])
     up, down = max(0.1, values["MPC_Z_V_AUTO_UP"]), max(0.1, values["MPC_Z_V_AUTO_DN"])
     slow, high, low = max(0.3, values["MPC_LAND_SPEED"]), values["MPC_LAND_ALT1"], values["MPC_LAND_ALT2"]

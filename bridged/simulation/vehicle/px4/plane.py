@@ -8,17 +8,16 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.autopilot import BootKind
-from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.plane_flight import PlaneFlight, PlaneMotion, PlaneTuning
 from bridged.simulation.vehicle.motion.tasks import Approach, Circle, GoTo, Land, TakeOff, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import MissionChanged, Result
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
+from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
-from bridged.simulation.vehicle.px4.state import Stored
 from bridged.simulation.vehicle.px4.texts import GLIDE_SLOPE_TOO_STEEP
 
 _SLIP = 0.88
@@ -46,11 +45,11 @@ class Px4Plane(Px4):
     motion: PlaneMotion
     _returned = False
 
-    @classmethod
-    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> Px4Plane:
-        """Make one at a place, with a heading in radians."""
-        motion, values = PlaneMotion(heading), stored.parameters
-        return cls(place, motion, PlaneFlight(motion, lambda speed: _tuning(values, speed)), stored, boot, charge_time)
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[PlaneMotion, PlaneFlight]:
+        """Return its motion and what drives it."""
+        motion = PlaneMotion(heading)
+        return motion, PlaneFlight(motion, TuningCache(parameters, _tuning))
 
     def begin_takeoff(self, up: float) -> None:
         """Roll and take off to an altitude on the map; in the air, circle and climb."""
@@ -172,7 +171,7 @@ class Px4Plane(Px4):
         return GoTo(goal, smooth=item.command == missions.WAYPOINT)
 
 
-def _tuning(values: parameters.Parameters, speed: float | None) -> PlaneTuning:
+def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
     return PlaneTuning(
         airspeed=_SLIP * min(values["FW_AIRSPD_MAX"], max(values["FW_AIRSPD_MIN"], speed or values["FW_AIRSPD_TRIM"])),
         radius=max(20.0, values["NAV_LOITER_RAD"]),

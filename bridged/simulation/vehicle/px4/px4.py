@@ -17,7 +17,7 @@ from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
 from bridged.simulation.vehicle.px4.navigator import Navigator
-from bridged.simulation.vehicle.px4.parameters import Kind
+from bridged.simulation.vehicle.px4.parameters import Kind, Parameters
 from bridged.simulation.vehicle.px4.state import Flight, Px4State, Stored
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
@@ -53,10 +53,15 @@ class Px4(Px4State):
         self.navigator = Navigator(self)
         self._returning = False
 
-    @classmethod
+    @staticmethod
     @abstractmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
+        """Return what moves, with a heading in radians, and what drives it by its parameters."""
+
+    @classmethod
     def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> Self:
         """Make one at a place, with a heading in radians."""
+        return cls(place, *cls.moving(heading, stored.parameters), stored, boot, charge_time)
 
     def restarted(self, place: Place) -> Self:
         """Return the vehicle after a restart at a place on the ground."""

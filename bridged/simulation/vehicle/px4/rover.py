@@ -7,17 +7,16 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.autopilot import BootKind
-from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverMotion, RoverTuning
 from bridged.simulation.vehicle.motion.tasks import GoTo, Landed, Stop, Task
+from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import Result
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
+from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
-from bridged.simulation.vehicle.px4.state import Stored
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 UNDER_WAY_S = 0.5
@@ -45,11 +44,11 @@ class Px4Rover(Px4):
     flight: RoverDrive
     _slow_for = 0.0
 
-    @classmethod
-    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> Px4Rover:
-        """Make one at a place, with a heading in radians."""
-        motion, values = RoverMotion(heading), stored.parameters
-        return cls(place, motion, RoverDrive(motion, lambda speed: _tuning(values, speed)), stored, boot, charge_time)
+    @staticmethod
+    def moving(heading: float, parameters: Parameters) -> tuple[RoverMotion, RoverDrive]:
+        """Return its motion and what drives it."""
+        motion = RoverMotion(heading)
+        return motion, RoverDrive(motion, TuningCache(parameters, _tuning))
 
     def begin_takeoff(self, up: float) -> None:
         """Do nothing: a rover stays on the ground."""
@@ -135,7 +134,7 @@ class Px4Rover(Px4):
             flight.landed = Landed.LANDING if self.mode in (Mode.RTL, Mode.LAND) else Landed.IN_AIR
 
 
-def _tuning(values: parameters.Parameters, speed: float | None) -> RoverTuning:
+def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
     return RoverTuning(
         speed=min(speed or values["RO_SPEED_LIM"], values["RO_SPEED_LIM"]),
         accel=2.0,
