@@ -25,6 +25,8 @@ SITES = ("n1", "n2", "s1", "s2")
 DIALS: dict[str, list[str]] = {"n1": [], "n2": ["n1"], "s1": ["n1"], "s2": ["s1"]}
 AGENTS = {"ann": "n1", "bob": "n2", "cid": "s1", "dan": "s2"}
 PERCEPTS = 400
+TEXT_BYTES = 600
+"""Of each percept: all of them are far more than what the routers say to one another while they are published."""
 ROUTER = "tcp/127.0.0.1:7447"
 """Of each board, for its own daemons."""
 _BUS = """\
@@ -33,14 +35,14 @@ from commd.bus.bus import open_bus
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.support.buses import subscribed, until
-async def main(what, endpoint, count):
+async def main(what, endpoint, count, size):
     key = keys.percept("letters", "uav1", "global_pos")
     async with open_bus(endpoint, fleet="letters", name=what, daemon="test", stamp=time.time_ns, patience=20) as bus:
         if what != "listen":
             if what == "tell":
                 await subscribed(bus, key)
             for number in range(count):
-                bus.put(key, Perception(name="global_pos", parameters=(-27.6, -48.5 + number)))
+                bus.put(key, Perception(name="global_pos", parameters=(number, "x" * size)))
                 await asyncio.sleep(0.002)
             assert await bus.round_trip(20)
         else:
@@ -51,7 +53,7 @@ async def main(what, endpoint, count):
             await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)
             await until(lambda: len(come) >= count, "all has come", 20)
             print(len(come), flush=True)
-asyncio.run(main(sys.argv[1], sys.argv[2], int(sys.argv[3])))
+asyncio.run(main(sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))
 """
 
 
@@ -133,7 +135,7 @@ def test_percepts_cross_only_links_behind_which_somebody_listens(sites: Fleet) -
     ):
         _put(sites.network, "tell")
         assert listener() == PERCEPTS
-    smallest = 60 * PERCEPTS
+    smallest = TEXT_BYTES * PERCEPTS
     assert heard() > smallest, "with a listener they come: the count can see them"
     assert unheard() < smallest / 5, "nobody listens at the other site: they stay at theirs"
     assert beyond() < smallest / 5, "they go no further than to the listener"
@@ -158,14 +160,14 @@ def test_a_listener_hears_again_what_comes_by_way_of_a_board_that_was_lost(sites
 
 def _put(network: Network, how: Literal["put", "tell"] = "put") -> None:
     """Publish `PERCEPTS` percepts on board n2; `tell` waits until somebody listens."""
-    command = [*network.within("n2"), sys.executable, "-c", _BUS, how, ROUTER, str(PERCEPTS)]
+    command = [*network.within("n2"), sys.executable, "-c", _BUS, how, ROUTER, str(PERCEPTS), str(TEXT_BYTES)]
     subprocess.run(command, check=True, cwd=ROOT, timeout=60)
 
 
 @contextmanager
 def _listener(network: Network, board: str) -> Iterator[Callable[[], int]]:
     """Listen on a board; yields what tells how many have come."""
-    command = [*network.within(board), sys.executable, "-c", _BUS, "listen", ROUTER, str(PERCEPTS)]
+    command = [*network.within(board), sys.executable, "-c", _BUS, "listen", ROUTER, str(PERCEPTS), str(TEXT_BYTES)]
     process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def count() -> int:
