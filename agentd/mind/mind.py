@@ -42,10 +42,10 @@ _AWAKING: Final = SignalRaised.named("jag_awaking")
 def wake_up(mind: MindState) -> None:
     """Before cycles: end the sleep if there is an input, a message or a due timer. Its event is the first."""
     inputs, heap = mind.inputs, mind.timers.heap
-    told = bool(inputs) and inputs[0] is _SLEEPING
-    if mind.asleep and (len(inputs) > told or mind.mailbox or (heap and heap[0].due <= mind.now)):
+    announced = bool(inputs) and inputs[0] is _SLEEPING
+    if mind.asleep and (len(inputs) > announced or mind.mailbox or (heap and heap[0].due <= mind.now)):
         mind.asleep = False
-        inputs.insert(int(told), _AWAKING)
+        inputs.insert(int(announced), _AWAKING)
 
 
 def fall_asleep(mind: MindState) -> None:

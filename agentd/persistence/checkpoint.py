@@ -451,7 +451,7 @@ def _check_and_migrate(path: Path, synchronous: Synchronous) -> None:
         if version > len(MIGRATIONS):
             raise CheckpointError(
                 f"{path} was written by a newer Argosy (its version is {version}, this one knows up to"
-                f" {len(MIGRATIONS)}): run that, or begin anew without what is kept there"
+                f" {len(MIGRATIONS)}): run that, or start over without what is kept there"
             )
         check(database)
         (kind,) = database.execute("PRAGMA application_id").fetchone()

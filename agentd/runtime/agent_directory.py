@@ -67,7 +67,7 @@ class AgentDirectory:
         self.on_change: list[Callable[[], None]] = []
         """Called whenever names have changed."""
         self._bus, self._wall = bus, wall
-        self._said: dict[str, BoardServices] = {}
+        self._services: dict[str, BoardServices] = {}
         self._here: dict[str, str] = {}
         """Agents created by this daemon, and their boards."""
         self._ended: set[str] = set()
@@ -80,7 +80,7 @@ class AgentDirectory:
 
     async def watch(self, boards: Collection[str]) -> None:
         """Subscribe to all directories; return when those of `boards` have answered, at most `START_PATIENCE` later."""
-        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, lambda _, said: self.update(said))
+        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, lambda _, one: self.update(one))
         for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._ask_soon(alive))
         try:
@@ -129,23 +129,23 @@ class AgentDirectory:
 
     def remember(self, names: Iterable[str]) -> None:
         """Add correspondents of a former life of an agent, until a directory has answered."""
-        if not self._said:
+        if not self._services:
             self._remembered |= {name: None for name in names if name not in RESERVED}
             self._settle()
 
-    def update(self, said: BoardServices) -> None:
+    def update(self, services: BoardServices) -> None:
         """Take the report of a board, unless it is older than the last one."""
-        known = self._said.get(said.board)
-        if known is not None and said.header.boot == known.header.boot and said.version <= known.version:
+        known = self._services.get(services.board)
+        if known is not None and services.header.boot == known.header.boot and services.version <= known.version:
             return
-        self._said[said.board] = said
+        self._services[services.board] = services
         self._settle()
 
     def _settle(self) -> None:
         """Update the names; those that stay keep their places."""
         homes: dict[str, str] = {}
-        for board, said in self._said.items():
-            for name in said.agents:
+        for board, services in self._services.items():
+            for name in services.agents:
                 homes.setdefault(name, board)
         self._ended &= homes.keys()
         self._met = {name: at for name, at in self._met.items() if name not in homes}

@@ -43,7 +43,7 @@ class Member:
     """It left at the end of its run, which is no loss."""
     health: Health | None = None
     """The last health record of its daemon."""
-    told: float | None = None
+    health_at: float | None = None
     """Time of that record."""
 
     @property
@@ -123,7 +123,7 @@ class FleetRobot(Member):
     def heard(self) -> float:
         """Time at which its state was last known; 0 = never. Bridges publish changes, and each second their health."""
         seen = self.seen
-        return seen.heard if seen.lost or not seen.heard or self.told is None else max(seen.heard, self.told)
+        return seen.heard if seen.lost or not seen.heard or self.health_at is None else max(seen.heard, self.health_at)
 
     def age(self, now: float) -> float | None:
         """Return how old its state is, in seconds; None if it was never heard."""

@@ -46,7 +46,7 @@ class MissionClock:
         """Mission seconds per wall second."""
         self.zero: float | None = None
         """Unix seconds of mission second 0; None = not known yet, or another run has begun."""
-        self._told: dict[str, deque[tuple[float, float]]] = {}
+        self._samples: dict[str, deque[tuple[float, float]]] = {}
         """Samples of each agent: when it was heard, and its mission time."""
         self._restarted: set[str] = set()
         self.expect(mission)
@@ -59,30 +59,30 @@ class MissionClock:
 
     def look(self, agent: str, seconds: float, heard: float) -> None:
         """Take the mission time of an agent, in seconds, heard at `heard`."""
-        if not math.isfinite(seconds) or RUN in self._told or (agent in self._restarted and self.zero is not None):
+        if not math.isfinite(seconds) or RUN in self._samples or (agent in self._restarted and self.zero is not None):
             return
-        told = self._told.get(agent)
-        if told and seconds < told[-1][1] - BACK:
+        samples = self._samples.get(agent)
+        if samples and seconds < samples[-1][1] - BACK:
             self.restarted(agent)
             return
         self._take(agent, seconds, heard)
 
     def look_at_run(self, seconds: float, speed: float, heard: float) -> None:
         """Take the mission time of `argosy run` in `seconds`, heard at `heard`, and its speed."""
-        told = self._told.get(RUN)
-        if told is None or seconds < told[-1][1] - BACK:
+        samples = self._samples.get(RUN)
+        if samples is None or seconds < samples[-1][1] - BACK:
             self.begin()
         self.speed = speed
         self._take(RUN, seconds, heard)
 
     def restarted(self, agent: str) -> None:
         """Ignore an agent from now on: its clock began again when it was restarted."""
-        self._told.pop(agent, None)
+        self._samples.pop(agent, None)
         self._restarted.add(agent)
 
     def begin(self) -> None:
         """Begin another run: forget the clocks of the one before. The speed stays until it is measured."""
-        self._told.clear()
+        self._samples.clear()
         self._restarted.clear()
         self.zero = None
 
@@ -91,29 +91,29 @@ class MissionClock:
         return None if self.zero is None else max(0.0, (at - self.zero) * self.speed)
 
     def _take(self, source: str, seconds: float, heard: float) -> None:
-        told = self._told.setdefault(source, deque(maxlen=KEPT))
-        told.append((heard, seconds))
+        samples = self._samples.setdefault(source, deque(maxlen=KEPT))
+        samples.append((heard, seconds))
         self._forget(heard)
         if source != RUN:
-            self._measure(told)
-        zero = min(at - mission / self.speed for one in self._told.values() for at, mission in one)
+            self._measure(samples)
+        zero = min(at - mission / self.speed for one in self._samples.values() for at, mission in one)
         if self.zero is None or zero < self.zero - 0.005 or zero > self.zero + DRIFT:
             self.zero = round(zero, 2)
 
     def _forget(self, now: float) -> None:
         """Forget old samples, so that pauses, a lost router and agents that have left do not count."""
-        for name in list(self._told):
-            told = self._told[name]
-            while told and now - told[0][0] > WINDOW:
-                told.popleft()
-            if not told:
-                del self._told[name]
-        while len(self._told) > MOST:
-            del self._told[next(reversed(self._told))]
+        for name in list(self._samples):
+            samples = self._samples[name]
+            while samples and now - samples[0][0] > WINDOW:
+                samples.popleft()
+            if not samples:
+                del self._samples[name]
+        while len(self._samples) > MOST:
+            del self._samples[next(reversed(self._samples))]
 
-    def _measure(self, told: deque[tuple[float, float]]) -> None:
-        (since, first), (heard, last) = told[0], told[-1]
-        if heard - since < BASE or told is not next(iter(self._told.values())):
+    def _measure(self, samples: deque[tuple[float, float]]) -> None:
+        (since, first), (heard, last) = samples[0], samples[-1]
+        if heard - since < BASE or samples is not next(iter(self._samples.values())):
             return
         speed = max(0.01, (last - first) / (heard - since))
         likely = [one for one in (self.speed, self._likely, float(round(speed))) if abs(one - speed) < ALIKE * speed]

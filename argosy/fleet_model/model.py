@@ -217,9 +217,9 @@ class FleetModel:
             case BoardServices():
                 self.services(key, record)
             case RunState():
-                self.run_told(key, record)
+                self.run_published(key, record)
             case RunningMission():
-                self.mission_told(key, record)
+                self.mission_published(key, record)
 
     def token(self, key: str, alive: bool) -> None:
         """Take a liveliness token that appeared or vanished."""
@@ -254,7 +254,7 @@ class FleetModel:
         for note in health.notes:
             if note.identity not in known:
                 self._tell(name, note.text, level_of(note))
-        member.health, member.told = health, self.now()
+        member.health, member.health_at = health, self.now()
         if isinstance(member, FleetRobot):
             if health.percepts:
                 self._roster.set_agents(name, tuple(health.percepts))
@@ -363,13 +363,13 @@ class FleetModel:
                 agent, f"its mind has not answered for {SILENT_AFTER:.0f} s{': ' if why else ''}{why}", "warning"
             )
 
-    def activity(self, key: str, told: MindActivity) -> None:
+    def activity(self, key: str, activity: MindActivity) -> None:
         """Take what an agent has done."""
         name = self._name(key)
         if name is None:
             return
-        self._tell.activity(name, told)
-        for event in told.events:
+        self._tell.activity(name, activity)
+        for event in activity.events:
             if event.kind == "print" and name in self.agents:
                 self.agents[name].prints.append(shortened(event.text))
             action = self.actions.get(shortened(event.id)) if event.kind == "outcome" else None
@@ -377,32 +377,32 @@ class FleetModel:
                 state = next((one for one in FINAL_STATES if one == event.state), None)
                 self._ends(action, state or "unknown", event.reason)
 
-    def mailboxes(self, key: str, told: Mailboxes | None, problem: str = "") -> None:
+    def mailboxes(self, key: str, mailboxes: Mailboxes | None, problem: str = "") -> None:
         """Take the mailboxes of a board, or why they are not known."""
         name = self._name(key)
         board = self.boards.get(name or "")
         if board is None:
             return
         board.problem = problem
-        if told is not None:
-            board.mailboxes, board.heard = told, self.now()
+        if mailboxes is not None:
+            board.mailboxes, board.heard = mailboxes, self.now()
 
-    def services(self, key: str, told: BoardServices) -> None:
+    def services(self, key: str, services: BoardServices) -> None:
         """Take the agents of a board."""
         name = self._name(key)
         if name is not None:
-            self._roster.live_on(name, told.agents)
+            self._roster.live_on(name, services.agents)
 
-    def mission_told(self, key: str, told: RunningMission) -> None:
+    def mission_published(self, key: str, mission_file: RunningMission) -> None:
         """Take the mission file that a board runs; it replaces the file that the observer was started with."""
         board, known = self._name(key), self.boards.get(self._mission_of)
         if board is None or (known is not None and known.there and known.name != board):
             return
         self._mission_of = board
-        if self.mission is not None and self.mission.text == told.text:
+        if self.mission is not None and self.mission.text == mission_file.text:
             return
         try:
-            mission = read_mission(told.text, Path(told.file))
+            mission = read_mission(mission_file.text, Path(mission_file.file))
         except Findings as findings:
             self.mission_problem = f"the mission of the fleet cannot be read here: {findings.findings[0].message}"
             return
@@ -411,7 +411,7 @@ class FleetModel:
         self._fleet_status.expected = expected_of(mission)
         self.clock.expect(mission)
 
-    def run_told(self, key: str, state: RunState) -> None:
+    def run_published(self, key: str, state: RunState) -> None:
         """Take the state of `argosy run`."""
         if self._name(key) is None:
             return

@@ -123,7 +123,7 @@ class FleetObserver:
         if self.wanted.whole_fleet:
             subscribe(keys.trace(fleet, "*", "activity"), MindActivity, model.activity)
             subscribe(keys.services(fleet, "*"), BoardServices, model.services)
-            subscribe(keys.run(fleet, "*"), RunState, model.run_told)
+            subscribe(keys.run(fleet, "*"), RunState, model.run_published)
 
     def _health(self, key: str, health: Health) -> None:
         robot_seen_by = self.model.robot_seen_by
@@ -185,15 +185,15 @@ class FleetObserver:
     async def _look_at_mailboxes(self) -> None:
         heard: set[str] = set()
 
-        def told(key: str, mailboxes: Mailboxes | None, error: str = "") -> None:
+        def answered(key: str, mailboxes: Mailboxes | None, error: str = "") -> None:
             self.model.mailboxes(key, mailboxes, error)
             if (parsed := keys.parse(key)) is not None:
                 heard.add(parsed[1])
 
         with suppress(BusClosed):
             key = keys.mailboxes(self.model.fleet, "*")
-            for other, error in (await self.bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, told)).items():
-                told(other, None, error)
+            for other, error in (await self.bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, answered)).items():
+                answered(other, None, error)
         for board in self.model.boards.keys() - heard:
             self.model.mailboxes(keys.mailboxes(self.model.fleet, board), None, "its commd does not answer")
 
@@ -209,4 +209,4 @@ class FleetObserver:
                 services, mission = keys.services(model.fleet, "*"), keys.mission(model.fleet, "*")
                 with suppress(BusClosed):
                     await bus.ask_all(services, BoardServices, ANSWER_TIMEOUT, model.services)
-                    await bus.ask_all(mission, RunningMission, ANSWER_TIMEOUT, model.mission_told)
+                    await bus.ask_all(mission, RunningMission, ANSWER_TIMEOUT, model.mission_published)

@@ -16,9 +16,9 @@ from schemas.wire.terms import Term
 
 UNATTENDED = "robot_unattended"
 """Code of the note of a bridge whose vehicle is in the air without an agent in charge (docs/guides/monitoring.md)."""
-MAX_TOLD = 60
+LONGEST_REPORT = 60
 """Characters kept of a percept of a robot that is not a vehicle."""
-MOST_TOLD = 200
+MOST_REPORTED = 200
 """Names of percepts kept of such a robot."""
 MAX_POINTS = 20_000
 """Points that are kept; of a longer track every second one is dropped."""
@@ -116,7 +116,7 @@ class RobotSeen:
     """An operator has paused it: it holds, and actions of its agents wait."""
     override: str = ""
     """The mode that another one than its bridge, such as its pilot, has set."""
-    told: dict[str, str] = field(default_factory=dict)
+    reported: dict[str, str] = field(default_factory=dict)
     """Of a robot without the percept `state`: the last percept of each name, as its agent would write it."""
     heard: float = 0.0
     """Time of the last percept of the vehicle."""
@@ -148,16 +148,16 @@ class RobotSeen:
 
     def last_known(self) -> str:
         """Return the last known state as text."""
-        told = ["armed" if self.armed else "disarmed", self.mode]
+        parts = ["armed" if self.armed else "disarmed", self.mode]
         if self.altitude is not None:
-            told.append(f"{self.altitude + 0.0:.0f} m up")
+            parts.append(f"{self.altitude + 0.0:.0f} m up")
         place = f" at {self.position[0]:.6f}, {self.position[1]:.6f}" if self.position is not None else ""
-        return ", ".join(told) + place
+        return ", ".join(parts) + place
 
     def percept(self, percept: Perception, now: float, tell: Tell) -> None:
         """Take a percept of an agent of the robot at `now` seconds; `tell` takes each change."""
         if percept.update == "remove":
-            self.told.pop(percept.name, None)
+            self.reported.pop(percept.name, None)
             match percept.name:
                 case "holder" | "override":
                     setattr(self, percept.name, "")
@@ -215,8 +215,8 @@ class RobotSeen:
 
     def _no_vehicle(self, percept: Perception, now: float) -> None:
         text = printable(written(percept.name, percept.parameters))
-        if percept.name in self.told or len(self.told) < MOST_TOLD:
-            self.told[percept.name] = text if len(text) <= MAX_TOLD else f"{text[: MAX_TOLD - 2]}…)"
+        if percept.name in self.reported or len(self.reported) < MOST_REPORTED:
+            self.reported[percept.name] = text if len(text) <= LONGEST_REPORT else f"{text[: LONGEST_REPORT - 2]}…)"
         self.heard = now
 
     def _state(self, mode: Term, connected: bool, armed: bool, now: float, tell: Tell) -> None:
@@ -231,7 +231,7 @@ class RobotSeen:
             tell(self.name, "vehicle heard again" if self.mode else "vehicle connected", "info")
         if name != self.mode:
             self.mode = name
-            self.told.clear()
+            self.reported.clear()
             if name:
                 self.track.changed_mode(now, name)
                 tell(self.name, f"mode {name}", "info")

@@ -27,9 +27,9 @@ LONGEST_WAIT = 5.0
 LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 
 What = Literal[
-    "action", "outcome", "print", "log", "sent", "received", "undelivered", "operator", "came", "went", "told"
+    "action", "outcome", "print", "log", "sent", "received", "undelivered", "operator", "came", "went", "report"
 ]
-"""Kind of an entry: `came` and `went` are of daemons, `told` is a change that a robot or daemon reports."""
+"""Kind of an entry: `came` and `went` are of daemons, `report` is a change that a robot or daemon reports."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Reporter:
 
     def __call__(self, who: str, text: str, level: Level = "info") -> None:
         """Enter a change that `who` reports of itself."""
-        self._timeline.add(self._now(), who, "told", text, level)
+        self._timeline.add(self._now(), who, "report", text, level)
 
     def action(self, status: ActionStatus, who: str, text: str, level: Level = "info") -> None:
         """Enter the beginning or the outcome of an action, as its bridge reports it."""
@@ -106,19 +106,19 @@ class Reporter:
         if self._is_new(what, status.id):
             self._timeline.add(self._now(), who, what, text, level, id=status.id)
 
-    def activity(self, agent: str, told: MindActivity) -> None:
+    def activity(self, agent: str, activity: MindActivity) -> None:
         """Enter what an agent has done."""
-        for event in told.events:
-            late = (told.now - event.time) / told.speed if told.now and told.speed > 0 else 0.0
+        for event in activity.events:
+            late = (activity.now - event.time) / activity.speed if activity.now and activity.speed > 0 else 0.0
             at = self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate
             self._messages.event(agent, event, at)
-            what: What = "told" if event.kind == "stopped" else event.kind
+            what: What = "report" if event.kind == "stopped" else event.kind
             if what not in ("action", "outcome") or self._is_new(what, event.id):
                 level, text = _level(event), _text(agent, event)
                 self._timeline.add(at, agent, what, text, level, id=event.id, other=event.other)
-        self.left_out += told.left_out
-        if told.left_out:
-            self(agent, f"{told.left_out} of its activity events were not published: too many at a time", "warning")
+        self.left_out += activity.left_out
+        if activity.left_out:
+            self(agent, f"{activity.left_out} of its activity events were not published: too many at a time", "warning")
 
     def _is_new(self, what: What, id: str) -> bool:
         if not id:

@@ -105,5 +105,5 @@ class Status:
         return self.model.holders(kind).issuperset(subjects)
 
     def _enter(self, entry: Entry) -> None:
-        if entry.what in ("told", "action", "outcome"):
+        if entry.what in ("report", "action", "outcome"):
             self.journal.add(entry.who, entry.text, entry.level)

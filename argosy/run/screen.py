@@ -109,7 +109,7 @@ class Screen:
         status = self.status
         now, robots = status.model.now(), status.robots.values()
         table = Table.grid(padding=(0, 2), pad_edge=True)
-        others = [robot for robot in robots if robot.seen.told and not robot.seen.mode]
+        others = [robot for robot in robots if robot.seen.reported and not robot.seen.mode]
         for robot in robots:
             if robot not in others:
                 silent = status.mission_seconds(now - robot.seen.heard)
@@ -247,7 +247,7 @@ def _robot(member: FleetRobot, width: int, silent: float, old: float) -> list[Te
 
 def _no_vehicle(robot: FleetRobot) -> Text:
     """Return the line of a robot that is not a vehicle: its percepts."""
-    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.seen.told.values())), "dim"))
+    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.seen.reported.values())), "dim"))
     text.no_wrap, text.overflow = True, "ellipsis"
     return text
 

@@ -73,7 +73,7 @@ def _left(status: Status, robot: FleetRobot) -> str:
     """Return how a vehicle was left."""
     seen = robot.seen
     if not seen.mode:
-        return ", ".join(seen.told.values()) or "never heard"
+        return ", ".join(seen.reported.values()) or "never heard"
     old = f"{status.mission_seconds(robot.age(status.model.now()) or 0.0):.0f} s ago: "
     marked = f"LOST, last heard {old}" if seen.lost else old if robot.name in status.frozen else ""
     parts = [seen.mode, "armed" if seen.armed else "disarmed"]

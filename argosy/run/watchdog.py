@@ -47,5 +47,5 @@ class Watchdog:
         if lost or board not in model.holders("commd"):
             return False
         members: Mapping[str, Member] = model.agents if kind == "agentd" else model.robots
-        heard_at = (members[name].told if name in members else None for name in child.process.subject.split())
+        heard_at = (members[name].health_at if name in members else None for name in child.process.subject.split())
         return all(at is None or at < model.now() - SILENT_AFTER for at in heard_at)

@@ -138,13 +138,13 @@ async def _tell_changes(fleet_status: FleetStatus, fleet: str, args: Namespace) 
         if args.json:
             print(json_lines(to_json(fleet, rows, well(rows)), indent=None), flush=True)
         else:
-            said: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
+            current: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
             for row in rows:
-                if known.get((row.title, row.daemon)) != said[row.title, row.daemon]:
+                if known.get((row.title, row.daemon)) != current[row.title, row.daemon]:
                     print(now, status_line(row), flush=True)
-            for name, daemon in known.keys() - said.keys():
+            for name, daemon in known.keys() - current.keys():
                 print(now, printable(f"gone {daemon} {name}"), flush=True)
-            known = said
+            known = current
         await asyncio.sleep(WATCH_EVERY)
 
 
@@ -156,9 +156,9 @@ def _what_matters(row: Row) -> object:
 
 def status_line(row: Row) -> str:
     """Return a daemon in one line: presence, daemon, name, then its health as `key=value`."""
-    told: dict[str, object] = {"board": row.board}
+    fields: dict[str, object] = {"board": row.board}
     if (health := row.now) is not None:
-        told |= {
+        fields |= {
             "version": health.version,
             "uptime": f"{health.uptime:.0f}",
             "age": f"{row.age:.1f}",
@@ -170,10 +170,10 @@ def status_line(row: Row) -> str:
             "last_error": _quoted(health.last_error),
         }
         if health.paused:
-            told["paused"] = "yes"
+            fields["paused"] = "yes"
     if not row.in_mission:
-        told["in_mission"] = "no"
-    words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
+        fields["in_mission"] = "no"
+    words = " ".join(f"{name}={value}" for name, value in fields.items() if value != "")
     notes = "".join(f" note={_quoted(note.text)}" for note in row.notes)
     return printable(f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip())
 
@@ -198,7 +198,7 @@ def to_json(fleet: str, rows: Sequence[Row], well: bool) -> dict[str, Any]:
 
 
 def _row_to_json(row: Row) -> dict[str, Any]:
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         **({"fleet": row.fleet} if row.fleet else {}),
         "name": row.name,
         "daemon": row.daemon,
@@ -211,11 +211,11 @@ def _row_to_json(row: Row) -> dict[str, Any]:
     if row.now is not None:
         health = row.now
         names = ("version", "pid", "uptime", "cpu", "lag", "drops", "bad_input", "restarts", "errors")
-        told |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
+        fields |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
         if row.daemon == "bridged":
-            told |= {"paused": health.paused, "ordered": health.ordered}
-        told["age"] = None if row.age is None else round(row.age, 1)
-    return told
+            fields |= {"paused": health.paused, "ordered": health.ordered}
+        fields["age"] = None if row.age is None else round(row.age, 1)
+    return fields
 
 
 def _quoted(text: str) -> str:

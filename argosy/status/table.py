@@ -33,12 +33,12 @@ def table(summary: str, rows: Sequence[Row], *, away: bool = False) -> Renderabl
     for row in rows:
         grid.add_row(*_cells(row, row.board if row.board != board else ""))
         board = row.board
-    said = _words(rows)
+    remarks = _words(rows)
     ill = any(not row.well for row in rows) or not rows
     last = Text(summary, style="bold red" if ill else "bold green")
     if away:
         last = Text("the router does not answer: this is what was known last", style="bold red")
-    return Group(last, Text(), grid, *([Text(), *said] if said else []))
+    return Group(last, Text(), grid, *([Text(), *remarks] if remarks else []))
 
 
 def _cells(row: Row, board: str) -> list[Text]:

@@ -240,7 +240,7 @@ class Checkers:
         in the air; None = any."""
         self._mission, self._world, self._served, self._separation = mission, world, served, separation
         self.found: list[Violation] = []
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
         self._ends: dict[str, tuple[str, str]] = {}
         self._alone: dict[str, tuple[float, str]] = {}
         """Since when each vehicle is in the air with nobody in charge, and why."""
@@ -274,8 +274,8 @@ class Checkers:
         world.looks.append(self._look)
 
     def _tell(self, rule: str, subject: str, text: str) -> None:
-        if (rule, subject) not in self._told:
-            self._told.add((rule, subject))
+        if (rule, subject) not in self._reported:
+            self._reported.add((rule, subject))
             self.found.append(Violation(rule, round(self._world.network.loop.time(), 2), text))
 
     def _put(self, session: Session, sample: Sample) -> None:
@@ -310,13 +310,13 @@ class Checkers:
         seen = self._world.vehicles.get(self._robots.get(agent, ""))
         return "" if seen is None else seen.pilots_mode
 
-    def _holder(self, agent: str, told: Perception) -> None:
+    def _holder(self, agent: str, percept: Perception) -> None:
         if (robot := self._robots.get(agent)) is not None:
             holders = self._holders.setdefault(robot, {})
-            if told.update == "remove" or not told.parameters:
+            if percept.update == "remove" or not percept.parameters:
                 holders.pop(agent, None)
             else:
-                holders[agent] = write(told.parameters[0])
+                holders[agent] = write(percept.parameters[0])
 
     def _status(self, agent: str, status: ActionStatus) -> None:
         if (robot := self._robots.get(agent)) is not None:
@@ -468,11 +468,11 @@ class Checkers:
 
     def _look_who_holds(self, robot: str, now: float) -> None:
         acting = set(self._actions[robot].agents.values())
-        told = set(self._holders.get(robot, {}).values())
-        if len(acting) < 2 and len(told) < 2:
+        believed = set(self._holders.get(robot, {}).values())
+        if len(acting) < 2 and len(believed) < 2:
             self._differ.pop(robot, None)
         elif now - self._differ.setdefault(robot, now) > HANDING_OVER:
-            names = ", ".join(sorted(acting if len(acting) > 1 else told))
+            names = ", ".join(sorted(acting if len(acting) > 1 else believed))
             self._tell("one holder", robot, f"{robot} has been held by {names} for {HANDING_OVER:g} s")
 
     def finish(self) -> list[Violation]:

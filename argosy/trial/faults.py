@@ -152,7 +152,7 @@ class Operator(_Fault, frozen=True, kw_only=True, tag="operator"):
     robot: str = ""
     """Empty: all robots."""
     seconds: Seconds | None = None
-    """After its confirmation the robot is released, or told to continue; None: never."""
+    """After its confirmation the robot is released, or ordered to continue; None: never."""
 
     def __str__(self) -> str:
         end = "" if self.seconds is None else f", and gives it back {self.seconds:.1f} s later"

@@ -196,10 +196,10 @@ def _mission(request: Request) -> Mission:
             robot = robots[fault.robot]
             assert robot.simulate is not None
             if isinstance(fault, Vehicle):
-                told = msgspec.structs.replace(robot.simulate, faults=(*robot.simulate.faults, fault.fault))
+                simulate = msgspec.structs.replace(robot.simulate, faults=(*robot.simulate.faults, fault.fault))
             else:
-                told = msgspec.structs.replace(robot.simulate, battery=Duration(60 * fault.minutes))
-            robots[fault.robot] = msgspec.structs.replace(robot, simulate=told)
+                simulate = msgspec.structs.replace(robot.simulate, battery=Duration(60 * fault.minutes))
+            robots[fault.robot] = msgspec.structs.replace(robot, simulate=simulate)
     return replace(mission, robots=robots)
 
 

@@ -68,12 +68,12 @@ def main() -> None:
         request = msgspec.json.decode(line, type=Request)
         read_ahead(request.mission)
         run = _Forked(lambda request=request: msgspec.json.encode(outcome_of(request)))  # type: ignore[misc]
-        said, in_time = run.answer(clock, clock() + patience)
+        answer, in_time = run.answer(clock, clock() + patience)
         code, cpu, memory = run.end()
         why = f"died: {ended_by(code)}" if in_time else f"hung: it was ended after {patience:g} s"
         outcome = (
-            msgspec.json.decode(said, type=Outcome)
-            if said
+            msgspec.json.decode(answer, type=Outcome)
+            if answer
             else Outcome(request.seed, False, why, faults=[*request.faults])
         )
         outcome.cpu, outcome.memory = round(cpu, 3), memory
@@ -116,7 +116,7 @@ class _Forked:
 
     def answer(self, clock: Callable[[], float], until: float) -> tuple[bytes, bool]:
         """Return what it has answered, empty if it died, and whether it has ended in time."""
-        said = b""
+        answer = b""
         while True:
             readable = select.select([self._reading, 0], [], [], max(0.0, until - clock()))[0]
             if 0 in readable:  # no request comes before the answer: the trial has ended
@@ -125,8 +125,8 @@ class _Forked:
             if not readable:
                 return b"", False
             if not (read := os.read(self._reading, 1 << 16)):
-                return said, True
-            said += read
+                return answer, True
+            answer += read
 
     def end(self) -> tuple[int, float, int]:
         """End the process if it runs. Returns its exit code, its seconds of CPU and its greatest memory in bytes."""

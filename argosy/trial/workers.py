@@ -47,12 +47,12 @@ class Worker:
         try:
             self.process.stdin.write(msgspec.json.encode(request) + b"\n")
             self.process.stdin.flush()
-            said = self.process.stdout.readline()
+            line = self.process.stdout.readline()
         except (OSError, ValueError):  # closed meanwhile
-            said = b""
-        if not said:
+            line = b""
+        if not line:
             raise WorkerDied(self.process)
-        return msgspec.json.decode(said, type=Outcome)
+        return msgspec.json.decode(line, type=Outcome)
 
 
 @contextmanager

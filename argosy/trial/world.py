@@ -28,8 +28,8 @@ SAMPLED = 0.2
 """Virtual seconds between two looks at the vehicles."""
 BURST = (0.1, 1.5)
 """Virtual seconds of a burst of loss: shorter than a lease, so that all that was sent arrives after it."""
-STANDS = 0.3
-"""m/s below which a rover stands."""
+AT_REST = 0.3
+"""m/s below which a rover is at rest."""
 PATIENCE = 3.0
 """Virtual seconds for an operator to reach a router, and before he repeats what was not confirmed."""
 
@@ -60,11 +60,11 @@ class Seen:
 
     @property
     def parked(self) -> bool:
-        """Whether it is a rover that stands: it needs no motors for that, and nobody to bring it down."""
+        """Whether it is a rover at rest: it needs no motors for that, and nobody to bring it down."""
         if self.vehicle.kind.name != "rover":
             return False
         motion = self.vehicle.autopilot.motion
-        return math.hypot(motion.north.velocity, motion.east.velocity) < STANDS
+        return math.hypot(motion.north.velocity, motion.east.velocity) < AT_REST
 
     @property
     def pilots_mode(self) -> str:

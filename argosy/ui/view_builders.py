@@ -125,7 +125,7 @@ def robot_view(model: FleetModel, robot: FleetRobot, named: Robot | None, shared
         radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
         operator=seen.operator,
         paused=seen.paused,
-        told=dict(list(seen.told.items())[:8]),
+        reported=dict(list(seen.reported.items())[:8]),
     )
 
 

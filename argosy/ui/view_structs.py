@@ -192,7 +192,7 @@ class RobotView(View, frozen=True, kw_only=True):
     """The operator's order that is in force."""
     paused: bool = False
     """An operator has paused it."""
-    told: dict[str, str] = {}
+    reported: dict[str, str] = {}
     """Last percepts of a robot that is not a vehicle."""
 
 

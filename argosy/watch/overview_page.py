@@ -58,8 +58,8 @@ def _robot(model: FleetModel, robot: FleetRobot, width: int, glyphs: Glyphs) -> 
     seen, now = robot.seen, model.as_of
     actions = [action for agent in robot.agents for action in model.open_actions(agent)]
     doing = joined(*(_action(action, now, model.clock.speed, glyphs) for action in actions))
-    if seen.told and not seen.mode:
-        return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.told.values()), DIM))]
+    if seen.reported and not seen.mode:
+        return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.reported.values()), DIM))]
     if not seen.mode:
         word = "its vehicle is not heard yet" if robot.there else _absent(model, robot)
         return [Text(), Text(), Text(), joined((word, WARN), doing)]

@@ -188,12 +188,12 @@ class RawBus:
         def reply(query: zenoh.Query) -> None:
             with query:
                 payload = b"" if query.payload is None or len(query.payload) > LARGEST else query.payload.to_bytes()
-                said = answer(Sample(str(query.key_expr), payload, str(query.encoding or "")))
+                sample = answer(Sample(str(query.key_expr), payload, str(query.encoding or "")))
                 try:
-                    if said is not None and said.error:
-                        query.reply_err(said.payload, encoding=said.encoding)
-                    elif said is not None:
-                        query.reply(said.key, said.payload, encoding=said.encoding)
+                    if sample is not None and sample.error:
+                        query.reply_err(sample.payload, encoding=sample.encoding)
+                    elif sample is not None:
+                        query.reply(sample.key, sample.payload, encoding=sample.encoding)
                 except zenoh.ZError as error:
                     self._dispatch.counters["replies_lost"] += 1
                     log.debug("reply_lost key=%s why=%s", key, error)
@@ -302,8 +302,8 @@ def _read_sample(sample: zenoh.Sample) -> Sample:
 
 def _read_reply(reply: zenoh.Reply) -> Sample:
     if reply.ok is not None and len(reply.ok.payload) > LARGEST:
-        said = f"a reply of {len(reply.ok.payload)} bytes, {LARGEST} at most are read"
-        return Sample("", said.encode(), "text/plain", error=True)
+        problem = f"a reply of {len(reply.ok.payload)} bytes, {LARGEST} at most are read"
+        return Sample("", problem.encode(), "text/plain", error=True)
     if reply.ok is not None:
         return _read_sample(reply.ok)
     payload = b"" if reply.err is None else reply.err.payload.to_bytes()

@@ -99,30 +99,30 @@ class RollbackWitness:
                 log.warning("mail_seen_unreadable board=%s why=%s", board, bad)
         self.seen = {**found, **self.seen}
 
-    def news(self, said: BoardServices) -> MailSeen | None:
+    def news(self, services: BoardServices) -> MailSeen | None:
         """Return what a board's record shows of its mail clock; None if that is known."""
-        known = self.seen.get(said.board, MailSeen())
-        if not said.mail_time:
+        known = self.seen.get(services.board, MailSeen())
+        if not services.mail_time:
             return None
-        if said.header.boot != known.boot:
-            return MailSeen(boot=said.header.boot, time=said.mail_time, former=known.time)
-        return replace(known, time=said.mail_time) if said.mail_time > known.time else None
+        if services.header.boot != known.boot:
+            return MailSeen(boot=services.header.boot, time=services.mail_time, former=known.time)
+        return replace(known, time=services.mail_time) if services.mail_time > known.time else None
 
     def keep(self, db: Connection, board: str, seen: MailSeen) -> None:
         """Save what was seen of a board's mail clock."""
         schema.keep(db, _KIND, board, msgspec.json.encode(seen))
 
-    def judge(self, said: BoardServices) -> None:
+    def judge(self, services: BoardServices) -> None:
         """Compare the own file with what another board has seen of it before this process, and warn once."""
-        seen = said.mail_seen.get(self._board)
+        seen = services.mail_seen.get(self._board)
         if seen is None or self._clock.found is None or self.note is not None:
             return
         behind = (seen.former if seen.boot == self._boot else seen.time) - self._clock.found
         if behind <= TOLERANCE:
             return
         text = (
-            f"the mail file of board {self._board} went back in time by {behind:.0f} s, as board {said.board} has seen "
-            "it: mail taken since then is lost here, its old mail is sent again"
+            f"the mail file of board {self._board} went back in time by {behind:.0f} s, as board {services.board} has "
+            "seen it: mail taken since then is lost here, its old mail is sent again"
         )
-        log.error("event=%s board=%s by=%.0fs seen_by=%s: %s", WENT_BACK, self._board, behind, said.board, text)
+        log.error("event=%s board=%s by=%.0fs seen_by=%s: %s", WENT_BACK, self._board, behind, services.board, text)
         self.note = Note(WENT_BACK, text, value=behind)

@@ -49,8 +49,8 @@ class DeadLetters:
         now = self._clock.now()
         noticed = await self._store.write(lambda db: queries.move_to_dead_letters(db, self._tally, reasons, lines, now))
         self.counters["given_up"] += len(reasons)
-        told = _several(senders), _several(sorted({str(one) for one in reasons.values()}))
-        log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), *told)
+        why = _several(sorted({str(one) for one in reasons.values()}))
+        log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), _several(senders), why)
         return noticed
 
     async def give_up_all(self, receiver: str, reason: Refusal, queues: DeliveryQueues) -> None:

@@ -84,8 +84,8 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
 def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:
     (version,) = db.execute("PRAGMA user_version").fetchone()
     if version != len(MIGRATIONS):
-        told = "no board's mail" if version == 0 else f"of version {version}, this is version {len(MIGRATIONS)}"
-        raise _unreadable(path, f"it is {told}")
+        found = "no board's mail" if version == 0 else f"of version {version}, this is version {len(MIGRATIONS)}"
+        raise _unreadable(path, f"it is {found}")
     db.execute("BEGIN")  # one state of the file for all queries
     clock = MailClock()
     clock.load(db)

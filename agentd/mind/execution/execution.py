@@ -211,8 +211,8 @@ def _end_unanswered(
     mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failure: Failed
 ) -> None:
     """A test for which no ``+?g`` is applicable: ``-?g`` runs, but the intention that asked ends (rule 61)."""
-    told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
-    mind.effects.append(Log("error", told, ends=True))
+    text = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
+    mind.effects.append(Log("error", text, ends=True))
     intention.stack.clear()
     mind.gone(intention)
     if intention.branch is not None:

@@ -33,8 +33,8 @@ def raise_state(
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
     if meta.plans:
         because = () if reason is None else (Literal(_REASON, (reason,)),)
-        told = Literal(_STATE, (atom(state),), because)
-        mind.post(meta, detach(resolve_all(args)), sorted_annots((*resolve_all(annots), told)))
+        annot = Literal(_STATE, (atom(state),), because)
+        mind.post(meta, detach(resolve_all(args)), sorted_annots((*resolve_all(annots), annot)))
 
 
 def of_goals(mind: MindState, intention: Intention, state: str, reason: Term | None = None) -> None:

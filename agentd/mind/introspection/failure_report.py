@@ -217,13 +217,13 @@ def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -
         return rejected_view(plan, ())
     relevant, args, annots, intention = event
     trail: list[Any] = [] if intention is None else intention.trail
-    mark, told = len(trail), len(mind.effects)
+    mark, effects = len(trail), len(mind.effects)
     try:
         found = plan.tracing()(mind, trail, relevant, args, annots, around)
     except Exception as error:  # as when the plan was tried
         found = error
     undo(trail, mark)
-    del mind.effects[told:]
+    del mind.effects[effects:]
     if type(found) is list:
         found = PASSED_OVER if mind.compiler.form == "options" else ()
     return rejected_view(plan, found)

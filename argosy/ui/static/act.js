@@ -39,7 +39,7 @@ export class Act {
     put(this.step, "aria-disabled", control.allowed && agent.state === "paused" ? null : "true");
     put(this.resume, "aria-disabled", control.allowed && agent.state === "paused" ? null : "true");
     keyed(this.log, this._done.get(agent.name) ?? [], (one) => one.number, () => el("li", { class: "data" }), (row, one) => {
-      say(row, `${clock(one.at)} (wall)  ${one.order}${one.text && ` ${one.text}`}: ${one.told}`);
+      say(row, `${clock(one.at)} (wall)  ${one.order}${one.text && ` ${one.text}`}: ${one.result}`);
       put(row, "class", `data ${one.kind}`);
     });
   }
@@ -50,7 +50,7 @@ export class Act {
     const one = { number: (this._number = (this._number ?? 0) + 1), at: Date.now() / 1000, order, text, told: "…", kind: "calm" };
     this._done.set(name, [one, ...(this._done.get(name) ?? [])].slice(0, DONE));
     const answer = await this._actions.control(name, order, text);
-    one.told = answer.ok ? `done${answer.reason ? `: ${answer.reason}` : ""}` : `NOT done: ${answer.reason}`;
+    one.result = answer.ok ? `done${answer.reason ? `: ${answer.reason}` : ""}` : `NOT done: ${answer.reason}`;
     one.kind = answer.ok ? "good" : "bad";
     this._actions.again();
   }

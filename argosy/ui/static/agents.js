@@ -87,10 +87,10 @@ export class Agents {
   _vehicle(node, robot, wire) {
     node.dot.style.setProperty("--tone", toneOf(robot.name));
     say(node.robot, robot.name);
-    const told = how(robot, wire);
-    say(node.how, told);
+    const state = how(robot, wire);
+    say(node.how, state);
     put(node.how, "class", `how data ${howClass(robot)}`);
-    put(node.how, "title", told);
+    put(node.how, "title", state);
     for (const button of node.buttons) allow(button, wire.get("head")?.observer);
   }
 
@@ -103,12 +103,12 @@ export class Agents {
 }
 
 function counts(agent) {
-  const told = [];
-  if (agent.event_count) told.push(`${agent.event_count} ev`);
-  if (agent.mailbox) told.push(`${agent.mailbox} mail`);
-  if (agent.question_count) told.push(`${agent.question_count} asked`);
-  if (agent.dropped) told.push(`${agent.dropped} dropped`);
-  return told.join(" ");
+  const parts = [];
+  if (agent.event_count) parts.push(`${agent.event_count} ev`);
+  if (agent.mailbox) parts.push(`${agent.mailbox} mail`);
+  if (agent.question_count) parts.push(`${agent.question_count} asked`);
+  if (agent.dropped) parts.push(`${agent.dropped} dropped`);
+  return parts.join(" ");
 }
 
 // ", distance 31.2, speed 4.9"
@@ -123,17 +123,17 @@ export function howClass(robot) {
 // "GUIDED armed 20.1 m 87 %"
 export function how(robot, wire) {
   if (!isThere(robot) && !hasEnded(robot)) return robot.since ? `bridge gone ${ago(wire, robot.since)}` : "no bridge yet";
-  const told = [];
-  if (robot.operator) told.push(`OPERATOR: ${robot.operator}`);
-  if (robot.paused) told.push("PAUSED");
-  if (robot.lost) told.push("LOST");
-  if (isLeft(robot)) told.push("when its bridge ended:");
-  if (robot.stale) told.push(`${ago(wire, robot.stale)} ago:`);
-  if (robot.mode) told.push(robot.mode, robot.armed ? "armed" : "disarmed");
-  if (robot.altitude !== undefined) told.push(`${robot.altitude.toFixed(1)} m`);
-  if (robot.battery !== undefined) told.push(`${robot.battery} %`);
-  if (!robot.mode) told.push(...Object.values(robot.told ?? {}).slice(0, 3));
-  return told.join(" ") || "nothing told yet";
+  const parts = [];
+  if (robot.operator) parts.push(`OPERATOR: ${robot.operator}`);
+  if (robot.paused) parts.push("PAUSED");
+  if (robot.lost) parts.push("LOST");
+  if (isLeft(robot)) parts.push("when its bridge ended:");
+  if (robot.stale) parts.push(`${ago(wire, robot.stale)} ago:`);
+  if (robot.mode) parts.push(robot.mode, robot.armed ? "armed" : "disarmed");
+  if (robot.altitude !== undefined) parts.push(`${robot.altitude.toFixed(1)} m`);
+  if (robot.battery !== undefined) parts.push(`${robot.battery} %`);
+  if (!robot.mode) parts.push(...Object.values(robot.reported ?? {}).slice(0, 3));
+  return parts.join(" ") || "nothing reported yet";
 }
 
 function rowsOf(wire) {

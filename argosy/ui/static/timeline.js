@@ -9,9 +9,9 @@ const KINDS = {
   mail: ["sent", "received", "undelivered"],
   prints: ["print"],
   logs: ["log"],
-  fleet: ["came", "went", "told", "operator"],
+  fleet: ["came", "went", "report", "operator"],
 };
-const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "", received: "", undelivered: "✕", operator: "!", came: "+", went: "−", told: "·" };
+const SIGNS = { action: "▸", outcome: "▪", print: "“", log: "≡", sent: "", received: "", undelivered: "✕", operator: "!", came: "+", went: "−", report: "·" };
 const ROWS = 300;
 const HAND = 1500; // ms for which the list goes on after a hand has moved it
 
@@ -67,7 +67,7 @@ export class Timeline {
       if (words && !`${event.who} ${event.text}`.toLowerCase().includes(words)) continue;
       shown.push(event);
     }
-    shown.sort((one, other) => one.at - other.at || one.n - other.n); // what an agent did is told some time later
+    shown.sort((one, other) => one.at - other.at || one.n - other.n); // what an agent did is published some time later
     keyed(this.list, shown, (event) => event.n, (event) => this._row(event), (row, event) => say(row.firstChild, this._time(event)));
     const newest = shown.reduce((most, event) => Math.max(most, event.n), 0);
     if (this._bottom) this._down();

@@ -70,7 +70,7 @@ class Fleet:
     def runs(self, phase: RunPhase, seconds: float, **fields: object) -> Fleet:
         """`argosy run` tells how far the run has come."""
         told = RunState(phase=phase, mission_time=seconds, **fields)  # type: ignore[arg-type]
-        self.model.run_told(keys.run(FLEET, "operator"), told)
+        self.model.run_published(keys.run(FLEET, "operator"), told)
         return self
 
     def mail(self, board: str, *queues: Queue) -> Fleet:

@@ -103,7 +103,7 @@ def test_the_mission_that_the_fleet_runs_counts_and_not_the_one_that_the_observe
     fleet = Fleet(mission("theirs", ", ghost: {program: scout.asl}")).comes("local", "commd").comes("scout", "agentd")
     assert "ghost" in fleet.waits(1).model.agents
     ours = mission("ours")
-    fleet.model.mission_told(keys.mission(FLEET, "local"), RunningMission(file="ours.yaml", text=ours.text))
+    fleet.model.mission_published(keys.mission(FLEET, "local"), RunningMission(file="ours.yaml", text=ours.text))
     model = fleet.waits(1).model
     assert model.mission is not None
     assert (model.mission.name, model.mission.timeout, list(model.agents)) == ("ours", 540.0, ["scout"])
@@ -113,7 +113,9 @@ def test_the_mission_that_the_fleet_runs_counts_and_not_the_one_that_the_observe
 
 def test_a_mission_that_cannot_be_read_here_is_said_to_be_and_changes_nothing() -> None:
     fleet = Fleet(mission("ours")).comes("local", "commd")
-    fleet.model.mission_told(keys.mission(FLEET, "local"), RunningMission(file="x.yaml", text="mission: 1\nnew: 2\n"))
+    fleet.model.mission_published(
+        keys.mission(FLEET, "local"), RunningMission(file="x.yaml", text="mission: 1\nnew: 2\n")
+    )
     assert fleet.model.mission_problem.startswith("the mission of the fleet cannot be read here: ")
     assert fleet.model.mission is not None
     assert fleet.model.mission.name == "ours"

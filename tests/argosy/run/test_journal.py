@@ -59,14 +59,14 @@ def test_a_vehicle_that_falls_silent_in_flight_is_lost_in_its_last_known_state()
 def test_a_robot_that_is_no_vehicle_is_known_by_its_percepts() -> None:
     recording = Recording()
     recording.percept("state", "", False, False)
-    assert recording.model.robots["uav1"].seen.told == {}
+    assert recording.model.robots["uav1"].seen.reported == {}
     recording.percept("pose", 5.5, 5.5, 0)
     recording.percept("seen", "x" * 100)
-    assert list(recording.model.robots["uav1"].seen.told) == ["pose", "seen"]
+    assert list(recording.model.robots["uav1"].seen.reported) == ["pose", "seen"]
     recording.percept_gone("seen")
     assert "uav1       pose(5.5,5.5,0)" in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
     recording.percept("state", "GUIDED", True, False)
-    assert recording.model.robots["uav1"].seen.told == {}
+    assert recording.model.robots["uav1"].seen.reported == {}
 
 
 def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
