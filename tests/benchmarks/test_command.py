@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import __main__ as command
 from benchmarks import pages, results
-from benchmarks.parts import PARTS, Goal, Part, goal_rows, line_of_goals
+from benchmarks.parts import PARTS, Part
 
 GOOD = """
     from dataclasses import dataclass
@@ -45,11 +45,6 @@ def _parts(*names: str) -> list[Part]:
     return [Part(name, f"fake_{name}", 0.01) for name in names]
 
 
-def test_an_unknown_part_is_told_with_those_that_are_known(capfd: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["nonsense"], _parts("good", "fails")) == 2
-    assert capfd.readouterr().err == "error: no part is called nonsense; there are good, fails\n"
-
-
 def test_a_try_shows_blocks_and_goals_and_writes_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     assert command.main(["--quick"], _parts("good")) == 0
     out, err = capfd.readouterr()
@@ -81,21 +76,6 @@ def test_results_of_another_shape_are_told(
     assert not command._shown(part)
     assert capfd.readouterr().err == "error: good: Object missing required field `speed`\n"
     assert pages.found_of(part) is None
-
-
-def test_goals_stand_with_the_part_whose_they_are() -> None:
-    goals = [Goal("p50", "4x", "3x", True), Goal("p99", "4x", "5x", False, "the disk; tried: nothing")]
-    rows = goal_rows(goals, part="[loop](#the-decision-loop)") + goal_rows(goals[:1], part="mail", busy=True)
-    assert rows[-3] == "| [loop](#the-decision-loop) | p50 | 4x | 3x | met |"
-    assert rows[-2] == "| [loop](#the-decision-loop) | p99 | 4x | 5x | **missed** the disk; tried: nothing |"
-    assert rows[-1] == "| mail | p50 | 4x | 3x | met (busy machine) |"
-
-
-def test_a_goal_that_cannot_be_decided_is_not_told_as_met_and_one_without_a_reason_is_told_so() -> None:
-    assert line_of_goals([Goal("a", "1", "2", False, "both sides", decided=False)])[-1].endswith(
-        "| **not decided** both sides |"
-    )
-    assert line_of_goals([Goal("a", "1", "2", False)])[-1].endswith("| **missed** (no reason is given) |")
 
 
 def test_all_parts_take_as_long_as_the_page_says_and_each_has_a_name_of_its_own() -> None:

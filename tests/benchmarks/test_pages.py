@@ -52,13 +52,6 @@ def alike(svg: str, other: str) -> bool:
     return len(one) == len(two) and texts and all(abs(float(a) - float(b)) < 0.01 for a, b in places)
 
 
-def test_pictures_that_differ_are_told_from_those_that_are_rounded_otherwise() -> None:
-    svg = '<path id="m0123456789" d="M 12.345678 9"/><use href="#m0123456789"/>'
-    assert alike(svg, svg.replace("12.345678", "12.345679").replace("m0123456789", "mabcdef0123"))
-    assert not alike(svg, svg.replace("12.345678", "12.4"))
-    assert not alike(svg, svg.replace("path", "line"))
-
-
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
 def test_a_goal_that_a_part_has_missed_has_its_reason_and_what_was_tried(part: Part) -> None:
     _, figures = _results(part)
@@ -72,13 +65,6 @@ def silent(goals: list[Goal]) -> list[str]:
         for goal in goals
         if not goal.met and (len(goal.why) < 40 or not re.search(r"(?i)\btried\b|\bnot known\b", goal.why))
     ]
-
-
-def test_a_missed_goal_without_a_reason_is_seen() -> None:
-    why = "the disk takes most of it; tried: fewer commits, one writer"
-    goals = [Goal("a", "1", "2", False), Goal("b", "1", "2", False, "for want of it"), Goal("c", "1", "2", False, why)]
-    assert silent([*goals, Goal("d", "1", "1", True)]) == ["a", "b"]
-    assert silent([Goal("e", "1", "2", False, "it takes as long as it takes, which is long", decided=False)]) == ["e"]
 
 
 def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
