@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
+from typing import Self
 
 import pytest
 
@@ -98,9 +99,10 @@ class Run:
         """Daemons that put no health."""
         self.idle: bool | None = None
 
-    def put(self, key: str, record: Record) -> None:
+    def put(self, key: str, record: Record) -> Self:
         encoder = codec(type(record))
         self.router.put(key, encoder.encode(record), encoding=encoder.encoding("json"))
+        return self
 
     def status(
         self,
@@ -110,18 +112,18 @@ class Run:
         agent: str = "uav",
         number: int = 1,
         boot: str = "b",
-    ) -> None:
+    ) -> Self:
         record = ActionStatus(
             id=f"{agent}:{number}", state=state, name=name, parameters=parameters, header=Header(boot=boot)
         )
-        self.put(keys.status("fleet", agent, name), record)
+        return self.put(keys.status("fleet", agent, name), record)
 
-    def holder(self, agent: str, *who: str) -> None:
+    def holder(self, agent: str, *who: str) -> Self:
         told = tuple(Atom(one) for one in who)
         record = Perception(name="holder", parameters=told, update="replace" if who else "remove")
-        self.put(keys.percepts("fleet", agent), Perceptions(changes=(record,)))
+        return self.put(keys.percepts("fleet", agent), Perceptions(changes=(record,)))
 
-    def mail(self, key: str, *ids: str, receipt: Receipt | None = None, owner: object = None) -> None:
+    def mail(self, key: str, *ids: str, receipt: Receipt | None = None, owner: object = None) -> Self:
         """Exchange a batch from alice to bob, or from the office to alice."""
         sender, receiver = ("mail", "scout") if key == keys.inbox("fleet", "scout") else ("scout", "rescuer1")
         messages = [Message(id=one, sender=sender, performative="tell", receiver=receiver, content="x") for one in ids]
@@ -141,20 +143,25 @@ class Run:
         )
         self._work()
         server.close()
+        return self
 
-    def posted(self, *ids: str, receipt: Receipt | None = None) -> None:
-        self.mail(keys.outbox("fleet", "scout"), *ids, receipt=receipt)
+    def posted(self, *ids: str, receipt: Receipt | None = None) -> Self:
+        return self.mail(keys.outbox("fleet", "scout"), *ids, receipt=receipt)
 
-    def delivered(self, *ids: str, receipt: Receipt | None = None, life: str = "first", feeds: bool = True) -> None:
-        for one in ids if feeds else ():
+    def fed(self, *ids: str, life: str = "first") -> Self:
+        for one in ids:
             self.checkers.mail.fed(life, _Letter("scout", "rescuer1", one))
-        self.mail(keys.inbox("fleet", "rescuer1"), *ids, receipt=receipt, owner=life)
+        return self
+
+    def delivered(self, *ids: str, receipt: Receipt | None = None, life: str = "first", feeds: bool = True) -> Self:
+        self.fed(*(ids if feeds else ()), life=life)
+        return self.mail(keys.inbox("fleet", "rescuer1"), *ids, receipt=receipt, owner=life)
 
     def _work(self) -> None:
         self.loop.call_later(0.01, self.loop.stop)
         self.loop.run_forever()
 
-    def after(self, seconds: float) -> None:
+    def after(self, seconds: float) -> Self:
         """Let time pass: vehicles are looked at, and daemons put their health."""
         until = self.loop.time() + seconds
         while self.loop.time() < until:
@@ -169,417 +176,311 @@ class Run:
             for name, daemon in daemons:
                 if name not in self.silent:
                     self.put(keys.health("fleet", name, daemon), Health(daemon=daemon, idle=self.idle))
+        return self
 
-    @property
-    def rules(self) -> list[str]:
-        """What is found up to now."""
-        return [one.rule for one in self.checkers.found]
+    def copter(self, **is_now: object) -> Self:
+        for name, value in is_now.items():
+            setattr(self.copters["uav1"], name, value)
+        return self
 
-    def end(self) -> list[str]:
-        """End the run; return what was found."""
+    def in_air(self, mode: str = "GUIDED") -> Self:
+        return self.copter(armed=True, up=20.0, mode_name=mode)
+
+    def away(self, metres: float) -> Self:
+        """Let the copter truly be so far north of its home."""
+        self.copters["uav1"].true_place.lat = -27.6 + metres / 111_000
+        return self
+
+    def moved(self, metres: float) -> Self:
+        """Let the copter's place be so much farther north."""
+        self.copters["uav1"].place.lat += metres / 111_000
+        return self
+
+    def has(self, *, served: bool | None = None, idle: bool | None = None, silent: str | None = None) -> Self:
+        """Change whether the robot has an agent, whether agents intend anything, and which daemon puts no health."""
+        self.served = self.served if served is None else served
+        self.idle = self.idle if idle is None else idle
+        self.silent = self.silent if silent is None else {silent}
+        return self
+
+    def stopped(self, order: StopOrder | None) -> Self:
+        """Let the operator stop the robot, or give it back."""
+        self.world.stopped.clear()
+        if order is not None:
+            self.world.stopped["uav1"] = order
+        return self
+
+    def at_rest(self, order: StopOrder = "hold") -> Self:
+        return self.in_air().stopped(order).after(SETTLED + 1).finds()
+
+    def switched(self, mode: Mode | None) -> Self:
+        """Let the pilot's switch name a mode; None gives the vehicle back."""
+        self.pilot.switch = mode
+        return self
+
+    def piloted(self) -> Self:
+        """Let a pilot have the vehicle in LOITER, as its agent perceives."""
+        state = Perception(name="state", parameters=("LOITER", True, True))
+        self.in_air("LOITER").switched(Mode.LOITER)
+        return self.put(keys.percepts("fleet", "uav"), Perceptions(changes=(state,))).after(AWARE + 1)
+
+    def finds(self, *rules: str, text: str = "") -> Self:
+        """Assert what is found up to now, and what the first finding contains."""
+        assert [one.rule for one in self.checkers.found] == list(rules)
+        assert not text or text in self.checkers.found[0].text
+        return self
+
+    def ends(self, *rules: str, text: str = "") -> Self:
+        """End the run, and assert what is found."""
         self.checkers.finish()
-        return self.rules
+        return self.finds(*rules, text=text)
 
-
-@pytest.fixture
-def run() -> Run:
-    return Run(SINGLE)
-
-
-@pytest.fixture
-def team() -> Run:
-    return Run(TEAM)
-
-
-@pytest.fixture
-def shared() -> Run:
-    return Run(SHARED)
-
-
-# --- mail ---
-
-
-def test_mail_that_arrives_once_and_in_order_is_well(team: Run) -> None:
-    team.posted("1", "2")
-    team.delivered("1")
-    team.delivered("2")
-    team.after(2 * CALM)
-    assert team.end() == []
-
-
-def test_mail_that_a_board_has_acknowledged_and_nobody_takes_is_lost(team: Run) -> None:
-    team.posted("1")
-    team.after(2 * CALM)
-    assert team.end() == ["mail lost"]
-    assert "1 from scout to rescuer1, acknowledged at 0.0 s" in team.checkers.found[0].text
-
-
-def test_mail_that_a_board_has_refused_or_put_off_is_not_lost(team: Run) -> None:
-    refused = Refusal(code="mailbox_full")
-    team.posted("1", "2", receipt=Receipt(refused={0: refused}, later={1: refused}))
-    team.after(2 * CALM)
-    assert team.end() == []
-
-
-def test_mail_that_its_receiver_puts_off_for_ever_is_lost(team: Run) -> None:
-    team.posted("1")
-    team.delivered("1", receipt=Receipt(later={0: Refusal(code="mailbox_full")}), feeds=False)
-    team.after(2 * CALM)
-    assert team.end() == ["mail lost"]
-
-
-def test_mail_that_its_receiver_refuses_for_good_is_not_lost(team: Run) -> None:
-    team.posted("1")
-    team.delivered("1", receipt=Receipt(refused={0: Refusal(code="unreadable")}), feeds=False)
-    team.after(2 * CALM)
-    assert team.end() == []
-
-
-def test_a_dead_letter_of_which_its_sender_is_notified_is_not_lost(team: Run) -> None:
-    team.posted("1")
-    team.mail(keys.inbox("fleet", "scout"), "undelivered.1")
-    team.after(2 * CALM)
-    assert team.end() == []
-
-
-def test_mail_that_is_still_on_its_way_at_the_end_is_not_lost(team: Run) -> None:
-    team.after(2 * CALM)
-    team.posted("1")
-    team.after(CALM / 2)
-    assert team.end() == []
-
-
-@pytest.mark.parametrize("silent", ["rescuer1", "pi1", "pi2"])
-def test_mail_waits_for_its_receiver_and_the_boards(team: Run, silent: str) -> None:
-    team.after(5)
-    team.posted("1")
-    team.silent = {silent}
-    team.after(2 * CALM)
-    team.silent = set()
-    team.after(CALM / 2)
-    assert team.end() == []
-    team.after(CALM)
-    assert team.end() == ["mail lost"]
-
-
-def test_mail_waits_for_the_end_of_the_storm() -> None:
-    run = Run(TEAM, faults=[Kill(at=CALM, daemon="commd pi1")])
-    run.posted("1")
-    run.after(1.5 * CALM)
-    assert run.end() == []
-    run.after(CALM)
-    assert run.end() == ["mail lost"]
-
-
-def test_mail_that_is_given_to_one_life_of_its_receiver_twice_is_doubled(team: Run) -> None:
-    team.posted("1")
-    team.delivered("1")
-    team.delivered("1")
-    assert team.end() == ["mail doubled"]
-
-
-def test_mail_that_is_given_to_a_receiver_that_has_taken_it_in_a_former_life_is_doubled(team: Run) -> None:
-    team.posted("1")
-    team.delivered("1", life="first")
-    team.delivered("1", life="second")
-    assert team.end() == ["mail doubled"]
-
-
-def test_mail_is_given_again_to_a_receiver_that_died_before_it_had_taken_it(team: Run) -> None:
-    team.posted("1")
-    team.checkers.mail.fed("first", _Letter("scout", "rescuer1", "1"))
-    team.delivered("1", life="second")
-    assert team.end() == []
-
-
-def test_mail_that_is_offered_again_and_not_given_to_the_mind_is_not_doubled(team: Run) -> None:
-    team.posted("1")
-    team.delivered("1")
-    team.delivered("1", feeds=False)
-    assert team.end() == []
-
-
-def test_mail_that_overtakes_is_reordered(team: Run) -> None:
-    team.posted("1")
-    team.posted("2")
-    team.delivered("2")
-    team.delivered("1")
-    assert team.end() == ["mail reordered"]
-    assert "1 from scout to rescuer1 was given to its receiver after 2" in team.checkers.found[0].text
-
-
-# --- actions ---
-
-
-def test_an_action_that_ends_twice_in_different_ways_is_reported(run: Run) -> None:
-    run.status("failed", "goto")
-    run.status("cancelled", "goto")
-    assert run.rules == ["one final status"]
-
-
-def test_an_end_that_is_told_again_is_one_end(run: Run) -> None:
-    run.status("running", "goto")
-    run.status("failed", "goto")
-    run.status("failed", "goto")
-    assert run.rules == []
-
-
-def test_a_takeoff_succeeds_only_at_its_altitude(run: Run) -> None:
-    copter = run.copters["uav1"]
-    copter.armed, copter.up = True, 2.0
-    run.after(6)
-    run.status("succeeded", "takeoff", 20, number=1)
-    assert run.rules == ["true end"]
-    assert run.checkers.found[0].text == "takeoff(20) uav:1 succeeded; uav1 is armed, 2.0 m high"
-    copter.up = 19.6
-    run.after(1)
-    run.status("succeeded", "takeoff", 20, number=2)
-    assert run.rules == ["true end"]
-
-
-@pytest.mark.parametrize("name", ["land", "return_to_launch"])
-def test_a_landing_succeeds_only_on_the_ground_without_motors(run: Run, name: str) -> None:
-    copter = run.copters["uav1"]
-    copter.armed, copter.up, copter.mode_name = True, 0.1, "LAND"
-    run.after(6)
-    run.status("succeeded", name, number=1)
-    assert run.rules == ["true end"]
-    copter.armed = False
-    run.after(1)
-    run.status("succeeded", name, number=2)
-    assert run.rules == ["true end"]
-
-
-def test_arming_succeeds_only_if_the_motors_turn(run: Run) -> None:
-    run.after(6)
-    run.status("succeeded", "arm_motors", True, number=1)
-    assert run.rules == ["true end"]
-    run.status("succeeded", "arm_motors", False, number=2)
-    run.copters["uav1"].armed = True
-    run.after(1)
-    run.status("succeeded", "arm_motors", True, number=3)
-    assert run.rules == ["true end"]
-
-
-def test_what_was_true_a_moment_ago_is_a_true_end(run: Run) -> None:
-    copter = run.copters["uav1"]
-    copter.armed = True
-    run.after(6)
-    copter.armed = False
-    run.after(3)
-    run.status("succeeded", "arm_motors", True)
-    assert run.rules == []
-
-
-def test_a_failed_action_says_nothing_about_the_vehicle(run: Run) -> None:
-    run.after(6)
-    run.status("failed", "takeoff", 20)
-    assert run.rules == []
-
-
-# --- who holds a robot ---
-
-
-def test_two_agents_that_act_with_one_robot_are_reported(shared: Run) -> None:
-    shared.status("running", "goto", agent="uav")
-    shared.status("running", "goto", agent="pilot")
-    shared.after(HANDING_OVER + 1)
-    assert shared.rules == ["one holder"]
-    assert "uav1 has been held by pilot, uav" in shared.checkers.found[0].text
-
-
-def test_an_agent_that_takes_over_ends_the_actions_of_the_other(shared: Run) -> None:
-    shared.status("running", "goto", agent="uav")
-    shared.status("running", "goto", agent="pilot")
-    shared.after(HANDING_OVER / 2)
-    shared.status("failed", "goto", agent="uav")
-    shared.after(3 * HANDING_OVER)
-    assert shared.rules == []
-
-
-def test_the_actions_of_a_bridge_that_has_died_hold_no_robot(shared: Run) -> None:
-    shared.status("running", "goto", agent="uav", boot="first")
-    shared.status("running", "goto", agent="pilot", boot="second")
-    shared.after(3 * HANDING_OVER)
-    assert shared.rules == []
-
-
-def test_agents_that_are_told_of_different_holders_are_reported(shared: Run) -> None:
-    shared.holder("uav", "uav")
-    shared.holder("pilot", "pilot")
-    shared.after(HANDING_OVER + 1)
-    assert shared.rules == ["one holder"]
-
-
-def test_agents_that_are_told_of_one_holder_agree(shared: Run) -> None:
-    shared.holder("uav", "uav")
-    shared.holder("pilot", "uav")
-    shared.after(3 * HANDING_OVER)
-    shared.holder("uav")
-    shared.holder("pilot", "pilot")
-    shared.after(3 * HANDING_OVER)
-    assert shared.rules == []
-
-
-# --- who attends to a vehicle ---
 
 LOST = 5 + 5 + 10 + UNATTENDED
 """Seconds of the mission: agent_silence, `hold 5s`, idle_after."""
+FULL = Refusal(code="mailbox_full")
+
+MAIL: dict[str, Callable[[Run], object]] = {
+    "that arrives once and in order is well": lambda run: (
+        run.posted("1", "2").delivered("1").delivered("2").after(2 * CALM).ends()
+    ),
+    "that a board has acknowledged and nobody takes is lost": lambda run: (
+        run.posted("1").after(2 * CALM).ends("mail lost", text="1 from scout to rescuer1, acknowledged at 0.0 s")
+    ),
+    "that a board has refused or put off is not lost": lambda run: (
+        run.posted("1", "2", receipt=Receipt(refused={0: FULL}, later={1: FULL})).after(2 * CALM).ends()
+    ),
+    "that its receiver puts off for ever is lost": lambda run: (
+        run.posted("1").delivered("1", receipt=Receipt(later={0: FULL}), feeds=False).after(2 * CALM).ends("mail lost")
+    ),
+    "that its receiver refuses for good is not lost": lambda run: (
+        run.posted("1")
+        .delivered("1", receipt=Receipt(refused={0: Refusal(code="unreadable")}), feeds=False)
+        .after(2 * CALM)
+        .ends()
+    ),
+    "of whose end its sender is notified is not lost": lambda run: (
+        run.posted("1").mail(keys.inbox("fleet", "scout"), "undelivered.1").after(2 * CALM).ends()
+    ),
+    "that is still on its way at the end is not lost": lambda run: (
+        run.after(2 * CALM).posted("1").after(CALM / 2).ends()
+    ),
+    "waits for its receiver and the boards": lambda run: [
+        Run(TEAM).after(5).posted("1").has(silent=one).after(2 * CALM).has(silent="nobody").after(CALM / 2).ends()
+        .after(CALM).ends("mail lost")
+        for one in ("rescuer1", "pi1", "pi2")
+    ],
+    "waits for the end of the storm": lambda run: (
+        Run(TEAM, faults=[Kill(at=CALM, daemon="commd pi1")])
+        .posted("1").after(1.5 * CALM).ends().after(CALM).ends("mail lost")
+    ),
+    "that is given to one life of its receiver twice is doubled": lambda run: (
+        run.posted("1").delivered("1").delivered("1").ends("mail doubled")
+    ),
+    "that is given to a receiver that has taken it in a former life is doubled": lambda run: (
+        run.posted("1").delivered("1", life="first").delivered("1", life="second").ends("mail doubled")
+    ),
+    "is given again to a receiver that died before it had taken it": lambda run: (
+        run.posted("1").fed("1", life="first").delivered("1", life="second").ends()
+    ),
+    "that is offered again and not given to the mind is not doubled": lambda run: (
+        run.posted("1").delivered("1").delivered("1", feeds=False).ends()
+    ),
+    "that overtakes is reordered": lambda run: (
+        run.posted("1").posted("2").delivered("2").delivered("1")
+        .ends("mail reordered", text="1 from scout to rescuer1 was given to its receiver after 2")
+    ),
+}  # fmt: skip
 
 
-def in_air(run: Run, mode: str = "GUIDED") -> None:
-    copter = run.copters["uav1"]
-    copter.armed, copter.up, copter.mode_name = True, 20.0, mode
+@pytest.mark.parametrize("course", MAIL.values(), ids=MAIL)
+def test_mail(course: Callable[[Run], object]) -> None:
+    course(Run(TEAM))
 
 
-def test_a_vehicle_in_the_air_without_an_agent_is_reported(run: Run) -> None:
-    in_air(run)
-    run.served = False
-    run.after(LOST - 1)
-    assert run.rules == []
-    run.after(3)
-    assert run.rules == ["nobody alone"]
+ACTIONS: dict[str, Callable[[Run], object]] = {
+    "an action that ends twice in different ways is reported": lambda run: (
+        run.status("failed", "goto").status("cancelled", "goto").finds("one final status")
+    ),
+    "an end that is told again is one end": lambda run: (
+        run.status("running", "goto").status("failed", "goto").status("failed", "goto").finds()
+    ),
+    "a takeoff succeeds only at its altitude": lambda run: (
+        run.copter(armed=True, up=2.0).after(6).status("succeeded", "takeoff", 20, number=1)
+        .finds("true end", text="takeoff(20) uav:1 succeeded; uav1 is armed, 2.0 m high")
+        .copter(up=19.6).after(1).status("succeeded", "takeoff", 20, number=2).finds("true end")
+    ),
+    "a landing succeeds only on the ground without motors": lambda run: [
+        Run(SINGLE).copter(armed=True, up=0.1, mode_name="LAND").after(6)
+        .status("succeeded", name, number=1).finds("true end")
+        .copter(armed=False).after(1).status("succeeded", name, number=2).finds("true end")
+        for name in ("land", "return_to_launch")
+    ],
+    "arming succeeds only if the motors turn": lambda run: (
+        run.after(6).status("succeeded", "arm_motors", True, number=1).finds("true end")
+        .status("succeeded", "arm_motors", False, number=2)
+        .copter(armed=True).after(1).status("succeeded", "arm_motors", True, number=3).finds("true end")
+    ),
+    "what was true a moment ago is a true end": lambda run: (
+        run.copter(armed=True).after(6).copter(armed=False).after(3).status("succeeded", "arm_motors", True).finds()
+    ),
+    "a failed action says nothing about the vehicle": lambda run: run.after(6).status("failed", "takeoff", 20).finds(),
+    # what the operator has stopped
+    "a stopped vehicle that rests is well": lambda run: run.at_rest().copter(up=20 + STILL - 1).after(60).finds(),
+    "a stopped vehicle may come to rest first": lambda run: (
+        run.in_air().stopped("hold").after(1).copter(up=20 + 3 * STILL).after(60).finds()
+    ),
+    "a stopped vehicle that moves is reported": lambda run: (
+        run.at_rest().moved(2 * STILL).after(1).finds("motion after stop")
+    ),
+    "a stopped vehicle that climbs is reported": lambda run: (
+        run.at_rest("pause").copter(up=20 + 2 * STILL).after(1).finds("motion after stop")
+    ),
+    "a stopped vehicle may land": lambda run: (
+        run.at_rest().copter(mode_name="LAND", up=2.0).after(10).copter(armed=False).after(10).finds()
+    ),
+    "a stopped vehicle that is armed is reported": lambda run: (
+        run.stopped("land").after(1).in_air().after(1).finds("motion after stop")
+    ),
+    "an action that begins with a stopped vehicle is reported": lambda run: (
+        run.status("running", "goto", number=1).at_rest()
+        .status("running", "return_to_launch", number=2).after(1).finds("motion after stop")
+    ),
+    "a paused vehicle keeps its actions": lambda run: (
+        run.at_rest("pause").status("running", "goto", number=2).after(1).finds()
+    ),
+    "a vehicle that is given back or that a pilot has moves": lambda run: (
+        run.at_rest().switched(Mode.LOITER).copter(mode_name="LOITER", up=20 + 2 * STILL).after(1)
+        .switched(None).stopped(None).copter(up=20 + 4 * STILL).after(60).finds()
+    ),
+    # pilots
+    "an agent that takes a vehicle from its pilot is reported": lambda run: (
+        run.piloted().status("running", "set_mode", "GUIDED").after(1).finds()
+        .copter(mode_name="GUIDED").after(1).finds("left to the pilot")
+    ),
+    "a vehicle that an agent has taken from its pilot is judged by the other rules": lambda run: (
+        run.piloted().has(served=False).copter(mode_name="GUIDED").after(LOST + 3).finds("nobody alone")
+    ),
+    "an order that a pilot overtakes and a failsafe are no agents will": lambda run: (
+        run.status("running", "set_mode", "RTL", number=1).piloted().status("refused", "return_to_launch", number=2)
+        .copter(mode_name="RTL").after(1).finds()
+    ),
+    "an agent that does not perceive the pilot is not reported": lambda run: (
+        run.in_air("LOITER").switched(Mode.LOITER).after(AWARE + 1).status("running", "set_mode", "GUIDED")
+        .copter(mode_name="GUIDED").after(1).finds()
+    ),
+    "an agent may order a vehicle that is given back": lambda run: (
+        run.piloted().switched(None).copter(mode_name="GUIDED").after(1)
+        .status("running", "set_mode", "RTL").copter(mode_name="RTL").after(1).finds()
+    ),
+}  # fmt: skip
 
 
-def test_a_vehicle_that_comes_home_needs_no_agent(run: Run) -> None:
-    in_air(run, "RTL")
-    run.served = False
-    run.after(2 * LOST)
-    assert run.rules == []
+@pytest.mark.parametrize("course", ACTIONS.values(), ids=ACTIONS)
+def test_actions(course: Callable[[Run], object]) -> None:
+    course(Run(SINGLE))
 
 
-def test_a_vehicle_that_a_pilot_has_needs_no_agent(run: Run) -> None:
-    in_air(run, "LOITER")
-    run.served, run.pilot.switch = False, Mode.LOITER
-    run.after(2 * LOST)
-    assert run.rules == []
+HOLDERS: dict[str, Callable[[Run], object]] = {
+    "two agents that act with one robot are reported": lambda run: (
+        run.status("running", "goto", agent="uav").status("running", "goto", agent="pilot")
+        .after(HANDING_OVER + 1).finds("one holder", text="uav1 has been held by pilot, uav")
+    ),
+    "an agent that takes over ends the actions of the other": lambda run: (
+        run.status("running", "goto", agent="uav").status("running", "goto", agent="pilot").after(HANDING_OVER / 2)
+        .status("failed", "goto", agent="uav").after(3 * HANDING_OVER).finds()
+    ),
+    "the actions of a bridge that has died hold no robot": lambda run: (
+        run.status("running", "goto", agent="uav", boot="first").status("running", "goto", agent="pilot", boot="second")
+        .after(3 * HANDING_OVER).finds()
+    ),
+    "agents that are told of different holders are reported": lambda run: (
+        run.holder("uav", "uav").holder("pilot", "pilot").after(HANDING_OVER + 1).finds("one holder")
+    ),
+    "agents that are told of one holder agree": lambda run: (
+        run.holder("uav", "uav").holder("pilot", "uav").after(3 * HANDING_OVER)
+        .holder("uav").holder("pilot", "pilot").after(3 * HANDING_OVER).finds()
+    ),
+}  # fmt: skip
 
 
-def test_a_vehicle_whose_agent_comes_back_is_not_alone(run: Run) -> None:
-    in_air(run)
+@pytest.mark.parametrize("course", HOLDERS.values(), ids=HOLDERS)
+def test_holders_of_a_robot(course: Callable[[Run], object]) -> None:
+    course(Run(SHARED))
+
+
+def _often_alone(run: Run) -> None:
+    run.in_air()
     for _ in range(3):
-        run.served = False
-        run.after(LOST - 5)
-        run.served = True
-        run.after(1)
-    assert run.rules == []
+        run.has(served=False).after(LOST - 5).has(served=True).after(1)
+    run.finds()
 
 
-def test_a_vehicle_in_the_air_whose_agents_intend_nothing_is_reported(run: Run) -> None:
-    in_air(run)
-    run.idle = True
-    run.after(LOST + 5)
-    assert run.rules == ["nobody alone"]
-    assert "with nothing intended" in run.checkers.found[0].text
+def _without_power(run: Run) -> None:
+    run.world.machine("local").down_until = 2 * LOST
+    run.in_air().has(served=False).after(2 * LOST).finds().after(LOST + 5).finds("nobody alone")
 
 
-def test_a_vehicle_that_carries_out_an_action_of_an_idle_agent_is_not_alone(run: Run) -> None:
-    in_air(run)
-    run.idle = True
-    run.status("running", "start_mission")
-    run.after(2 * LOST)
-    assert run.rules == []
+def _gps_wrong(run: Run) -> None:
+    run.copters["uav1"].estimate.error = Vector(200.0)
+    run.in_air().after(1).away(600).after(1).finds().away(800).after(1).finds("limits")
 
 
-def test_a_vehicle_that_the_operator_has_stopped_is_not_alone_before_it_is_given_back(run: Run) -> None:
-    in_air(run)
-    run.idle, run.world.stopped["uav1"] = True, "hold"
-    run.after(2 * LOST)
-    assert run.rules == []
-    run.world.stopped.clear()
-    run.after(LOST - 5)
-    assert run.rules == []
-    run.after(10)
-    assert run.rules == ["nobody alone"]
+def _landed_by_its_pilot(run: Run) -> None:
+    run.pilot.landed = True
+    run.in_air("LAND").after(1).copter(armed=False).after(1).finds()
+    run.copter(armed=True).after(1).finds("left to the pilot")
 
 
-def test_a_vehicle_whose_board_has_no_power_is_not_alone_before_it_has_had_time_to_boot(run: Run) -> None:
-    in_air(run)
-    run.served, run.world.machine("local").down_until = False, 2 * LOST
-    run.after(2 * LOST)
-    assert run.rules == []
-    run.after(LOST + 5)
-    assert run.rules == ["nobody alone"]
+def _rover(run: Run) -> None:
+    run.kind.name = "rover"
+    run.in_air().ends()
+
+
+VEHICLES: dict[str, Callable[[Run], object]] = {
+    "in the air without an agent is reported": lambda run: (
+        run.in_air().has(served=False).after(LOST - 1).finds().after(3).finds("nobody alone")
+    ),
+    "that comes home needs no agent": lambda run: run.in_air("RTL").has(served=False).after(2 * LOST).finds(),
+    "that a pilot has needs no agent": lambda run: (
+        run.in_air("LOITER").has(served=False).switched(Mode.LOITER).after(2 * LOST).finds()
+    ),
+    "whose agent comes back is not alone": _often_alone,
+    "whose agents intend nothing is reported": lambda run: (
+        run.in_air().has(idle=True).after(LOST + 5).finds("nobody alone", text="with nothing intended")
+    ),
+    "that carries out an action of an idle agent is not alone": lambda run: (
+        run.in_air().has(idle=True).status("running", "start_mission").after(2 * LOST).finds()
+    ),
+    "that the operator has stopped is not alone before it is given back": lambda run: (
+        run.in_air().has(idle=True).stopped("hold").after(2 * LOST).finds()
+        .stopped(None).after(LOST - 5).finds().after(10).finds("nobody alone")
+    ),
+    "whose board has no power is not alone before it has had time to boot": _without_power,
+    "that is armed after its pilot has landed it is reported": _landed_by_its_pilot,
+    "above its limit is reported": lambda run: (
+        run.in_air().copter(up=61).after(1).finds().copter(up=63).after(1).finds("limits").after(10).finds("limits")
+    ),
+    "farther than its limit is reported": lambda run: (
+        run.in_air().away(400).after(1).finds().away(600).after(1).finds("limits")
+    ),
+    "whose gps was wrong may be as much farther": _gps_wrong,
+    "that is armed at the end is reported": lambda run: run.in_air().after(1).ends("on the ground"),
+    "that is a rover and stands armed at the end needs nobody": _rover,
+    "that a pilot has at the end is his": lambda run: run.in_air("LOITER").switched(Mode.LOITER).ends(),
+    "that has landed is well": lambda run: run.after(1).ends(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("course", VEHICLES.values(), ids=VEHICLES)
+def test_a_vehicle(course: Callable[[Run], object]) -> None:
+    course(Run(SINGLE))
 
 
 def test_a_mission_that_only_holds_lets_a_vehicle_stay_in_the_air() -> None:
     run = Run(read_mission(SINGLE.text.replace("[hold 5s, rtl]", "[hold]"), SINGLE.path))
     assert run.mission.robots["uav1"].on_agent_loss == ("hold",)
-    in_air(run)
-    run.served = False
-    run.after(2 * LOST)
-    assert run.rules == []
-
-
-# --- what the operator has stopped ---
-
-
-def stopped(run: Run, order: StopOrder = "hold") -> Copter:
-    in_air(run)
-    run.world.stopped["uav1"] = order
-    run.after(SETTLED + 1)
-    assert run.rules == []
-    return run.copters["uav1"]
-
-
-def test_a_stopped_vehicle_that_rests_is_well(run: Run) -> None:
-    stopped(run).up += STILL - 1
-    run.after(60)
-    assert run.rules == []
-
-
-def test_a_stopped_vehicle_may_come_to_rest_first(run: Run) -> None:
-    in_air(run)
-    run.world.stopped["uav1"] = "hold"
-    run.after(1)
-    run.copters["uav1"].up += 3 * STILL
-    run.after(60)
-    assert run.rules == []
-
-
-def test_a_stopped_vehicle_that_moves_is_reported(run: Run) -> None:
-    copter = stopped(run)
-    copter.place.lat += 2 * STILL / 111_000
-    run.after(1)
-    assert run.rules == ["motion after stop"]
-
-
-def test_a_stopped_vehicle_that_climbs_is_reported(run: Run) -> None:
-    stopped(run, "pause").up += 2 * STILL
-    run.after(1)
-    assert run.rules == ["motion after stop"]
-
-
-def test_a_stopped_vehicle_may_land(run: Run) -> None:
-    copter = stopped(run)
-    copter.mode_name, copter.up = "LAND", 2.0
-    run.after(10)
-    copter.armed = False
-    run.after(10)
-    assert run.rules == []
-
-
-def test_a_stopped_vehicle_that_is_armed_is_reported(run: Run) -> None:
-    run.world.stopped["uav1"] = "land"
-    run.after(1)
-    in_air(run)
-    run.after(1)
-    assert run.rules == ["motion after stop"]
-
-
-def test_an_action_that_begins_with_a_stopped_vehicle_is_reported(run: Run) -> None:
-    run.status("running", "goto", number=1)
-    stopped(run)
-    run.status("running", "return_to_launch", number=2)
-    run.after(1)
-    assert run.rules == ["motion after stop"]
-
-
-def test_a_paused_vehicle_keeps_its_actions(run: Run) -> None:
-    stopped(run, "pause")
-    run.status("running", "goto", number=2)
-    run.after(1)
-    assert run.rules == []
+    run.in_air().has(served=False).after(2 * LOST).finds()
 
 
 @pytest.mark.parametrize(
@@ -593,169 +494,11 @@ def test_a_stopped_turtle_rests(moves: float, stopped: bool, rules: list[str]) -
         run.world.stopped["turtle"] = "hold"
     run.after(SETTLED + 1)
     turtle.x += moves
-    run.after(1)
-    assert run.rules == rules
+    run.after(1).finds(*rules)
 
 
-def test_a_vehicle_that_is_given_back_or_that_a_pilot_has_moves(run: Run) -> None:
-    copter = stopped(run)
-    run.pilot.switch, copter.mode_name = Mode.LOITER, "LOITER"
-    copter.up += 2 * STILL
-    run.after(1)
-    run.pilot.switch = None
-    del run.world.stopped["uav1"]
-    copter.up += 2 * STILL
-    run.after(60)
-    assert run.rules == []
-
-
-# --- pilots ---
-
-
-def perceived(run: Run) -> Copter:
-    """A vehicle that a pilot has in LOITER, as its agent perceives."""
-    in_air(run, "LOITER")
-    run.pilot.switch = Mode.LOITER
-    state = Perception(name="state", parameters=("LOITER", True, True))
-    run.put(keys.percepts("fleet", "uav"), Perceptions(changes=(state,)))
-    run.after(AWARE + 1)
-    return run.copters["uav1"]
-
-
-def test_an_agent_that_takes_a_vehicle_from_its_pilot_is_reported(run: Run) -> None:
-    copter = perceived(run)
-    run.status("running", "set_mode", "GUIDED")
-    run.after(1)
-    assert run.rules == []
-    copter.mode_name = "GUIDED"
-    run.after(1)
-    assert run.rules == ["left to the pilot"]
-
-
-def test_a_vehicle_that_an_agent_has_taken_from_its_pilot_is_judged_by_the_other_rules(run: Run) -> None:
-    copter = perceived(run)
-    run.served, copter.mode_name = False, "GUIDED"
-    run.after(LOST + 3)
-    assert run.rules == ["nobody alone"]
-
-
-def test_an_order_that_a_pilot_overtakes_and_a_failsafe_are_no_agents_will(run: Run) -> None:
-    run.status("running", "set_mode", "RTL", number=1)
-    copter = perceived(run)
-    run.status("refused", "return_to_launch", number=2)
-    copter.mode_name = "RTL"
-    run.after(1)
-    assert run.rules == []
-
-
-def test_an_agent_that_does_not_perceive_the_pilot_is_not_reported(run: Run) -> None:
-    in_air(run, "LOITER")
-    run.pilot.switch = Mode.LOITER
-    run.after(AWARE + 1)
-    run.status("running", "set_mode", "GUIDED")
-    run.copters["uav1"].mode_name = "GUIDED"
-    run.after(1)
-    assert run.rules == []
-
-
-def test_an_agent_may_order_a_vehicle_that_is_given_back(run: Run) -> None:
-    copter = perceived(run)
-    run.pilot.switch, copter.mode_name = None, "GUIDED"
-    run.after(1)
-    run.status("running", "set_mode", "RTL")
-    copter.mode_name = "RTL"
-    run.after(1)
-    assert run.rules == []
-
-
-def test_a_vehicle_that_is_armed_after_its_pilot_has_landed_it_is_reported(run: Run) -> None:
-    in_air(run, "LAND")
-    run.pilot.landed = True
-    run.after(1)
-    run.copters["uav1"].armed = False
-    run.after(1)
-    assert run.rules == []
-    run.copters["uav1"].armed = True
-    run.after(1)
-    assert run.rules == ["left to the pilot"]
-
-
-# --- where vehicles are ---
-
-
-def test_a_vehicle_above_its_limit_is_reported(run: Run) -> None:
-    in_air(run)
-    run.copters["uav1"].up = 61
-    run.after(1)
-    assert run.rules == []
-    run.copters["uav1"].up = 63
-    run.after(1)
-    assert run.rules == ["limits"]
-
-
-def test_a_vehicle_farther_than_its_limit_is_reported(run: Run) -> None:
-    in_air(run)
-    run.copters["uav1"].true_place.lat = -27.6 + 400 / 111_000
-    run.after(1)
-    assert run.rules == []
-    run.copters["uav1"].true_place.lat = -27.6 + 600 / 111_000
-    run.after(1)
-    assert run.rules == ["limits"]
-
-
-def test_a_vehicle_whose_gps_was_wrong_may_be_as_much_farther(run: Run) -> None:
-    in_air(run)
-    run.copters["uav1"].estimate.error = Vector(200.0)
-    run.after(1)
-    run.copters["uav1"].true_place.lat = -27.6 + 600 / 111_000
-    run.after(1)
-    assert run.rules == []
-    run.copters["uav1"].true_place.lat = -27.6 + 800 / 111_000
-    run.after(1)
-    assert run.rules == ["limits"]
-
-
-def test_vehicles_nearer_than_declared_are_reported() -> None:
-    run = Run(TEAM, separation=5)
-    run.world.nearest = 5.5
-    run.after(1)
-    assert run.rules == []
-    run.world.nearest = 4.5
-    run.after(1)
-    assert run.rules == ["separation"]
-
-
-def test_vehicles_may_be_near_if_nothing_is_declared(team: Run) -> None:
-    team.world.nearest = 0.1
-    team.after(1)
-    assert team.rules == []
-
-
-def test_a_vehicle_that_is_armed_at_the_end_is_reported(run: Run) -> None:
-    in_air(run)
-    run.after(1)
-    assert run.end() == ["on the ground"]
-
-
-def test_a_rover_that_stands_armed_at_the_end_needs_nobody(run: Run) -> None:
-    in_air(run)
-    run.kind.name = "rover"
-    assert run.checkers.finish() == []
-
-
-def test_a_vehicle_that_a_pilot_has_at_the_end_is_his(run: Run) -> None:
-    in_air(run, "LOITER")
-    run.pilot.switch = Mode.LOITER
-    assert run.checkers.finish() == []
-
-
-def test_a_vehicle_that_has_landed_is_well(run: Run) -> None:
-    run.after(1)
-    assert run.end() == []
-
-
-def test_a_rule_is_reported_once_for_each_subject(run: Run) -> None:
-    in_air(run)
-    run.copters["uav1"].up = 70
-    run.after(10)
-    assert run.rules == ["limits"]
+@pytest.mark.parametrize(("separation", "nearest", "rules"), [(5, 5.5, []), (5, 4.5, ["separation"]), (None, 0.1, [])])
+def test_vehicles_nearer_than_declared_are_reported(separation: int | None, nearest: float, rules: list[str]) -> None:
+    run = Run(TEAM, separation=separation)
+    run.world.nearest = nearest
+    run.after(1).finds(*rules)
