@@ -303,7 +303,6 @@ class ActionServer:
             self.on_control()
         deadline = min(float(entry.deadline), request.deadline or math.inf)
         accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
-        self._publish(request.agent, accepted)
         until, held = self._pause.elapsed + deadline, _held(request.name)
         action = RunningAction(request, entry, held, until, deadline, accepted, now, arguments, held=True)
         action.followers.append((request.header.source, follower))
@@ -312,7 +311,7 @@ class ActionServer:
         if not self.paused:
             self._perform(action)
         if request.id in self._running:  # one that is over has sent its last status
-            follower(accepted)
+            self._tell(action, accepted)
         if action.execution.outcome is not None and action.execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()
@@ -439,9 +438,13 @@ class ActionServer:
             log.info("robot=%s action %s %s%s", self.robot, request.id, request.name, values)
 
     def _tell(self, action: RunningAction, status: ActionStatus) -> None:
-        action.status = status
+        """Send a status to the agent, then to observers; they get `accepted` also of one that has ended immediately."""
+        first, action.status = action.status, status
         for _, follower in action.followers:
             follower(status)
+        if not action.published and first is not status:
+            self._publish(action.request.agent, first)
+        action.published = True
         self._publish(action.request.agent, status)
 
     def _record(self, request: Action, status: ActionStatus) -> None:

@@ -91,13 +91,13 @@ class Service:
         return self._bridge.health()
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
-        """Put a status for observers, if there are any, after the agent's own answer has been sent.
+        """Put a status for observers, if there are any, after the percepts that it refers to.
 
         Zenoh is asked each time: it tells of a new subscriber later than of the action that this one asks for next.
         """
         if self._statuses[agent].matching:
-            key = keys.status(self._bus.fleet, agent, status.name)
-            asyncio.get_running_loop().call_soon(self._bus.put, key, status)
+            self.put_percepts()
+            self._bus.put(keys.status(self._bus.fleet, agent, status.name), status)
 
     def open(self, bridge: Bridge) -> None:
         """Begin to serve. Orders and manifest changes are served as actions are, in the order of arrival: an

@@ -63,6 +63,8 @@ class RunningAction:
     arguments: dict[str, Argument]
     held: bool = False
     """It is to be begun, or begun again, when the operator continues."""
+    published: bool = False
+    """Observers have its first status."""
     noted: bool = False
     """Its begin is in the log."""
     cause: str = ""

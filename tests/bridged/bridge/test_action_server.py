@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from bridged.bridge.running_action import MAX_FIGURES, MAX_ID, MAX_REASON
 from bridged.drivers.api import Execution, Outcome
 from schemas.wire.codec import codec
-from schemas.wire.records import ActionStatus
+from schemas.wire.records import Action, ActionStatus
 from tests.bridged.patient import Desk
 
 
@@ -148,3 +149,26 @@ def test_an_action_stands_in_the_log_before_a_driver_that_may_never_return_is_ca
         desk.ask("a0", id="1")
     assert before == [["robot=r action 1 a0[]"]]
     assert caplog.messages == before[0], "and once only"
+
+
+def test_the_agent_has_the_end_of_its_action_before_observers_hear_of_it(desk: Desk) -> None:
+    heard: list[ActionStatus | None] = []
+    when_told: list[int] = []
+    desk.told = Told(lambda: when_told.append(len(heard)))
+    desk.robot.defect = KeyError("gripper")  # so that the action ends while it is begun
+    desk.action_server.ask("uav", "a0", Action(id="1"), heard.append)
+    assert [one.state for one in heard if one is not None] == ["failed"]
+    assert [one.state for one in desk.told] == ["accepted", "failed"], "observers hear of its beginning too"
+    assert when_told == [1, 1]
+
+
+class Told(list[ActionStatus]):
+    """The statuses for observers; each one is noted when it is put."""
+
+    def __init__(self, note: Callable[[], None]) -> None:
+        super().__init__()
+        self._note = note
+
+    def append(self, status: ActionStatus) -> None:
+        self._note()
+        super().append(status)
