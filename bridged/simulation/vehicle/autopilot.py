@@ -1,14 +1,17 @@
 """What all simulated autopilots are: a vehicle with a place, a home, a position estimate and notifications."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import ClassVar, Literal, Protocol, Self
+from typing import Any, ClassVar, Literal, Self
 
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
-from bridged.simulation.vehicle.motion.dynamics import Axis, Motion, Vector
-from bridged.simulation.vehicle.motion.tasks import Landed
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.locomotion import Locomotion
 from bridged.simulation.vehicle.notifications import Event, HomeChanged, Severity, Text
+from bridged.simulation.vehicle.parameters import Parameters, Row
 from bridged.simulation.vehicle.position_estimate import PositionEstimate
 
 CHARGE_S = 120.0
@@ -27,26 +30,6 @@ GUARD_PERIOD_S = 0.2
 """Vehicle seconds between two checks of the failsafes."""
 
 
-class Locomotion(Protocol):
-    """What moves a vehicle: the flight of a copter or a plane, the drive of a rover."""
-
-    @property
-    def motion(self) -> Motion:
-        """Place and velocity."""
-
-    armed: bool
-    airborne: bool
-    landed: Landed
-    touchdown_at: float | None
-    now: float
-
-    def step(self, dt: float) -> None:
-        """One step of `dt` seconds that ends at `now`."""
-
-    def disarm(self) -> None:
-        """Stop the motors, even in the air."""
-
-
 class Autopilot(ABC):
     """One vehicle from power on. Time passes only in `step`; notifications gather in `events`."""
 
@@ -56,13 +39,41 @@ class Autopilot(ABC):
     """... and the one in which he lands it."""
     GIVEN_BACK: ClassVar[IntEnum | None] = None
     """The mode in which he gives it back; None = that in which it was, which hands an ArduPilot over to its agents."""
+    NAME: ClassVar[str]
+    """`copter`, `plane` or `rover`."""
+    TYPE: ClassVar[int]
+    """MAV_TYPE"""
+    ROWS: ClassVar[Sequence[Row]]
+    """Its parameters."""
+    SYSTEM_ID: ClassVar[str]
+    """The parameter of its system id."""
+    FIRST_HEARTBEAT_S: ClassVar[float]
+    """Seconds after power on at which it sends its first HEARTBEAT, and from which its boot sequence counts."""
+    LOCOMOTION: ClassVar[type[Locomotion[Any]]]
+    TUNING: ClassVar[staticmethod[[Parameters, float | None], Any]]
+    """How it moves by its parameters."""
     mode: IntEnum
-    flight: Locomotion
+    flight: Any
+    """Its `LOCOMOTION`."""
 
-    def __init__(self, start: Place, motion: Motion, now: float) -> None:
-        self.now = now
+    def __init__(
+        self,
+        start: Place,
+        parameters: Parameters | None = None,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        charge_time: float = CHARGE_S,
+        before: Self | None = None,
+    ) -> None:
+        """`heading` in radians; at home an empty battery is full after `charge_time` seconds. `before`: the autopilot
+        before a restart, whose memory is kept."""
+        self.now = self.FIRST_HEARTBEAT_S
+        self.parameters = parameters or Parameters(self.ROWS)
+        self.boot_kind = boot
+        self.charge_time = charge_time
         self.chart = FlatMap(start)
-        self.motion = motion
+        self.flight = self.LOCOMOTION.by_parameters(heading, self.parameters, self.TUNING)
+        self.motion: Motion = self.flight.motion
         self.estimate = PositionEstimate()
         self.hindrance = ""
         """An arming check that fails by a fault, in the vehicle's words."""
@@ -89,19 +100,19 @@ class Autopilot(ABC):
     def pilot_sets(self, number: int) -> None:
         """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
 
-    @abstractmethod
     def restarted(self, place: Place) -> Self:
         """Return the autopilot after a restart at a place on the ground: what it has stored is kept."""
+        return type(self)(place, self.parameters, self.motion.heading, self.boot_kind, self.charge_time, before=self)
 
     @property
     def armed(self) -> bool:
         """Whether the motors turn."""
-        return self.flight.armed
+        return bool(self.flight.armed)
 
     @property
     def in_motion(self) -> bool:
         """Whether its motors turn, or it falls or has just come down."""
-        return self.flight.armed or self.flight.airborne or self.flight.touchdown_at is not None
+        return bool(self.flight.armed or self.flight.airborne) or self.flight.touchdown_at is not None
 
     @property
     def place(self) -> Place:
@@ -140,10 +151,6 @@ class Autopilot(ABC):
         """Set home."""
         self.home, self.home_on_chart = place, self.chart.vector(place)
         self.events.append(HomeChanged())
-
-    def fall_from(self, up: Axis) -> None:
-        """Start in the air with the motors off, after a restart of the autopilot in flight."""
-        self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
 
     def feel(self, air: Vector, gps: Vector | None, dt: float) -> None:
         """Let wind (m/s) and an error of the GPS (metres; None: no fix) act for `dt` seconds.

@@ -120,7 +120,7 @@ class Vehicle:
         self._faults = faults or Faults()
         self._wind = Wind.of(self._faults)
         self._channel_count = channels
-        autopilot = kind.autopilot(start, heading, boot, system, list(parameters), charge_time)
+        autopilot = kind.make(start, heading, boot, system, parameters, charge_time)
         self.character = Character(self._faults, autopilot.PILOTED, autopilot.LANDING, autopilot.GIVEN_BACK)
         self._power_on(autopilot)
 
@@ -229,7 +229,7 @@ class Vehicle:
         self._power_on(autopilot.restarted(autopilot.chart.place(Vector(at.north, at.east, 0.0))))
         self._lag = lag
         if autopilot.flight.airborne:
-            self.autopilot.fall_from(up)
+            self.autopilot.flight.fall_from(up)
 
     def _send_events(self) -> None:
         events, self.autopilot.events = self.autopilot.events, []

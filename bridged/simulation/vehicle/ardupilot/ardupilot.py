@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -12,51 +12,30 @@ from bridged.simulation.vehicle.ardupilot.battery import Battery
 from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, Milestone, Script
 from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationLink, StationWatch, watch_over
 from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters, Row
 from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
+from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
 from bridged.simulation.vehicle.notifications import ItemReached, ModeChanged, ParameterChanged, Result, Severity
+from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.payload import Payload
 
 UNASKED_S = dict.fromkeys((0, 1, 2, 24, 30, 32, 33, 36, 42, 62, 65, 74, 87, 125, 147, 152, 193, 241), 1.0)
 """Intervals of the streams that come unasked from the recorded plane and rover, by message id."""
 
 
-class Drive(Locomotion, Protocol):
-    """What ArduPilot needs of the motion of a vehicle."""
-
-    task: Task
-    reached: bool
-    cruise_speed: float | None
-
-    def arm(self) -> None:
-        """Start the motors."""
-
-    def begin(self, task: Task) -> None:
-        """Begin another task from the present motion."""
-
-    @property
-    def target(self) -> Vector | None:
-        """Goal of the present task, if the autopilot reports one (POSITION_TARGET_GLOBAL_INT)."""
-
-
 class ArduPilot(Autopilot):
     """One vehicle with ArduPilot."""
 
-    NAME: ClassVar[str]
-    TYPE: ClassVar[int]
-    """MAV_TYPE"""
+    SYSTEM_ID: ClassVar = "MAV_SYSID"
+    FIRST_HEARTBEAT_S: ClassVar = FIRST_HEARTBEAT_S
     CAPABILITIES: ClassVar[int] = 1 | 2 | 4 | 8 | 128 | 256 | 8192
     """capabilities of AUTOPILOT_VERSION"""
     VTOL_STATE: ClassVar[int] = 0
     """vtol_state of EXTENDED_SYS_STATE (MAV_VTOL_STATE)."""
-    ROWS: ClassVar[Sequence[Row]]
-    """Its parameters."""
     SCRIPT: ClassVar[Script]
     """Its boot sequence."""
     DEFAULTS_S: ClassVar[dict[int, float]] = {0: 1.0}
@@ -70,69 +49,30 @@ class ArduPilot(Autopilot):
     RTL: ClassVar[Any]
     LOITER: ClassVar[Any]
     mode: Any
-    flight: Any
 
     def __init__(
         self,
         start: Place,
-        motion: Motion,
-        flight: Drive,
-        *,
-        parameters: Parameters,
+        parameters: Parameters | None = None,
+        heading: float = 0.0,
         boot: BootKind = "quick",
-        stored: Mission | None = None,
         charge_time: float = CHARGE_S,
+        before: Self | None = None,
     ) -> None:
-        """`parameters` and the `stored` mission are what is in the vehicle's memory from before a restart; at home an
-        empty battery is full after `charge_time` seconds."""
-        super().__init__(start, motion, FIRST_HEARTBEAT_S)
-        self.parameters = parameters
+        super().__init__(start, parameters, heading, boot, charge_time, before)
         self.boot = Boot(boot, start.alt, self.SCRIPT)
-        self.flight = flight
         self.battery = Battery(self.parameters, charge_time)
         self.fence = Fence(self.parameters)
-        self.station = self.station_watch(parameters)
+        self.station = self.station_watch(self.parameters)
         self.outputs = Outputs(self.parameters)
         self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self.payload = Payload()
         self.transmitter = Transmitter(self.parameters)
-        self.mission = stored or Mission()
+        self.mission: Mission = Mission() if before is None else before.mission
+        self.mission.rewind()
         self.mode = self.INITIAL
         self._actions: list[Item] = []  # mission items to be done on the way
         self._actions_wait_until = 0.0
-
-    @staticmethod
-    @abstractmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Drive]:
-        """Return what moves, with a heading in radians, and what drives it by its parameters."""
-
-    @classmethod
-    def made(
-        cls,
-        start: Place,
-        *,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        parameters: Parameters | None = None,
-        stored: Mission | None = None,
-        charge_time: float = CHARGE_S,
-    ) -> Self:
-        """Make one at a place, with a heading in radians; the other arguments are those of `ArduPilot`."""
-        parameters = parameters or Parameters(rows=cls.ROWS)
-        motion, flight = cls.moving(heading, parameters)
-        return cls(start, motion, flight, parameters=parameters, boot=boot, stored=stored, charge_time=charge_time)
-
-    def restarted(self, place: Place) -> Self:
-        """Return the vehicle after a restart at a place on the ground."""
-        self.mission.rewind()
-        return self.made(
-            place,
-            heading=self.motion.heading,
-            boot=self.boot.kind,
-            parameters=self.parameters,
-            stored=self.mission,
-            charge_time=self.battery.charge_time,
-        )
 
     @staticmethod
     def station_watch(parameters: Parameters) -> StationWatch:
@@ -292,8 +232,7 @@ class ArduPilot(Autopilot):
 
     def count_mission(self, total: int) -> None:
         """Set MIS_TOTAL to the number of stored items, home included."""
-        if self.parameters["MIS_TOTAL"] != total:
-            self.parameters.set("MIS_TOTAL", total)
+        if self.parameters.set("MIS_TOTAL", total):
             self.events.append(ParameterChanged("MIS_TOTAL"))
 
     @abstractmethod

@@ -7,8 +7,8 @@ ArduPilot's simulator too. With a capacity the voltage falls with the charge, an
 from dataclasses import dataclass
 from enum import IntEnum
 
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.autopilot import CHARGE_S
+from bridged.simulation.vehicle.parameters import Parameters
 
 HOVER_CURRENT = 28.12
 """A, recorded."""

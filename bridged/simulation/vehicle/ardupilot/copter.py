@@ -14,13 +14,10 @@ from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISA
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.mission import task_of
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.copter_flight import Flight
-from bridged.simulation.vehicle.motion.dynamics import Motion
 from bridged.simulation.vehicle.motion.tasks import Land, Return, Stop, TakeOff, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, ParameterChanged, Result, Severity
 
 _YAW_ALIGNMENT_HEIGHT = 1.9
@@ -37,6 +34,8 @@ class Copter(ArduPilot):
     NAME: ClassVar = "copter"
     TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
     VTOL_STATE: ClassVar = 3
+    LOCOMOTION: ClassVar = Flight
+    TUNING: ClassVar = staticmethod(copter_tuning)
     ROWS: ClassVar = tables.COPTER
     SCRIPT: ClassVar = boot_sequence.COPTER
     INITIAL: ClassVar = Mode.STABILIZE
@@ -49,12 +48,6 @@ class Copter(ArduPilot):
     mode: Mode
     flight: Flight
     _compass_checked = False
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
-        """Return its motion and what drives it."""
-        motion = Motion(heading)
-        return motion, Flight(motion, TuningCache(parameters, copter_tuning))
 
     @property
     def base_mode(self) -> int:

@@ -2,9 +2,9 @@
 
 import math
 
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.copter_flight import Tuning
 from bridged.simulation.vehicle.motion.dynamics import Limits
+from bridged.simulation.vehicle.parameters import Parameters
 
 SPOOL_UP_S = 3.3
 """From arming until the motors can lift (recorded: 5 cm high 3.7 s after arming)."""

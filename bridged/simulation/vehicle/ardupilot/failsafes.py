@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from bridged.simulation.vehicle.ardupilot.battery import HOME_RADIUS, Shortage
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.notifications import Severity
+from bridged.simulation.vehicle.parameters import Parameters
 
 if TYPE_CHECKING:
     from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot

@@ -1,7 +1,5 @@
 """The MAVLink side of a simulated ArduPilot."""
 
-import math
-
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
@@ -9,7 +7,6 @@ from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContext, global_setpoint, local_setpoint
 from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
-from bridged.simulation.vehicle.ardupilot.parameters import Parameter
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.notifications import (
@@ -20,6 +17,7 @@ from bridged.simulation.vehicle.notifications import (
     ParameterChanged,
     Text,
 )
+from bridged.simulation.vehicle.parameters import Parameter
 
 TIMESYNC_PERIOD_S = 10.0
 
@@ -119,7 +117,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
             case _ if kind in _MISSION_MESSAGES:
                 return self._mission.receive(message)
             case _ if kind in LOG_MESSAGES:
-                log = dataflash_log(copter.parameters.items())
+                log = dataflash_log((one.name, one.value) for one in copter.parameters)
                 return LogTransfer([log]).receive(message, armed=copter.armed)
         return []
 
@@ -141,8 +139,9 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
         else:
             name = message.param_id
             name = name.decode(errors="replace") if isinstance(name, bytes) else str(name)
-            value = message.param_value if kind == "PARAM_SET" else math.nan
-            found, index = parameters.set(name, value) if name else None, _NO_INDEX
+            if kind == "PARAM_SET" and name in parameters:
+                parameters.set(name, message.param_value)
+            found, index = parameters.find(name), _NO_INDEX
         return [self._value_of(found, index)] if found is not None else []
 
     def parameter(self, index: int) -> dialect.MAVLink_message | None:

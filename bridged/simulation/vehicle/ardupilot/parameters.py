@@ -1,21 +1,6 @@
-"""Parameters of the simulated copter: ArduCopter's names and defaults for what the simulation or a client uses."""
+"""Parameters of simulated ArduPilots: names and defaults for what the simulation or a client uses."""
 
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from enum import IntEnum
-
-
-class Kind(IntEnum):
-    """param_type of PARAM_VALUE (MAV_PARAM_TYPE)."""
-
-    INT8 = 2
-    INT16 = 4
-    INT32 = 6
-    REAL32 = 9
-
-
-_RANGES = {Kind.INT8: (-128, 127), Kind.INT16: (-32768, 32767), Kind.INT32: (-(2**31), 2**31 - 1)}
+from bridged.simulation.vehicle.parameters import Kind, Row
 
 SERVOS = 16
 """Servo outputs; the first four drive the motors."""
@@ -32,9 +17,6 @@ def _servo(number: int) -> tuple[tuple[str, float, Kind], ...]:
         (f"SERVO{number}_TRIM", 1500, Kind.INT16),
     )
 
-
-Row = tuple[str, float, Kind]
-"""Name, default and type of a parameter."""
 
 COPTER: tuple[Row, ...] = (
     ("FORMAT_VERSION", 120, Kind.INT16),
@@ -156,58 +138,3 @@ ROVER: tuple[Row, ...] = (
     ("WP_SPEED", 5, Kind.REAL32),
     *_COMMON,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter with the fields of PARAM_VALUE."""
-
-    name: str
-    value: float
-    kind: Kind
-    index: int
-
-
-class Parameters:
-    """All parameters of one vehicle of a system id (1..255). They survive a reboot."""
-
-    def __init__(self, system: int = 1, rows: Sequence[Row] = COPTER) -> None:
-        self._values = {name: float(default) for name, default, _ in rows}
-        self._kinds = {name: kind for name, _, kind in rows}
-        self._names = [name for name, _, _ in rows]
-        self._values["MAV_SYSID"] = float(system)
-        self.changes = 0
-        """How often one was set."""
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __getitem__(self, name: str) -> float:
-        return self._values[name]
-
-    def items(self) -> Iterator[tuple[str, float]]:
-        """Yield name and value of each parameter, in the order of the list."""
-        yield from self._values.items()
-
-    def find(self, name: str) -> Parameter | None:
-        """Return the parameter of a name, None if there is none."""
-        if name not in self._values:
-            return None
-        return Parameter(name, self._values[name], self._kinds[name], self._names.index(name))
-
-    def at(self, index: int) -> Parameter | None:
-        """Return the parameter at an index of the list."""
-        return self.find(self._names[index]) if 0 <= index < len(self._names) else None
-
-    def set(self, name: str, value: float) -> Parameter | None:
-        """Store a value in the range of the parameter's type; returns the parameter."""
-        kind = self._kinds.get(name)
-        if kind is None:
-            return None
-        self.changes += 1
-        if math.isfinite(value):
-            if kind in _RANGES:
-                low, high = _RANGES[kind]
-                value = float(max(low, min(high, round(value))))
-            self._values[name] = value
-        return self.find(name)

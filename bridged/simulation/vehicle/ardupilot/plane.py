@@ -15,13 +15,12 @@ from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
 from bridged.simulation.vehicle.ardupilot.flight_modes import PlaneMode
 from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.plane_flight import PlaneFlight, PlaneMotion, PlaneTuning
 from bridged.simulation.vehicle.motion.tasks import Approach, Drift, GoTo, Landed, Stop, TakeOff, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
+from bridged.simulation.vehicle.parameters import Parameters
 
 _WIDER = 1.15
 """A circle as it is flown, in radii of WP_LOITER_RAD (recorded: 92 m of 80 m)."""
@@ -38,11 +37,33 @@ _ROLLING = 3.0
 _LAND_START = dialect.MAV_CMD_DO_LAND_START
 
 
+def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
+    return PlaneTuning(
+        airspeed=max(10.0, speed or values["AIRSPEED_CRUISE"]),
+        radius=_WIDER * max(20.0, values["WP_LOITER_RAD"]),
+        near=values["WP_RADIUS"],
+        turn_rate=0.42,
+        climb=4.0,
+        sink=2.6,
+        takeoff_climb=8.5,
+        rotation=18.0,
+        thrust=9.0,
+        run_delay=0.5,
+        takeoff_done=1.0,
+        flare_height=3.5,
+        flare_sink=0.6,
+        roll_out=3.0,
+        touchdown_to_landed=8.7,
+    )
+
+
 class Plane(ArduPilot):
     """A fixed wing."""
 
     NAME: ClassVar = "plane"
     TYPE: ClassVar = dialect.MAV_TYPE_FIXED_WING
+    LOCOMOTION: ClassVar = PlaneFlight
+    TUNING: ClassVar = staticmethod(_tuning)
     ROWS: ClassVar = tables.PLANE
     SCRIPT: ClassVar = boot_sequence.PLANE
     DEFAULTS_S: ClassVar = UNASKED_S
@@ -67,12 +88,6 @@ class Plane(ArduPilot):
     """radians"""
     _landed_at: float | None = None
     _prearm_at: float | None = None
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[PlaneMotion, PlaneFlight]:
-        """Return its motion and what drives it."""
-        motion = PlaneMotion(heading)
-        return motion, PlaneFlight(motion, TuningCache(parameters, _tuning))
 
     @staticmethod
     def station_watch(parameters: Parameters) -> StationWatch:
@@ -433,23 +448,3 @@ class Plane(ArduPilot):
             self._home_at = self.now + 1.0
             if self.motion.position.distance(self.home_on_chart) > 0.2:
                 self.set_home(self.place)
-
-
-def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
-    return PlaneTuning(
-        airspeed=max(10.0, speed or values["AIRSPEED_CRUISE"]),
-        radius=_WIDER * max(20.0, values["WP_LOITER_RAD"]),
-        near=values["WP_RADIUS"],
-        turn_rate=0.42,
-        climb=4.0,
-        sink=2.6,
-        takeoff_climb=8.5,
-        rotation=18.0,
-        thrust=9.0,
-        run_delay=0.5,
-        takeoff_done=1.0,
-        flare_height=3.5,
-        flare_sink=0.6,
-        roll_out=3.0,
-        touchdown_to_landed=8.7,
-    )

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift
+from bridged.simulation.vehicle.parameters import Parameters
 
 CHANNELS = 16
 RESTING = (1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800, *([0] * (CHANNELS - 8)))

@@ -15,13 +15,12 @@ from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
 from bridged.simulation.vehicle.ardupilot.flight_modes import RoverMode
 from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverMotion, RoverTuning
+from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverTuning
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
+from bridged.simulation.vehicle.parameters import Parameters
 
 SETPOINT_LASTS_S = 3.0
 """Seconds after the last velocity at which a rover stops."""
@@ -37,11 +36,25 @@ _FAILSAFE_ACTIONS = {1: RoverMode.RTL, 2: RoverMode.HOLD}
 """FS_ACTION"""
 
 
+def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
+    return RoverTuning(
+        speed=speed or values["WP_SPEED"],
+        accel=_ACCEL,
+        brake=0.68,
+        turn_rate=math.radians(70),
+        radius=values["WP_RADIUS"],
+        roll_out=1.75,
+        delay=0.75,
+    )
+
+
 class Rover(ArduPilot):
     """A rover that steers by its wheels."""
 
     NAME: ClassVar = "rover"
     TYPE: ClassVar = dialect.MAV_TYPE_GROUND_ROVER
+    LOCOMOTION: ClassVar = RoverDrive
+    TUNING: ClassVar = staticmethod(_tuning)
     ROWS: ClassVar = tables.ROVER
     SCRIPT: ClassVar = boot_sequence.ROVER
     DEFAULTS_S: ClassVar = UNASKED_S
@@ -58,12 +71,6 @@ class Rover(ArduPilot):
     _home_at = 0.0
     _smart_at = math.inf
     _arrived = False
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[RoverMotion, RoverDrive]:
-        """Return its motion and what drives it."""
-        motion = RoverMotion(heading)
-        return motion, RoverDrive(motion, TuningCache(parameters, _tuning))
 
     @staticmethod
     def station_watch(parameters: Parameters) -> StationWatch:
@@ -266,15 +273,3 @@ def follow_with_home(vehicle: Rover) -> None:
     vehicle._home_at = vehicle.now + HOME_FOLLOWS_S
     if vehicle.motion.position.distance(vehicle.home_on_chart) > 0.2:
         vehicle.set_home(vehicle.place)
-
-
-def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
-    return RoverTuning(
-        speed=speed or values["WP_SPEED"],
-        accel=_ACCEL,
-        brake=0.68,
-        turn_rate=math.radians(70),
-        radius=values["WP_RADIUS"],
-        roll_out=1.75,
-        delay=0.75,
-    )

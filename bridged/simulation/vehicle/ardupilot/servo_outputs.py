@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from bridged.simulation.vehicle.ardupilot.parameters import SERVOS, Parameters
+from bridged.simulation.vehicle.ardupilot.parameters import SERVOS
+from bridged.simulation.vehicle.parameters import Parameters
 
 NOT_DRIVEN, MANUAL, GRIPPER = 0, 1, 28
 """Values of SERVOn_FUNCTION; 33 to 36 are the motors."""

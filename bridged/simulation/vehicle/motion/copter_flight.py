@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
+from bridged.simulation.vehicle.motion.locomotion import Locomotion
 from bridged.simulation.vehicle.motion.tasks import (
     Circle,
     Drift,
@@ -66,40 +67,19 @@ class Tuning:
     """From the touchdown until the autopilot reports that it is on the ground."""
 
 
-class Flight:
-    """A copter with motors. It has one task at a time; `reached` is set when a takeoff or a leg is done."""
+class Flight(Locomotion[Tuning]):
+    """A copter with motors."""
+
+    MOTION = Motion
 
     def __init__(self, motion: Motion, tuning: Callable[[float | None], Tuning]) -> None:
-        """`tuning` is asked before each use, with the speed of legs that DO_CHANGE_SPEED has set (m/s)."""
-        self.motion = motion
-        self._tuning = tuning
-        self.armed = False
-        self.airborne = False
-        self.landed = Landed.ON_GROUND
-        self.task: Task = Stop()
-        self.heading_wish: float | None = None
-        self.cruise_speed: float | None = None  # m/s, set by DO_CHANGE_SPEED until the next task source
-        self.reached = False
-        self.touchdown_at: float | None = None
-        self.touchdown_speed = 0.0
+        super().__init__(motion, tuning)
         self._armed_at = 0.0
-        self._lift_at: float | None = None
         self._ahead: float | None = None  # direction in which the copter goes
-        self.now = 0.0  # vehicle seconds, set by the copter before each step
-
-    @property
-    def tuning(self) -> Tuning:
-        """The present tuning."""
-        return self._tuning(self.cruise_speed)
-
-    @property
-    def height(self) -> float:
-        """Metres above the ground."""
-        return self.motion.up.position
 
     @property
     def target(self) -> Vector | None:
-        """Goal of the present task, if the autopilot reports one (POSITION_TARGET_GLOBAL_INT)."""
+        """Goal of a leg, or over home."""
         match self.task:
             case GoTo(goal):
                 return goal
@@ -109,24 +89,19 @@ class Flight:
 
     def arm(self) -> None:
         """Start the motors."""
-        self.armed, self._armed_at, self._lift_at = True, self.now, None
+        self.armed, self._armed_at, self.lift_at = True, self.now, None
         self.touchdown_at = None
 
     def disarm(self) -> None:
         """Stop the motors, even in the air."""
-        self.armed, self._lift_at, self.touchdown_at = False, None, None
+        self.armed, self.lift_at, self.touchdown_at = False, None, None
         if not self.airborne:
             self.landed = Landed.ON_GROUND
 
     @property
-    def lift_at(self) -> float | None:
-        """When it will lift, in vehicle seconds; None: it is not about to."""
-        return self._lift_at
-
-    @property
     def idle_since(self) -> float | None:
         """Time since which the motors idle on the ground without a pending takeoff; None if they do not."""
-        if not self.armed or self.airborne or self._lift_at is not None:
+        if not self.armed or self.airborne or self.lift_at is not None:
             return None
         return max(self._armed_at, self.touchdown_at or 0.0)
 
@@ -135,12 +110,12 @@ class Flight:
         if self.airborne and type(task) is not type(self.task):
             self.motion.retarget()
         if not isinstance(task, TakeOff | GoTo | Drift):
-            self._lift_at = None  # a goal on the ground keeps a takeoff going, another mode ends it
+            self.lift_at = None  # a goal on the ground keeps a takeoff going, another mode ends it
         self.task, self.reached = task, False
         self.heading_wish = self._ahead = None
         if isinstance(task, TakeOff) and self.armed and not self.airborne:
             tuning = self.tuning
-            self._lift_at = max(self._armed_at + tuning.spool_up, self.now + tuning.lift_delay)
+            self.lift_at = max(self._armed_at + tuning.spool_up, self.now + tuning.lift_delay)
             self.touchdown_at = None
 
     def step(self, dt: float) -> None:
@@ -148,7 +123,7 @@ class Flight:
         if not self.armed:
             if self.airborne:
                 self.motion.fall(dt)
-                self._meet_ground()
+                self._touch_ground()
             elif self.touchdown_at is not None:
                 self._settle()
             return
@@ -156,11 +131,15 @@ class Flight:
             self._on_ground()
             return
         self._fly(dt)
-        self._meet_ground()
+        self._touch_ground()
+
+    def _touch_ground(self) -> None:
+        if self.meet_ground():
+            self.motion.rest()
 
     def _on_ground(self) -> None:
-        if self._lift_at is not None and self.now >= self._lift_at:
-            self._lift_at = None
+        if self.lift_at is not None and self.now >= self.lift_at:
+            self.lift_at = None
             self.airborne, self.landed = True, Landed.TAKEOFF
             self.motion.rest()
         else:
@@ -171,13 +150,6 @@ class Flight:
             self.landed = Landed.ON_GROUND
             if not self.armed:
                 self.touchdown_at = None
-
-    def _meet_ground(self) -> None:
-        up = self.motion.up
-        if up.position <= 0.0 and up.velocity <= 0.0:
-            self.touchdown_speed, self.touchdown_at = -up.velocity, self.now
-            self.airborne, up.position = False, 0.0
-            self.motion.rest()
 
     def _fly(self, dt: float) -> None:
         if not (isinstance(self.task, TakeOff) and self.landed is Landed.TAKEOFF):

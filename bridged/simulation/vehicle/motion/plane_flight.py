@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridged.simulation.vehicle.motion.dynamics import GRAVITY, Motion, Vector
+from bridged.simulation.vehicle.motion.locomotion import Locomotion
 from bridged.simulation.vehicle.motion.tasks import (
     Approach,
     Circle,
@@ -107,34 +108,16 @@ class PlaneMotion(Motion):
             axis.retarget()
 
 
-class PlaneFlight:
-    """A plane with a motor. It has one task at a time; `reached` is set when a takeoff, leg or landing is done."""
+class PlaneFlight(Locomotion[PlaneTuning]):
+    """A plane with a motor."""
+
+    MOTION = PlaneMotion
+    motion: PlaneMotion
 
     def __init__(self, motion: PlaneMotion, tuning: Callable[[float | None], PlaneTuning]) -> None:
-        """`tuning` is asked before each use, with the airspeed that DO_CHANGE_SPEED has set (m/s)."""
-        self.motion: PlaneMotion = motion
-        self._tuning = tuning
-        self.armed = False
-        self.airborne = False
-        self.landed = Landed.ON_GROUND
-        self.task: Task = Stop()
-        self.cruise_speed: float | None = None
-        self.reached = False
-        self.touchdown_at: float | None = None
-        self.touchdown_speed = 0.0
-        self.now = 0.0
+        super().__init__(motion, tuning)
         self.flaring = False
         self._roll_at: float | None = None
-
-    @property
-    def tuning(self) -> PlaneTuning:
-        """The present tuning."""
-        return self._tuning(self.cruise_speed)
-
-    @property
-    def height(self) -> float:
-        """Metres above the ground."""
-        return self.motion.up.position
 
     @property
     def target(self) -> Vector | None:
@@ -147,7 +130,7 @@ class PlaneFlight:
         return None
 
     @property
-    def lift_at(self) -> float | None:
+    def lift_at(self) -> float | None:  # type: ignore[override]
         """When it will leave the ground, in vehicle seconds; None: it is not about to."""
         if self._roll_at is None:
             return None
@@ -189,9 +172,7 @@ class PlaneFlight:
             self.motion.fall(dt)
         else:
             self._fly(dt)
-        if self.motion.up.position <= 0.0 and self.motion.up.velocity <= 0.0:
-            self.touchdown_speed, self.touchdown_at = -self.motion.up.velocity, self.now
-            self.airborne, self.motion.up.position = False, 0.0
+        if self.meet_ground():
             self.motion.up.rest()
 
     def _on_ground(self, dt: float) -> None:

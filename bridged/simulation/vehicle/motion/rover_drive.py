@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
-from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Landed, Return, Stop, Task
+from bridged.simulation.vehicle.motion.locomotion import Locomotion
+from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Return, Stop, Task
 
 _STANDS = 0.03
 """m/s below which it stands."""
@@ -34,28 +35,30 @@ class RoverTuning:
     """How much faster than a wanted velocity it drives."""
 
 
-class RoverDrive:
-    """A rover with motors. It has one task at a time; `reached` is set when a leg is done."""
+class RoverMotion(Motion):
+    """Place, heading and speed of a rover."""
+
+    @property
+    def steady(self) -> bool:
+        """It is stepped finely: there is little to compute."""
+        return False
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """It stands level."""
+        return 0.0, 0.0
+
+
+class RoverDrive(Locomotion[RoverTuning]):
+    """A rover with motors."""
+
+    MOTION = RoverMotion
 
     def __init__(self, motion: Motion, tuning: Callable[[float | None], RoverTuning]) -> None:
-        """`tuning` is asked before each use, with the speed that DO_CHANGE_SPEED has set (m/s)."""
-        self.motion = motion
-        self._tuning = tuning
-        self.armed = False
-        self.landed = Landed.ON_GROUND
-        self.task: Task = Stop()
-        self.cruise_speed: float | None = None
-        self.reached = False
-        self.touchdown_at: float | None = None
-        self.now = 0.0
+        super().__init__(motion, tuning)
         self.speed = 0.0
         """m/s along its heading; backwards if < 0."""
         self._begun = 0.0
-
-    @property
-    def tuning(self) -> RoverTuning:
-        """The present tuning."""
-        return self._tuning(self.cruise_speed)
 
     @property
     def airborne(self) -> bool:
@@ -70,11 +73,6 @@ class RoverDrive:
     def target(self) -> Vector | None:
         """Goal of the present task."""
         return self.task.goal if isinstance(self.task, GoTo) else None
-
-    @property
-    def lift_at(self) -> float | None:
-        """It leaves no ground."""
-        return None
 
     def arm(self) -> None:
         """Switch the motors on."""
@@ -169,17 +167,3 @@ class RoverDrive:
         for axis in (motion.north, motion.east):
             axis.position += axis.velocity * dt
             axis.retarget()
-
-
-class RoverMotion(Motion):
-    """Place, heading and speed of a rover."""
-
-    @property
-    def steady(self) -> bool:
-        """It is stepped finely: there is little to compute."""
-        return False
-
-    @property
-    def tilt(self) -> tuple[float, float]:
-        """It stands level."""
-        return 0.0, 0.0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from bridged.simulation.vehicle.autopilot import CHARGE_S
-from bridged.simulation.vehicle.px4.parameters import Parameters
+from bridged.simulation.vehicle.parameters import Parameters
 
 CELLS = 4
 _EMPTY_V, _RANGE_V = 3.6, 0.45

@@ -6,28 +6,23 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.motion.copter_flight import Flight
-from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
+from bridged.simulation.vehicle.motion.dynamics import Limits, Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, TakeOff, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.px4 import parameters
 from bridged.simulation.vehicle.px4.copter_tuning import DETECTED_S, copter_tuning, stream_limits
-from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
 
 
 class Px4Copter(Px4):
     """A quadrotor."""
 
+    NAME: ClassVar = "copter"
     TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
-    TABLES: ClassVar = (parameters.COPTER,)
+    ROWS: ClassVar = parameters.rows(parameters.COPTER)
+    LOCOMOTION: ClassVar = Flight
+    TUNING: ClassVar = staticmethod(copter_tuning)
     DETECTED_S: ClassVar = DETECTED_S
     flight: Flight
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
-        """Return its motion and what drives it."""
-        motion = Motion(heading)
-        return motion, Flight(motion, TuningCache(parameters, copter_tuning))
 
     @property
     def stream_limits(self) -> Limits:

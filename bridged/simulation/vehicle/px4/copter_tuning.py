@@ -4,7 +4,7 @@ import math
 
 from bridged.simulation.vehicle.motion.copter_flight import Tuning
 from bridged.simulation.vehicle.motion.dynamics import Limits
-from bridged.simulation.vehicle.px4.parameters import Parameters
+from bridged.simulation.vehicle.parameters import Parameters
 
 LIFT_S = 3.0
 """From the order to take off, or from `SPOOL_UP_S` after arming, until it moves: the thrust rises slowly."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from bridged.simulation.vehicle.geodesy import FlatMap
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from bridged.simulation.vehicle.px4.parameters import Parameters
+from bridged.simulation.vehicle.parameters import Parameters
 
 POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5001, 5002, 5003, 5004
 """Commands of fence items (MAV_CMD_NAV_FENCE_...)."""

@@ -17,11 +17,12 @@ from bridged.simulation.vehicle.notifications import (
     ParameterChanged,
     Text,
 )
+from bridged.simulation.vehicle.parameters import Kind, Parameter
 from bridged.simulation.vehicle.px4 import telemetry
 from bridged.simulation.vehicle.px4.commands import Command, CommandContext, set_mode
 from bridged.simulation.vehicle.px4.links import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import MissionProtocol
-from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, Kind, Parameter, decoded
+from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, decoded, encoded
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.setpoints import global_setpoint, local_setpoint
 
@@ -167,8 +168,7 @@ class Px4Messages(MessageHandler[Px4]):
             case _ if kind.startswith("MISSION_"):
                 return self._mission.receive(message)
             case _ if kind in LOG_MESSAGES:
-                found = (px4.parameters.at(index) for index in range(len(px4.parameters)))
-                values = ((one.name, one.value, one.kind is Kind.INT32) for one in found if one is not None)
+                values = ((one.name, one.value, one.kind is Kind.INT32) for one in px4.parameters)
                 return LogTransfer([ulog(values)], first=0).receive(message, armed=px4.armed)
         return []
 
@@ -209,8 +209,8 @@ class Px4Messages(MessageHandler[Px4]):
 
     def _value_of(self, parameter: Parameter) -> dialect.MAVLink_message:
         return dialect.MAVLink_param_value_message(
-            parameter.name.encode(), parameter.encoded, int(parameter.kind), len(self.autopilot.parameters),
-            parameter.index,
+            parameter.name.encode(), encoded(parameter.value, parameter.kind), int(parameter.kind),
+            len(self.autopilot.parameters), parameter.index,
         )  # fmt: skip
 
 

@@ -1,18 +1,9 @@
 """Parameters of the simulated PX4: names and values of the recorded vehicles, for what is simulated or used."""
 
-import math
 import struct
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from enum import IntEnum
+from collections.abc import Mapping
 
-
-class Kind(IntEnum):
-    """param_type of PARAM_VALUE (MAV_PARAM_TYPE): PX4 has these two."""
-
-    INT32 = 6
-    REAL32 = 9
-
+from bridged.simulation.vehicle.parameters import Kind, Row
 
 NO_SUCH, WRONG_TYPE = 1, 7
 """error of PARAM_ERROR (MAV_PARAM_ERROR)."""
@@ -89,73 +80,17 @@ ROVER: Mapping[str, tuple[float, Kind]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter with the fields of PARAM_VALUE."""
-
-    name: str
-    value: float
-    kind: Kind
-    index: int
-
-    @property
-    def encoded(self) -> float:
-        """param_value: an integer as a float of the same bytes."""
-        if self.kind is Kind.REAL32:
-            return self.value
-        (number,) = struct.unpack("<f", struct.pack("<i", int(self.value)))
-        return float(number)
+def rows(own: Mapping[str, tuple[float, Kind]]) -> list[Row]:
+    """Return the parameters of a kind of vehicle in PX4's order, by name; its own override the common ones."""
+    return sorted((name, default, kind) for name, (default, kind) in {**COMMON, **own}.items())
 
 
-class Parameters:
-    """All parameters of one vehicle. They survive a restart."""
-
-    def __init__(self, system: int, *tables: Mapping[str, tuple[float, Kind]]) -> None:
-        """`system`: its id (1..255). A later table overrides an earlier one."""
-        rows = {name: row for table in (COMMON, *tables) for name, row in table.items()}
-        self._names = sorted(rows)
-        self._values = {name: rows[name][0] for name in self._names}
-        self._kinds = {name: rows[name][1] for name in self._names}
-        self._values["MAV_SYS_ID"] = float(system)
-        self.changes = 0
-        """How often one was changed."""
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._values
-
-    def __getitem__(self, name: str) -> float:
-        return self._values[name]
-
-    def find(self, name: str) -> Parameter | None:
-        """Return the parameter of a name, None if there is none."""
-        if name not in self._values:
-            return None
-        return Parameter(name, self._values[name], self._kinds[name], self._names.index(name))
-
-    def at(self, index: int) -> Parameter | None:
-        """Return the parameter at an index of the list."""
-        return self.find(self._names[index]) if 0 <= index < len(self._names) else None
-
-    def set(self, name: str, value: float) -> bool:
-        """Store a value; returns whether it was another one. Raises KeyError for an unknown name."""
-        if not math.isfinite(value):
-            return False
-        value = float(round(value)) if self._kinds[name] is Kind.INT32 else value
-        changed = self._values[name] != value
-        self._values[name] = value
-        self.changes += changed
-        return changed
-
-    def set_all(self, settings: Iterable[tuple[str, float]]) -> str | None:
-        """Store values by name; returns a name that there is not."""
-        for name, value in settings:
-            if name not in self:
-                return name
-            self.set(name, value)
-        return None
+def encoded(value: float, kind: Kind) -> float:
+    """Return param_value of a PARAM_VALUE: an integer as a float of the same bytes."""
+    if kind is Kind.REAL32:
+        return value
+    (number,) = struct.unpack("<f", struct.pack("<i", int(value)))
+    return float(number)
 
 
 def decoded(value: float, kind: int) -> float:

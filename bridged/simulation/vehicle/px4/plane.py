@@ -12,11 +12,10 @@ from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.plane_flight import PlaneFlight, PlaneMotion, PlaneTuning
 from bridged.simulation.vehicle.motion.tasks import Approach, Circle, GoTo, Land, TakeOff, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import MissionChanged, Result
+from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
-from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.texts import GLIDE_SLOPE_TOO_STEEP
 
@@ -31,11 +30,34 @@ _MISSION_LANDING = 1
 """RTL_TYPE"""
 
 
+def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
+    return PlaneTuning(
+        airspeed=_SLIP * min(values["FW_AIRSPD_MAX"], max(values["FW_AIRSPD_MIN"], speed or values["FW_AIRSPD_TRIM"])),
+        radius=max(20.0, values["NAV_LOITER_RAD"]),
+        near=_NEAR,
+        turn_rate=0.28,
+        climb=2.7,
+        sink=1.8,
+        takeoff_climb=5.0,
+        rotation=10.3,
+        thrust=7.0,
+        run_delay=0.5,
+        takeoff_done=0.5,
+        flare_height=2.0,
+        flare_sink=0.4,
+        roll_out=2.0,
+        touchdown_to_landed=2.5,
+    )
+
+
 class Px4Plane(Px4):
     """A plane with a runway."""
 
+    NAME: ClassVar = "plane"
     TYPE: ClassVar = dialect.MAV_TYPE_FIXED_WING
-    TABLES: ClassVar = (parameters.PLANE,)
+    ROWS: ClassVar = parameters.rows(parameters.PLANE)
+    LOCOMOTION: ClassVar = PlaneFlight
+    TUNING: ClassVar = staticmethod(_tuning)
     DETECTED_S: ClassVar = 0.05
     skips_takeoff: ClassVar = True
     climbs_first: ClassVar = False
@@ -44,12 +66,6 @@ class Px4Plane(Px4):
     flight: PlaneFlight
     motion: PlaneMotion
     _returned = False
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[PlaneMotion, PlaneFlight]:
-        """Return its motion and what drives it."""
-        motion = PlaneMotion(heading)
-        return motion, PlaneFlight(motion, TuningCache(parameters, _tuning))
 
     def begin_takeoff(self, up: float) -> None:
         """Roll and take off to an altitude on the map; in the air, circle and climb."""
@@ -169,23 +185,3 @@ class Px4Plane(Px4):
         if item.command == missions.LOITER_TO_ALT:
             return GoTo(goal, radius=item.params[1] or None)
         return GoTo(goal, smooth=item.command == missions.WAYPOINT)
-
-
-def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
-    return PlaneTuning(
-        airspeed=_SLIP * min(values["FW_AIRSPD_MAX"], max(values["FW_AIRSPD_MIN"], speed or values["FW_AIRSPD_TRIM"])),
-        radius=max(20.0, values["NAV_LOITER_RAD"]),
-        near=_NEAR,
-        turn_rate=0.28,
-        climb=2.7,
-        sink=1.8,
-        takeoff_climb=5.0,
-        rotation=10.3,
-        thrust=7.0,
-        run_delay=0.5,
-        takeoff_done=0.5,
-        flare_height=2.0,
-        flare_sink=0.4,
-        roll_out=2.0,
-        touchdown_to_landed=2.5,
-    )

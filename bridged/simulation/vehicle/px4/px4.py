@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
 from typing import ClassVar, Self
 
 from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.motion.dynamics import Limits, Motion, Vector
+from bridged.simulation.vehicle.motion.dynamics import Limits, Vector
 from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
 from bridged.simulation.vehicle.notifications import Result, Text
+from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
 from bridged.simulation.vehicle.px4.navigator import Navigator
-from bridged.simulation.vehicle.px4.parameters import Kind, Parameters
-from bridged.simulation.vehicle.px4.state import Flight, Px4State, Stored
+from bridged.simulation.vehicle.px4.state import Px4State
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 PREFLIGHT_EXTRA_S = 1.15
@@ -31,42 +30,22 @@ class Px4(Px4State):
     PILOTED: ClassVar = Mode.POSCTL
     LANDING: ClassVar = Mode.LAND
     GIVEN_BACK: ClassVar = Mode.RTL
-    TYPE: ClassVar[int]
-    """MAV_TYPE"""
-    TABLES: ClassVar[tuple[Mapping[str, tuple[float, Kind]], ...]]
-    """Its parameters besides the common ones."""
     DETECTED_S: ClassVar[float] = 0.0
     """Seconds before it leaves the ground at which a takeoff is detected."""
 
     def __init__(
         self,
         start: Place,
-        motion: Motion,
-        flight: Flight,
-        stored: Stored,
+        parameters: Parameters | None = None,
+        heading: float = 0.0,
         boot: BootKind = "quick",
         charge_time: float = CHARGE_S,
+        before: Self | None = None,
     ) -> None:
-        """At home an empty battery is full after `charge_time` seconds."""
-        super().__init__(start, motion, flight, stored, boot, charge_time)
+        super().__init__(start, parameters, heading, boot, charge_time, before)
         self.failsafes = Failsafes(self)
         self.navigator = Navigator(self)
         self._returning = False
-
-    @staticmethod
-    @abstractmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[Motion, Flight]:
-        """Return what moves, with a heading in radians, and what drives it by its parameters."""
-
-    @classmethod
-    def made(cls, place: Place, heading: float, boot: BootKind, stored: Stored, charge_time: float) -> Self:
-        """Make one at a place, with a heading in radians."""
-        return cls(place, *cls.moving(heading, stored.parameters), stored, boot, charge_time)
-
-    def restarted(self, place: Place) -> Self:
-        """Return the vehicle after a restart at a place on the ground."""
-        self.missions.current, self.missions.complete = 0, False
-        return self.made(place, self.motion.heading, self.boot, self.stored, self.battery.charge_time)
 
     def arm(self, *, force: bool = False) -> Result:
         """Start the motors and set home here."""

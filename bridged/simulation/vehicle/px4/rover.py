@@ -9,13 +9,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverMotion, RoverTuning
+from bridged.simulation.vehicle.motion.rover_drive import RoverDrive, RoverTuning
 from bridged.simulation.vehicle.motion.tasks import GoTo, Landed, Stop, Task
-from bridged.simulation.vehicle.motion.tuning_cache import TuningCache
 from bridged.simulation.vehicle.notifications import Result
+from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4 import missions, parameters
 from bridged.simulation.vehicle.px4.modes import Mode
-from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
@@ -31,11 +30,27 @@ _REACHED = 1.0
 """Metres around an item of a mission at which the next one begins, at least."""
 
 
+def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
+    return RoverTuning(
+        speed=min(speed or values["RO_SPEED_LIM"], values["RO_SPEED_LIM"]),
+        accel=2.0,
+        brake=1.0,
+        turn_rate=math.radians(90),
+        radius=max(_REACHED, values["NAV_ACC_RAD"]),
+        roll_out=1.0,
+        delay=0.3,
+        overshoot=1.25,
+    )
+
+
 class Px4Rover(Px4):
     """A rover."""
 
+    NAME: ClassVar = "rover"
     TYPE: ClassVar = dialect.MAV_TYPE_GROUND_ROVER
-    TABLES: ClassVar = (parameters.ROVER,)
+    ROWS: ClassVar = parameters.rows(parameters.ROVER)
+    LOCOMOTION: ClassVar = RoverDrive
+    TUNING: ClassVar = staticmethod(_tuning)
     READY_S: ClassVar = 0.95
     takes_off: ClassVar = False
     skips_takeoff: ClassVar = True
@@ -43,12 +58,6 @@ class Px4Rover(Px4):
     altitude_acceptance: ClassVar = 1e6
     flight: RoverDrive
     _slow_for = 0.0
-
-    @staticmethod
-    def moving(heading: float, parameters: Parameters) -> tuple[RoverMotion, RoverDrive]:
-        """Return its motion and what drives it."""
-        motion = RoverMotion(heading)
-        return motion, RoverDrive(motion, TuningCache(parameters, _tuning))
 
     def begin_takeoff(self, up: float) -> None:
         """Do nothing: a rover stays on the ground."""
@@ -132,16 +141,3 @@ class Px4Rover(Px4):
         self._slow_for = 0.0
         if not (ground and self.mode is Mode.LOITER and self.landed_at > self.armed_at):
             flight.landed = Landed.LANDING if self.mode in (Mode.RTL, Mode.LAND) else Landed.IN_AIR
-
-
-def _tuning(values: Parameters, speed: float | None) -> RoverTuning:
-    return RoverTuning(
-        speed=min(speed or values["RO_SPEED_LIM"], values["RO_SPEED_LIM"]),
-        accel=2.0,
-        brake=1.0,
-        turn_rate=math.radians(90),
-        radius=max(_REACHED, values["NAV_ACC_RAD"]),
-        roll_out=1.0,
-        delay=0.3,
-        overshoot=1.25,
-    )

@@ -4,60 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Self
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind, Locomotion
+from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
 from bridged.simulation.vehicle.geodesy import Place
-from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Task
 from bridged.simulation.vehicle.notifications import Number, Severity, Text
+from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4.battery import Battery
 from bridged.simulation.vehicle.px4.fence import Fence
 from bridged.simulation.vehicle.px4.links import Links
 from bridged.simulation.vehicle.px4.missions import Missions
 from bridged.simulation.vehicle.px4.modes import Mode
-from bridged.simulation.vehicle.px4.parameters import Parameters
 from bridged.simulation.vehicle.px4.sticks import Sticks
 from bridged.simulation.vehicle.px4.texts import CRITICAL, INFO, event_of
 
-FIRST_HEARTBEAT_S = 1.45
-"""Seconds after power on; the times below count from here."""
 _HOME_S: Mapping[BootKind, float] = {"real": 0.9, "quick": 0.4}
 _QUICK_READY_S = 1.0
 _COMPLAINT_S = 1.0
 """When the first arming check that fails is reported (recorded: 0.1 to 1.2)."""
-
-
-class Flight(Locomotion, Protocol):
-    """What PX4 needs of the motion of a vehicle."""
-
-    task: Task
-    reached: bool
-    cruise_speed: float | None
-
-    def arm(self) -> None:
-        """Start the motors."""
-
-    def begin(self, task: Task) -> None:
-        """Begin another task from the present motion."""
-
-    @property
-    def target(self) -> Vector | None:
-        """Goal of the present task, if there is one."""
-
-    @property
-    def lift_at(self) -> float | None:
-        """When it will leave the ground, in vehicle seconds; None: it is not about to."""
-
-
-@dataclass(slots=True)
-class Stored:
-    """What survives a restart."""
-
-    parameters: Parameters
-    missions: Missions
-    fence: Fence
 
 
 class Px4State(Autopilot):
@@ -65,24 +30,23 @@ class Px4State(Autopilot):
 
     READY_S: ClassVar[float] = 2.7
     """When the estimator has started (recorded: a copter 1.9 to 2.9)."""
+    SYSTEM_ID: ClassVar = "MAV_SYS_ID"
+    FIRST_HEARTBEAT_S: ClassVar = 1.45
     mode: Mode
-    flight: Flight
 
     def __init__(
         self,
         start: Place,
-        motion: Motion,
-        flight: Flight,
-        stored: Stored,
+        parameters: Parameters | None = None,
+        heading: float = 0.0,
         boot: BootKind = "quick",
         charge_time: float = CHARGE_S,
+        before: Self | None = None,
     ) -> None:
-        """At home an empty battery is full after `charge_time` seconds."""
-        super().__init__(start, motion, FIRST_HEARTBEAT_S)
-        self.stored = stored
-        self.parameters, self.missions, self.fence = stored.parameters, stored.missions, stored.fence
-        self.boot = boot
-        self.flight = flight
+        super().__init__(start, parameters, heading, boot, charge_time, before)
+        self.missions: Missions = Missions() if before is None else before.missions
+        self.missions.current, self.missions.complete = 0, False
+        self.fence: Fence = Fence(self.parameters) if before is None else before.fence
         self.battery = Battery(self.parameters, charge_time)
         self.sticks = Sticks()
         self.links = Links()
@@ -101,12 +65,12 @@ class Px4State(Autopilot):
     @property
     def age(self) -> float:
         """Seconds since the first HEARTBEAT."""
-        return self.now - FIRST_HEARTBEAT_S
+        return self.now - self.FIRST_HEARTBEAT_S
 
     @property
     def ready(self) -> bool:
         """Whether the estimator has started, so that it can be armed."""
-        return self.age >= (self.READY_S if self.boot == "real" else _QUICK_READY_S)
+        return self.age >= (self.READY_S if self.boot_kind == "real" else _QUICK_READY_S)
 
     @property
     def booting(self) -> bool:
@@ -162,7 +126,7 @@ class Px4State(Autopilot):
         return not self.problems() and not self.mode_problem(self.mode) and not ground_only
 
     def _boot(self) -> None:
-        if self.home is None and self.age >= _HOME_S[self.boot]:
+        if self.home is None and self.age >= _HOME_S[self.boot_kind]:
             self.set_home(self.place)
         if not self._complained and not self.ready and self.age >= _COMPLAINT_S:
             self._complained = True

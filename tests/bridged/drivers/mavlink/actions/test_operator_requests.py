@@ -36,7 +36,7 @@ def test_all_parameters_are_read_over_a_bad_link_and_no_agent_perceives_them(sky
     sky.we_hear = lambda message: message.get_type() != "PARAM_VALUE" or next(lost) % 3 != 0
     values: dict[str, float] = {}
     assert ended(sky, sky.driver.read_parameters(values)).state == "succeeded"
-    assert values == pytest.approx(dict(sky.vehicle.autopilot.parameters.items()))
+    assert values == pytest.approx({one.name: one.value for one in sky.vehicle.autopilot.parameters})
     assert sky.belief("parameter") is None
 
 

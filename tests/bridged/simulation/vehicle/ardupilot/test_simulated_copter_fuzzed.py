@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.ardupilot import parameters
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.vehicle import Vehicle
@@ -45,7 +45,7 @@ COMMANDS = [
     16, 17, 20, 21, 22, 34, 115, 176, 178, 179, 183, 184, 186, 189, 192, 207, 211, 224, 246, 300, 400, 401, 410, 510,
     511, 512, 520,
 ]  # fmt: skip
-PARAMETERS = [row.name for row in map(Parameters().at, range(200)) if row is not None]
+PARAMETERS = [name for name, _, _ in parameters.COPTER]
 CLASSES = {kind: getattr(dialect, f"MAVLink_{kind.lower()}_message") for kind in UNDERSTOOD}
 NUMBERS = st.floats(width=32) | st.sampled_from([0.0, 1.0, -1.0, 4.0, 21196.0]) | st.integers(-500, 500)
 

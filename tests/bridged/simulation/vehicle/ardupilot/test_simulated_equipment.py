@@ -11,7 +11,7 @@ from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCount
 from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, key_of, now_10us
 from bridged.simulation.vehicle.ardupilot.battery import ChargeState
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.ardupilot.parameters import Parameters
+from bridged.simulation.vehicle.ardupilot.parameters import COPTER
 from bridged.simulation.vehicle.fault_injection import Faults
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Landed
@@ -321,7 +321,7 @@ def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_t
 
 def test_the_page_of_the_simulated_copter_tells_how_many_parameters_it_has() -> None:
     page = (Path(__file__).parents[5] / "docs/guides/simulated-vehicles.md").read_text()
-    assert f"- {len(Parameters())} parameters, not 1354" in page
+    assert f"- {len(COPTER)} parameters, not 1354" in page
 
 
 def test_parameters_can_be_set_before_the_vehicle_is_switched_on() -> None:
