@@ -14,9 +14,9 @@ MANY = " ".join(f"q({n})." for n in range(40))
 
 @pytest.fixture
 def short_of_breath(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give formulas a tenth of the steps that they have: what is without end takes a tenth of the time."""
+    """Give formulas a hundredth of their steps: what is without end takes a hundredth of the time."""
     for module in (cycle, execution, mind, waiting, work_limit):
-        monkeypatch.setattr(module, "MOST_STEPS", work_limit.MOST_STEPS // 10)
+        monkeypatch.setattr(module, "MOST_STEPS", work_limit.MOST_STEPS // 100)
 
 
 @pytest.mark.usefixtures("short_of_breath")
@@ -47,8 +47,8 @@ def test_a_formula_has_two_million_steps(request: pytest.FixtureRequest) -> None
     assert work_limit.MOST_STEPS == 2_000_000
     request.getfixturevalue("short_of_breath")
     program = "!s. +!s <- .count(.range(X,1,LAST), C); .print(C). -!s[error(E)] <- .print(E)."
-    assert run(program.replace("LAST", "199000")).prints == ["199000"]
-    assert run(program.replace("LAST", "201000")).prints == ["too_much_work"]
+    assert run(program.replace("LAST", "19900")).prints == ["19900"]
+    assert run(program.replace("LAST", "20100")).prints == ["too_much_work"]
 
 
 @pytest.mark.usefixtures("short_of_breath")
@@ -60,5 +60,5 @@ def test_a_context_without_end_leaves_the_event_to_the_next_plan_and_is_reported
 
 @pytest.mark.usefixtures("short_of_breath")
 def test_much_work_in_many_steps_is_no_harm() -> None:
-    program = "!s(10). +!s(0) <- .print(done). +!s(N) <- .count(.range(X,1,100000), C); !s(N-1)."
+    program = "!s(10). +!s(0) <- .print(done). +!s(N) <- .count(.range(X,1,10000), C); !s(N-1)."
     assert run(program).prints == ["done"]
