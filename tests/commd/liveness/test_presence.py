@@ -1,4 +1,8 @@
-"""When an agent counts as gone: virtual time, no bus."""
+"""When an agent counts as gone: courses of tokens, routers and words in virtual time, no bus.
+
+A line of a course is what happens at a moment: `20 uav -b1` a token of a life that goes (`+` comes), `20 pi2 -b1` that
+of a board's commd, `20 router -` our own router, `20 lost uav` who is lost then.
+"""
 
 from __future__ import annotations
 
@@ -9,98 +13,16 @@ import pytest
 from commd.liveness.presence import CATCH_UP, Presence, Silence
 from schemas.liveness import AGENT_GRACE, BUS_GRACE, FIRST_HEALTH, ROUTER_GRACE, SILENT_AFTER
 
+HOMES = {"uav": "pi2", "other": "pi1"}
 
-@pytest.fixture
-def presence() -> Presence:
+
+def alone() -> Presence:
+    """Two agents may come, and one has."""
     presence = Presence(["uav", "other"])
     presence.token("uav", "b1", True, 10.0)
     return presence
 
 
-def test_an_agent_that_never_came_cannot_be_lost() -> None:
-    assert Presence(["uav"]).lost(1000.0) == {}
-
-
-def test_a_missing_token_counts_after_a_grace_through_a_live_router(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.lost(20.0 + AGENT_GRACE / 2) == {}
-    assert presence.lost(20.0 + AGENT_GRACE) == {"uav": "no liveliness token"}
-
-
-def test_an_agent_that_is_restarted_within_the_grace_was_never_lost(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    presence.token("uav", "b2", True, 20.3)
-    assert presence.lost(30.0) == {}
-
-
-def test_the_old_life_going_after_the_new_one_came_is_no_loss(presence: Presence) -> None:
-    presence.token("uav", "b2", True, 20.0)
-    presence.token("uav", "b1", False, 22.0)
-    assert presence.lost(30.0) == {}
-
-
-def test_an_agent_that_had_the_robot_before_the_bridge_restarted_is_lost_if_it_does_not_come(
-    presence: Presence,
-) -> None:
-    presence.expect("other", 20.0)
-    assert not presence.complete
-    assert presence.lost(20.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(20.0 + ROUTER_GRACE) == {"other": "it has not come back since the bridge restarted"}
-
-
-def test_an_agent_that_is_expected_and_comes_is_lost_like_any_other_when_it_goes(presence: Presence) -> None:
-    presence.expect("other", 20.0)
-    presence.token("other", "b1", True, 21.0)
-    assert presence.complete
-    assert presence.lost(30.0) == {}
-    presence.token("other", "b1", False, 30.0)
-    assert presence.lost(30.0 + AGENT_GRACE) == {"other": "no liveliness token"}
-
-
-def test_a_router_that_restarts_takes_no_agent_with_it(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.lost(20.0 + BUS_GRACE - 0.1) == {}
-    presence.router(True, 23.0)
-    assert presence.lost(23.2) == {}
-    presence.token("uav", "b1", True, 23.3)
-    assert presence.lost(40.0) == {}
-
-
-def test_an_agent_that_does_not_come_back_with_the_router_is_lost(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    presence.token("uav", "b1", False, 20.0)
-    presence.router(True, 23.0)
-    assert presence.lost(23.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(23.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
-
-
-def test_who_came_is_known_until_the_bridge_ends(presence: Presence) -> None:
-    presence.token("uav", "b1", False, 20.0)
-    assert presence.known() == {"uav"}
-
-
-def test_without_a_router_for_long_nobody_could_tell_the_robot_anything(presence: Presence) -> None:
-    presence.router(False, 20.0)
-    assert presence.lost(20.0 + BUS_GRACE) == {"uav": "no router for 5 s"}
-
-
-def test_only_while_nobody_is_missing_nothing_need_be_looked_at(presence: Presence) -> None:
-    assert not Presence(["uav"]).complete, "a robot that nobody came for"
-    assert presence.complete
-    presence.token("uav", "b1", False, 20.0)
-    assert not presence.complete
-    presence.token("uav", "b2", True, 20.3)
-    presence.router(False, 21.0)
-    assert not presence.complete
-    presence.router(True, 22.0)
-    assert presence.complete
-
-
-HOMES = {"uav": "pi2", "other": "pi1"}
-
-
-@pytest.fixture
 def fleet() -> Presence:
     """All agents, with the boards that they live on: pi1 is ours."""
     presence = Presence(None, HOMES.get)
@@ -111,193 +33,195 @@ def fleet() -> Presence:
     return presence
 
 
-@pytest.mark.parametrize("before", [-0.1, 0.0, 0.1])
-def test_an_agent_that_goes_together_with_its_boards_commd_has_time_to_come_back(
-    fleet: Presence, before: float
-) -> None:
-    fleet.board("pi2", "b1", False, 20.0 + before)
-    fleet.token("uav", "b1", False, 20.0)
-    assert fleet.lost(20.0 + ROUTER_GRACE - 0.1) == {}
-    assert fleet.lost(20.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
+def play(presence: Presence, course: str) -> None:
+    for line in filter(None, map(str.strip, course.splitlines())):
+        moment, what, *rest = line.split()
+        now = sum(map(float, moment.split("+")))
+        change = rest[0] if rest else ""
+        match what:
+            case "lost":
+                assert set(presence.lost(now)) == set(rest), line
+            case "expect":
+                presence.expect(change, now)
+            case "router":
+                presence.router(change == "+", now)
+            case "pi1" | "pi2":
+                presence.board(what, change[1:], change[0] == "+", now)
+            case _:
+                presence.token(what, change[1:], change[0] == "+", now)
 
 
-def test_a_router_of_another_board_that_restarts_takes_no_agent_with_it(fleet: Presence) -> None:
-    fleet.board("pi2", "b1", False, 20.0)
-    fleet.token("uav", "b1", False, 20.0)
-    fleet.board("pi2", "b2", True, 23.0)
-    assert fleet.lost(23.0 + ROUTER_GRACE - 0.1) == {}, "its agents reconnect each at its own pace"
-    fleet.token("uav", "b1", True, 27.0)
-    assert fleet.lost(60.0) == {}
+G, R, B = AGENT_GRACE, ROUTER_GRACE, BUS_GRACE
+ALONE = {
+    "a missing token counts after a grace through a live router": f"20 uav -b1\n {20 + G / 2} lost\n 20+{G} lost uav",
+    "an agent that is restarted within the grace was never lost": "20 uav -b1\n 20.3 uav +b2\n 30 lost",
+    "the old life going after the new one came is no loss": "20 uav +b2\n 22 uav -b1\n 30 lost",
+    "an agent that had the robot before the bridge restarted is lost if it does not come": (
+        f"20 expect other\n {20 + R - 0.1} lost\n 20+{R} lost other"  # on a busy board a daemon takes time to reconnect
+    ),
+    "an agent that is expected and comes is lost like any other when it goes": (
+        f"20 expect other\n 21 other +b1\n 30 lost\n 30 other -b1\n 30+{G} lost other"
+    ),
+    "a router that restarts takes no agent with it": (
+        f"20 router -\n 20 uav -b1\n {20 + B - 0.1} lost\n 23 router +\n 23.2 lost\n 23.3 uav +b1\n 40 lost"
+    ),
+    "an agent that does not come back with the router is lost": (
+        f"20 router -\n 20 uav -b1\n 23 router +\n {23 + R - 0.1} lost\n 23+{R} lost uav"
+    ),
+    "without a router for long nobody could tell the robot anything": f"20 router -\n 20+{B} lost uav",
+}
+FLEET = {
+    "an agent that goes just before its boards commd has time to come back": (
+        f"19.9 pi2 -b1\n 20 uav -b1\n {20 + R - 0.1} lost\n 20+{R} lost uav"
+    ),
+    "an agent that goes just after its boards commd has time to come back": (
+        f"20 uav -b1\n 20.1 pi2 -b1\n {20 + R - 0.1} lost\n 20+{R} lost uav"
+    ),
+    "a router of another board that restarts takes no agent with it, its agents reconnect each at its own pace": (
+        f"20 pi2 -b1\n 20 uav -b1\n 23 pi2 +b2\n {23 + R - 0.1} lost\n 27 uav +b1\n 60 lost"
+    ),
+    "an agent that does not come back with its boards router is lost": (
+        f"20 pi2 -b1\n 20 uav -b1\n 23 pi2 +b2\n 23+{R} lost uav"
+    ),
+    "an agent that dies on a board that stays is lost after the short grace": (
+        f"20 pi2 -b1\n 21 pi2 +b2\n 40 uav -b1\n 40+{G} lost uav"
+    ),
+    "another boards router says nothing of the agents here": f"20 pi2 -b1\n 20 other -b1\n 20+{G} lost other",
+    "who is lost stays lost until it comes whatever the routers do": (
+        "20 pi2 -b1\n 20 uav -b1\n 30 lost uav\n 31 pi2 +b2\n 31.5 lost uav\n"
+        "40 router -\n 41 router +\n 41.5 lost uav\n 42 uav +b2\n 42 lost"
+    ),
+    "whose token never went is there again with the router": (
+        f"20 router -\n 20+{B} lost uav other\n 30 router +\n 30 lost"
+    ),
+}
 
 
-def test_an_agent_that_does_not_come_back_with_its_boards_router_is_lost(fleet: Presence) -> None:
-    fleet.board("pi2", "b1", False, 20.0)
-    fleet.token("uav", "b1", False, 20.0)
-    fleet.board("pi2", "b2", True, 23.0)
-    assert fleet.lost(23.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
+@pytest.mark.parametrize("course", ALONE.values(), ids=ALONE)
+def test_of_the_agents_of_a_robot(course: str) -> None:
+    play(alone(), course)
 
 
-def test_an_agent_that_dies_on_a_board_that_stays_is_lost_after_the_short_grace(fleet: Presence) -> None:
-    fleet.board("pi2", "b1", False, 20.0)
-    fleet.board("pi2", "b2", True, 21.0)
-    fleet.token("uav", "b1", False, 40.0)
-    assert fleet.lost(40.0 + AGENT_GRACE) == {"uav": "no liveliness token"}
+@pytest.mark.parametrize("course", FLEET.values(), ids=FLEET)
+def test_of_agents_on_boards(course: str) -> None:
+    play(fleet(), course)
 
 
-def test_another_boards_router_says_nothing_of_the_agents_here(fleet: Presence) -> None:
-    fleet.board("pi2", "b1", False, 20.0)
-    fleet.token("other", "b1", False, 20.0)
-    assert fleet.lost(20.0 + AGENT_GRACE) == {"other": "no liveliness token"}
+def test_who_is_lost_is_told_with_the_reason() -> None:
+    assert Presence(["uav"]).lost(1000.0) == {}, "an agent that never came cannot be lost"
+    for course, reason in (
+        ("20 uav -b1", "no liveliness token"),
+        ("20 router -", "no router for 5 s"),
+        ("20 uav -b1\n 20 uav +b2\n 20 expect uav", "it has not come back since the bridge restarted"),
+    ):
+        presence = Presence(["uav"]) if "expect" in course else alone()
+        play(presence, course.rpartition("\n")[2])
+        assert presence.lost(25.0) == {"uav": reason}
 
 
-def test_who_is_lost_stays_lost_until_it_comes_whatever_the_routers_do(fleet: Presence) -> None:
-    fleet.board("pi2", "b1", False, 20.0)
-    fleet.token("uav", "b1", False, 20.0)
-    assert set(fleet.lost(30.0)) == {"uav"}
-    fleet.board("pi2", "b2", True, 31.0)
-    assert set(fleet.lost(31.5)) == {"uav"}
-    fleet.router(False, 40.0)
-    fleet.router(True, 41.0)
-    assert set(fleet.lost(41.5)) == {"uav"}
-    fleet.token("uav", "b2", True, 42.0)
-    assert fleet.lost(42.0) == {}
+def test_only_while_nobody_is_missing_nothing_need_be_looked_at() -> None:
+    assert not Presence(["uav"]).complete, "a robot that nobody came for"
+    presence = alone()
+    for course, complete in (
+        ("11 uav +b1", True),
+        ("20 uav -b1", False),
+        ("20.3 uav +b2", True),
+        ("21 router -", False),
+        ("22 router +", True),
+        ("23 expect other", False),
+        ("24 other +b1", True),
+    ):
+        play(presence, course)
+        assert presence.complete == complete, course
 
 
-def test_whose_token_never_went_is_there_again_with_the_router(fleet: Presence) -> None:
-    fleet.router(False, 20.0)
-    assert set(fleet.lost(20.0 + BUS_GRACE)) == {"uav", "other"}
-    fleet.router(True, 30.0)
-    assert fleet.lost(30.0) == {}
+def test_who_came_is_known_until_it_ends_for_good() -> None:
+    presence = fleet()
+    play(presence, "20 uav -b1")
+    assert presence.known() == {"uav", "other"}
+    presence.forget("uav")
+    assert presence.lost(60.0) == {}
+    assert presence.known() == {"other"}
 
 
-def test_who_has_ended_for_good_is_not_lost(fleet: Presence) -> None:
-    fleet.token("uav", "b1", False, 20.0)
-    fleet.forget("uav")
-    assert fleet.lost(60.0) == {}
-    assert fleet.known() == {"other"}
-
-
-def test_it_is_known_when_the_next_agent_will_be_lost(fleet: Presence) -> None:
-    assert fleet.due == math.inf
-    fleet.token("uav", "b1", False, 20.0)
-    assert fleet.due == 20.0 + AGENT_GRACE
-    fleet.board("pi2", "b1", False, 20.5)
-    assert fleet.due == 20.0 + ROUTER_GRACE
-    fleet.board("pi2", "b2", True, 22.0)
-    assert fleet.due == 22.0 + ROUTER_GRACE
-    fleet.lost(22.0 + ROUTER_GRACE)
-    assert fleet.due == math.inf
-    fleet.router(False, 40.0)
-    assert fleet.due == 40.0 + BUS_GRACE
-    fleet.lost(40.0 + BUS_GRACE)
-    assert fleet.due == math.inf
+def test_it_is_known_when_the_next_agent_will_be_lost() -> None:
+    presence = fleet()
+    for course, due in (
+        ("", math.inf),
+        ("20 uav -b1", 20 + G),
+        ("20.5 pi2 -b1", 20 + R),
+        ("22 pi2 +b2", 22 + R),
+        (f"22+{R} lost uav", math.inf),
+        ("40 router -", 40 + B),
+        (f"40+{B} lost uav other", math.inf),
+    ):
+        play(presence, course)
+        assert presence.due == due, course
 
 
 def test_a_thousand_agents_that_go_one_after_the_other_are_lost_each_in_its_turn() -> None:
-    names = [f"a{number}" for number in range(1000)]
     presence = Presence(None, lambda _: "pi1")
     presence.board("pi1", "b1", True, 0.0)
-    for number, name in enumerate(names):
-        presence.token(name, "b1", True, 1.0)
-        presence.token(name, "b1", False, 10.0 + number)
+    for number in range(1000):
+        presence.token(f"a{number}", "b1", True, 1.0)
+        presence.token(f"a{number}", "b1", False, 10.0 + number)
     assert len(presence.lost(500.0 + AGENT_GRACE)) == 491
     assert presence.due == 501.0 + AGENT_GRACE
 
 
-def looked_at(silence: Silence, begin: float, end: float) -> list[tuple[float, str]]:
-    """Look twice a second; return when somebody was found silent first."""
-    found: dict[str, float] = {}
-    wall = begin
-    while wall <= end:
-        for name in silence.silent(wall):
-            found.setdefault(name, wall)
-        wall += 0.5
-    return [(at, name) for name, at in found.items()]
+def listen(silence: Silence, course: str) -> None:
+    """Play a course: `14 +b2` a token, `20.2 b1` a word, `20 excuse`; `10-60 silent at 20` looks twice a second."""
+    for line in filter(None, map(str.strip, course.splitlines())):
+        moment, what, *rest = line.split()
+        begin, _, end = moment.partition("-")
+        now = float(begin)
+        match what:
+            case "silent":
+                found, wall = None, now
+                while wall <= float(end or begin):
+                    found = wall if silence.silent(wall) and found is None else found
+                    wall += 0.5
+                assert found == (float(rest[1]) if rest else None), line
+            case "excuse":
+                silence.excuse(now, SILENT_AFTER)
+            case _ if what[0] in "+-":
+                silence.token("uav", what[1:], what[0] == "+", now)
+            case _:
+                silence.word("uav", what, now)
 
 
-@pytest.fixture
-def silence() -> Silence:
-    """An agent that has spoken at 10.0."""
+WORDS = {
+    "who speaks once a second is not silent": "".join(
+        f"{at}-{at + 0.5} silent\n {at + 1} b1\n" for at in range(10, 60)
+    ),
+    "who says nothing any more is silent after the patience": f"10-30 silent at {10 + SILENT_AFTER}",
+    "who speaks again is not silent any more": f"10-20 silent at {10 + SILENT_AFTER}\n 20.2 b1\n 20.5 silent",
+    "who has no token is not judged": "11 -b1\n 12 b1\n 10-60 silent",
+    "a new life speaks for the old one whose token is still there": (
+        f"14 +b2\n 14-60 silent at {14 + FIRST_HEALTH}\n 60 b2\n 60.5 silent"
+    ),
+    "after a pause of our own others have time to be heard": f"10-12 silent\n 40-60 silent at {40 + CATCH_UP}",
+    "a pause of our own excuses nobody for longer than that": f"10-11 silent\n 13-60 silent at {10 + SILENT_AFTER}",
+    "after the router was away words have time to come": f"14 excuse\n 14-60 silent at {14 + SILENT_AFTER}",
+    "who hangs and then dies was not back between, until another life of it is there": (
+        f"10-20 silent at {10 + SILENT_AFTER}\n 20 -b1\n 20.5 silent at 20.5\n 22 +b2\n 22.5 silent"
+    ),
+    "who hangs hangs on when its token is told again": (
+        f"10-20 silent at {10 + SILENT_AFTER}\n 20 excuse\n 20 +b1\n 20.5 silent at 20.5\n 21 b1\n 21.5 silent"
+    ),
+    "who has spoken has no first word to say when its token comes again": (
+        f"11 -b1\n 12 +b1\n 12-60 silent at {12 + SILENT_AFTER}"
+    ),
+}
+
+
+@pytest.mark.parametrize("course", WORDS.values(), ids=WORDS)
+def test_of_an_agent_that_has_spoken(course: str) -> None:
     silence = Silence()
-    silence.token("uav", "b1", True, 9.0)
-    silence.word("uav", "b1", 10.0)
-    return silence
+    listen(silence, "9 +b1\n 10 b1")
+    listen(silence, course)
 
 
-def test_who_speaks_once_a_second_is_not_silent(silence: Silence) -> None:
-    for second in range(11, 60):
-        assert not looked_at(silence, second - 1, second - 0.5)
-        silence.word("uav", "b1", second)
-
-
-def test_who_says_nothing_any_more_is_silent_after_the_patience(silence: Silence) -> None:
-    assert looked_at(silence, 10, 30) == [(10 + SILENT_AFTER, "uav")]
-
-
-def test_who_speaks_again_is_not_silent_any_more(silence: Silence) -> None:
-    looked_at(silence, 10, 20)
-    silence.word("uav", "b1", 20.2)
-    assert not silence.silent(20.5)
-
-
-def test_the_first_word_may_take_longer() -> None:
-    silence = Silence()
-    silence.token("uav", "b1", True, 0.0)
-    assert looked_at(silence, 0, 60) == [(FIRST_HEALTH, "uav")]
-
-
-def test_a_patience_that_is_longer_than_the_first_word_may_take_counts_for_it_too() -> None:
-    silence = Silence(FIRST_HEALTH + 10)
-    silence.token("uav", "b1", True, 0.0)
-    assert looked_at(silence, 0, 60) == [(FIRST_HEALTH + 10, "uav")]
-
-
-def test_who_has_no_token_is_not_judged(silence: Silence) -> None:
-    silence.token("uav", "b1", False, 11.0)
-    silence.word("uav", "b1", 12.0)
-    assert not looked_at(silence, 10, 60)
-
-
-def test_a_new_life_speaks_for_the_old_one_whose_token_is_still_there(silence: Silence) -> None:
-    silence.token("uav", "b2", True, 14.0)
-    assert looked_at(silence, 14, 60) == [(14 + FIRST_HEALTH, "uav")]
-    silence.word("uav", "b2", 60.0)
-    assert not silence.silent(60.5)
-
-
-def test_after_a_pause_of_our_own_others_have_time_to_be_heard(silence: Silence) -> None:
-    assert not looked_at(silence, 10, 12)
-    assert looked_at(silence, 40, 60) == [(40 + CATCH_UP, "uav")]
-
-
-def test_a_pause_of_our_own_excuses_nobody_for_longer_than_that(silence: Silence) -> None:
-    assert not looked_at(silence, 10, 11)
-    assert looked_at(silence, 13, 60) == [(10 + SILENT_AFTER, "uav")]
-
-
-def test_after_the_router_was_away_words_have_time_to_come(silence: Silence) -> None:
-    silence.excuse(14.0, SILENT_AFTER)
-    assert looked_at(silence, 14, 60) == [(14 + SILENT_AFTER, "uav")]
-
-
-def test_who_hangs_and_then_dies_was_not_back_between(silence: Silence) -> None:
-    looked_at(silence, 10, 20)
-    silence.token("uav", "b1", False, 20.0)
-    assert silence.silent(20.5) == ["uav"]
-    silence.token("uav", "b2", True, 22.0)
-    assert not silence.silent(22.5), "another life of it is there"
-
-
-def test_who_hangs_hangs_on_when_its_token_is_told_again(silence: Silence) -> None:
-    looked_at(silence, 10, 20)
-    silence.excuse(20.0, SILENT_AFTER)
-    silence.token("uav", "b1", True, 20.0)
-    assert silence.silent(20.5) == ["uav"]
-    silence.word("uav", "b1", 21.0)
-    assert not silence.silent(21.5)
-
-
-def test_who_has_spoken_has_no_first_word_to_say_when_its_token_comes_again(silence: Silence) -> None:
-    silence.token("uav", "b1", False, 11.0)
-    silence.token("uav", "b1", True, 12.0)
-    assert looked_at(silence, 12, 60) == [(12 + SILENT_AFTER, "uav")]
+@pytest.mark.parametrize("patience", [SILENT_AFTER, FIRST_HEALTH + 10])
+def test_the_first_word_may_take_longer_and_as_long_as_any(patience: float) -> None:
+    listen(Silence(patience), f"0 +b1\n 0-60 silent at {max(FIRST_HEALTH, patience)}")
