@@ -10,9 +10,13 @@ from typing import Any, cast
 
 import pytest
 
+from argosy.recording.reader import open_recording
 from argosy.trial.faults import Fault, Kill, Operator, Vehicle
+from argosy.trial.single_run import Request
+from argosy.trial.workers import workers
 from argosy.trial.world import World
 from schemas.geo import distance
+from schemas.wire.records import Perception
 from tests.argosy.trial.conftest import MISSIONS, Fly
 
 PROGRAM = """
@@ -63,6 +67,25 @@ def test_a_turtle_draws_in_virtual_time(fly: Fly, mission: str) -> None:
     outcome = fly(mission, 1)
     assert outcome.success, outcome.why
     assert outcome.digest == fly(mission, 1).digest
+
+
+def test_the_missions_agent_draws_a_square(tmp_path: Path) -> None:
+    file = tmp_path / "turtle.mcap"
+    with workers(1) as run_all:
+        (outcome,) = run_all([Request(str(MISSIONS / "turtle.yaml"), 1, record=str(file))])
+    assert outcome.success, outcome.why
+    recording = open_recording(file)
+    poses = [
+        cast("tuple[float, float, float]", one.parameters)[:2]
+        for _, one in recording.typed(Perception)
+        if one.name == "pose"
+    ]
+    assert math.dist(poses[-1], (3, 3)) < 0.1
+    begun = next(number for number, pose in enumerate(poses) if math.dist(pose, (3, 3)) < 0.1)
+    drawn = poses[begun:]
+    for corner in ((8, 3), (8, 8), (3, 8)):
+        assert min(math.dist(corner, pose) for pose in drawn) < 0.1, corner
+    assert [(x, y) for x, y in drawn if min(abs(x - 3), abs(x - 8), abs(y - 3), abs(y - 8)) > 0.15] == []
 
 
 def test_a_turtle_that_the_operator_has_stopped_rests_until_it_is_given_back(fly: Fly) -> None:

@@ -7,7 +7,6 @@ import json
 import math
 import signal
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -251,23 +250,6 @@ async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_an
         assert studio.turtle.pen.width == 9
         assert (await studio.do("broad", 255, 0, 10, 4)).state == "succeeded"
         assert studio.turtle.pen.width == 4
-
-
-@async_test
-async def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:
-    speed = 5.0
-    file = MISSIONS / "turtle.yaml"
-    async with in_the_studio(endpoint, tmp_path, mission=replace(load_mission(file), speed=speed)) as studio:
-        options = ["--router", endpoint, "--state", str(tmp_path), "--speed", f"{speed:g}"]
-        with running("agentd", "serve", str(file), "artist", *options) as agent:
-            await asyncio.to_thread(agent.says, "[artist] drawn")
-        turtle = studio.turtle
-        assert (turtle.x, turtle.y) == (pytest.approx(3, abs=0.4), pytest.approx(3, abs=0.4))
-        drawn = [stroke.end for stroke in turtle.strokes if not stroke.pen.off]
-        for corner in ((8, 3), (8, 8), (3, 8)):
-            assert min(math.dist(corner, end) for end in drawn) < 0.4, corner
-        off_the_edges = [(x, y) for x, y in drawn if min(abs(x - 3), abs(x - 8), abs(y - 3), abs(y - 8)) > 0.5]
-        assert off_the_edges == []
 
 
 @async_test
