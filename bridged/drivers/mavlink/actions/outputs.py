@@ -12,14 +12,13 @@ from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ende
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters, write_parameter
+from bridged.drivers.mavlink.vehicle.derived_readings import NO_OUTPUT, OUTPUTS
 
-SERVOS = 16
-"""Outputs in one SERVO_OUTPUT_RAW message."""
 PWM_NEAR = 1
 """Microseconds."""
 GRIPPER_PWM = {dialect.GRIPPER_ACTION_RELEASE: "GRIP_RELEASE", dialect.GRIPPER_ACTION_GRAB: "GRIP_GRAB"}
 """Parameters of a gripper's PWM, by param2 of DO_GRIPPER."""
-FUNCTIONS = tuple(f"SERVO{output}_FUNCTION" for output in range(1, SERVOS + 1))
+FUNCTIONS = tuple(f"SERVO{output}_FUNCTION" for output in range(1, OUTPUTS + 1))
 GRIPPER = 28.0
 """SERVOn_FUNCTION of an output that moves a gripper."""
 FENCE_ENABLE = "FENCE_ENABLE"
@@ -51,15 +50,23 @@ def acknowledge(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 
 def move_servo(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output; another command that does it is acknowledged."""
+    """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output.
+
+    Where an autopilot need not report the output, and does not, the acknowledgement confirms it.
+    """
     servo, wanted = int(action.parameters[0]), action.parameters[1]
-    if not 1 <= servo <= SERVOS:
-        return Outcome("refused", f"a servo is one of 1 to {SERVOS}, got {servo}")
+    if not 1 <= servo <= OUTPUTS:
+        return Outcome("refused", f"a servo is one of 1 to {OUTPUTS}, got {servo}")
     action = yield from flight.autopilot.servo(flight, run, action)
-    if action.number != dialect.MAV_CMD_DO_SET_SERVO:
-        return (yield from acknowledge(flight, run, action))
-    what = f"servo {servo} at {wanted:g}"
-    return (yield from shown(flight, run, action, "SERVO_OUTPUT_RAW", what, lambda m: _near(m, servo, wanted)))
+    reported = flight.autopilot.outputs_show
+
+    def fits(message: dialect.MAVLink_message) -> bool:
+        nonlocal reported
+        reported = reported or _pulse(message, servo) != NO_OUTPUT
+        return _near(message, servo, wanted)
+
+    outcome = yield from shown(flight, run, action, "SERVO_OUTPUT_RAW", f"servo {servo} at {wanted:g}", fits)
+    return outcome if reported else SUCCEEDED
 
 
 def switch_relay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -236,4 +243,9 @@ def _relay_is(message: dialect.MAVLink_message, relay: int, on: bool) -> bool:
 
 
 def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:
-    return bool(abs(getattr(message, f"servo{servo}_raw", 0) - pwm) <= PWM_NEAR)
+    return abs(_pulse(message, servo) - pwm) <= PWM_NEAR
+
+
+def _pulse(message: dialect.MAVLink_message, servo: int) -> int:
+    """Return the pulse of an output, 1 to 16; one of port 1 has none."""
+    return int(getattr(message, f"servo{servo}_raw")) if message.port == 0 else NO_OUTPUT

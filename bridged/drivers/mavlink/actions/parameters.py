@@ -98,18 +98,21 @@ def read_parameters(
 ) -> Generator[None, None, dict[str, float]]:
     """Request several parameters together. Returns those that arrived."""
     values: dict[str, float] = {}
+    awaited = dict.fromkeys(names)
     for _ in range(READ_TRIES):
-        for name in names:
-            if name not in values:
-                _request(flight, name)
+        for name in awaited:
+            _request(flight, name)
         until = flight.now + flight.wait(*READ_EVERY)
-        while flight.now <= until and len(values) < len(names):
+        while awaited and flight.now <= until:
             run.waits_for = f"the values of {names[0]} to {names[-1]}; {len(values)} of {len(names)} came"
             yield
-            message = flight.message
-            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
-                values[message.param_id] = message.param_value
-        if len(values) == len(names):
+            match flight.message:
+                case dialect.MAVLink_param_value_message(param_id=found, param_value=value) if found in names:
+                    values[found] = value
+                    awaited.pop(found, None)
+                case dialect.MAVLink_param_error_message(param_id=unknown, error=error) if error == UNKNOWN:
+                    awaited.pop(unknown, None)
+        if not awaited:
             break
     return values
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import BATTERY, RC_INPUT, WIND_ESTIMATE
+from bridged.drivers.mavlink.vehicle.derived_readings import BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ class Autopilot(ABC):
     sources: ClassVar[Mapping[str, str]] = {
         BATTERY: "BATTERY_STATUS",
         RC_INPUT: "RC_CHANNELS",
+        SERVO_OUTPUTS: "SERVO_OUTPUT_RAW",
         WIND_ESTIMATE: "WIND",
     }
     """Messages of which readings of the driver's own sources are made."""
@@ -45,7 +46,7 @@ class Autopilot(ABC):
     typed_parameters: ClassVar[bool]
     """Whether a parameter is set only by its own type, and errors are reported (PARAM_ERROR)."""
     outputs_show: ClassVar[bool]
-    """Whether outputs and parameters show what a gripper does; otherwise it acknowledges when that is done."""
+    """Whether outputs and parameters show what a gripper and every servo do; otherwise its acknowledgement suffices."""
     local_places: ClassVar[bool]
     """Whether it takes SET_POSITION_TARGET_LOCAL_NED with a place in the mode that takes targets."""
     fence_switch: ClassVar[tuple[str, float] | None] = None

@@ -30,7 +30,7 @@ from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import WIND_ESTIMATE
+from bridged.drivers.mavlink.vehicle.derived_readings import NO_OUTPUT, OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
 from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 
@@ -39,7 +39,9 @@ NO_MISSION = 65535
 SETPOINTS_BEFORE = 3
 """Setpoints that are sent before OFFBOARD is requested: without any it is refused."""
 MAIN_OUTPUTS = 8
-"""Outputs before the first of the AUX ones, as ArduPilot counts them."""
+"""Outputs before the first of the AUX ones of a flight controller that has both, as ArduPilot counts them."""
+PREARM, WITH_SAFETY_OFF, ALWAYS = "COM_PREARM_MODE", 1, 2
+"""The parameter that says when a disarmed vehicle moves its outputs, and two of its values; otherwise never."""
 FIRST_ACTUATOR, ACTUATORS = 301, 6
 """Functions of outputs (PWM_MAIN_FUNC1, ...) that DO_SET_ACTUATOR sets: `Peripheral via Actuator Set`."""
 _SIGNED = {dialect.MAV_PARAM_TYPE_INT8, dialect.MAV_PARAM_TYPE_INT16, dialect.MAV_PARAM_TYPE_INT32}
@@ -92,10 +94,12 @@ class Px4(Autopilot):
         return "NAV_DLL_ACT"
 
     def incoming(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
-        """Integers by value, and items counted from 1 with home before them."""
+        """Integers by value, outputs of AUX after those of MAIN, and items counted from 1 with home before them."""
         kind = message.get_type()
         if kind == "PARAM_VALUE":
             message.param_value = number_of(message.param_value, message.param_type)
+        elif kind == "SERVO_OUTPUT_RAW":
+            _number_outputs(message)
         elif _renumbered(message, kind, 1):
             if kind == "MISSION_CURRENT" and message.total == NO_MISSION:
                 message.total = 0
@@ -146,11 +150,18 @@ class Px4(Autopilot):
     def servo(
         self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction
     ) -> Generator[None, None, BoundAction]:
-        """DO_SET_ACTUATOR of the actuator for which the output is set up: outputs 1 to 8 are MAIN, 9 to 16 AUX."""
+        """DO_SET_ACTUATOR of the actuator for which the output is set up.
+
+        An output is the MAIN one of its number, or AUX from 9 on where there is no such MAIN.
+        """
         output, pulse = int(action.parameters[0]), action.parameters[1]
-        pins = f"MAIN_{{}}{output}" if output <= MAIN_OUTPUTS else f"AUX_{{}}{output - MAIN_OUTPUTS}"
-        function, least, most = (f"PWM_{pins.format(what)}" for what in ("FUNC", "MIN", "MAX"))
-        found = yield from read_parameters(flight, run, (function, least, most))
+        group, pin = "MAIN", output
+        if output > MAIN_OUTPUTS and not (yield from read_parameters(flight, run, (f"PWM_MAIN_FUNC{output}",))):
+            group, pin = "AUX", output - MAIN_OUTPUTS
+        function, least, most = (f"PWM_{group}_{what}{pin}" for what in ("FUNC", "MIN", "MAX"))
+        reversals = f"PWM_{group}_REV"
+        wanted = (function, least, most, reversals, *(() if flight.vehicle.armed else (PREARM,)))
+        found = yield from read_parameters(flight, run, wanted)
         index = int(found.get(function, 0)) - FIRST_ACTUATOR
         if not 0 <= index < ACTUATORS:
             what = f"{function} is {found[function]:g}" if function in found else f"there is no {function}"
@@ -162,8 +173,11 @@ class Px4(Autopilot):
         low, high = found[least], found[most]
         if not low <= pulse <= high or low == high:
             raise Ended("refused", f"output {output} takes {low:g} to {high:g} us ({least}, {most}), got {pulse:g}")
+        if found.get(PREARM, ALWAYS) not in (WITH_SAFETY_OFF, ALWAYS):
+            raise Ended("refused", f"disarmed, PX4 moves outputs only with {PREARM} {ALWAYS}; it is {found[PREARM]:g}")
+        value = 2 * (pulse - low) / (high - low) - 1
         values = [math.nan] * ACTUATORS
-        values[index] = 2 * (pulse - low) / (high - low) - 1
+        values[index] = -value if int(found.get(reversals, 0)) >> (pin - 1) & 1 else value
         one, two, three, four, five, six = values
         return BoundAction(dialect.MAV_CMD_DO_SET_ACTUATOR, (one, two, three, four, five, six, 0.0), retry=action.retry)
 
@@ -189,6 +203,15 @@ class Px4(Autopilot):
                 raise
         stream.until = flight.now + GUIDED_TIMEOUT
         return lambda: None
+
+
+def _number_outputs(message: dialect.MAVLink_message) -> None:
+    """Number the outputs of AUX (port 1) after those of MAIN; a pulse of 0 says that a port has no such output."""
+    pulses = [getattr(message, f"servo{output}_raw") or NO_OUTPUT for output in range(1, OUTPUTS + 1)]
+    if message.port == 1:
+        message.port, pulses = 0, [NO_OUTPUT] * MAIN_OUTPUTS + pulses[: OUTPUTS - MAIN_OUTPUTS]
+    for output, pulse in enumerate(pulses, 1):
+        setattr(message, f"servo{output}_raw", pulse)
 
 
 def _renumbered(message: dialect.MAVLink_message, kind: str, by: int) -> bool:

@@ -9,16 +9,21 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 Make = Callable[[dialect.MAVLink_message], Mapping[str, object]]
 
-BATTERY, RC_INPUT, WIND_ESTIMATE = "BATTERY", "RC_INPUT", "WIND_ESTIMATE"
+BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE = "BATTERY", "RC_INPUT", "SERVO_OUTPUTS", "WIND_ESTIMATE"
 
+OUTPUTS = 16
+"""Outputs in one SERVO_OUTPUT_RAW."""
 FIELDS: Mapping[str, tuple[str, ...]] = {
     BATTERY: ("id", "voltage", "remaining"),
     RC_INPUT: ("channels", "rssi"),
+    SERVO_OUTPUTS: tuple(f"output{number}" for number in range(1, 2 * OUTPUTS + 1)),
     WIND_ESTIMATE: ("direction", "speed"),
 }
 """Sources and their fields."""
 
 
+NO_OUTPUT = 65535
+"""A pulse in SERVO_OUTPUT_RAW of an output that is of another port."""
 _NO_CELL = 65535
 """Millivolts in BATTERY_STATUS of a cell that is not there, or not measured."""
 
@@ -37,6 +42,20 @@ def _rc_input(message: dialect.MAVLink_message) -> Mapping[str, object]:
     return {"channels": channels, "rssi": message.rssi}
 
 
+class _ServoOutputs:
+    """Pulses in microseconds of outputs 1 to 32, 0 = none: a message has those of one port."""
+
+    def __init__(self) -> None:
+        self._pulses = dict.fromkeys(FIELDS[SERVO_OUTPUTS], 0)
+
+    def __call__(self, message: dialect.MAVLink_message) -> Mapping[str, object]:
+        for output in range(1, OUTPUTS + 1 if message.port < 2 else 1):
+            pulse = getattr(message, f"servo{output}_raw")
+            if pulse != NO_OUTPUT:
+                self._pulses[f"output{OUTPUTS * message.port + output}"] = pulse
+        return dict(self._pulses)
+
+
 def _wind(message: dialect.MAVLink_message) -> Mapping[str, object]:
     return {"direction": message.direction % 360.0, "speed": message.speed}
 
@@ -47,17 +66,22 @@ def _wind_vector(message: dialect.MAVLink_message) -> Mapping[str, object]:
     return {"direction": math.degrees(math.atan2(-east, -north)) % 360.0, "speed": math.hypot(north, east)}
 
 
-DERIVED: Mapping[str, tuple[str, Make]] = {
+DERIVED: Mapping[str, tuple[str, Make | type[_ServoOutputs]]] = {
     "BATTERY_STATUS": (BATTERY, _battery),
     "RC_CHANNELS": (RC_INPUT, _rc_input),
+    "SERVO_OUTPUT_RAW": (SERVO_OUTPUTS, _ServoOutputs),
     "WIND": (WIND_ESTIMATE, _wind),
     "WIND_COV": (WIND_ESTIMATE, _wind_vector),
 }
-"""By message: the source of the reading that is made of it, and how. Directions are degrees from north, clockwise, from
-which the wind blows; speeds are m/s over ground."""
+"""By message: the source of the reading that is made of it, and how; a class remembers earlier messages. Directions are
+degrees from north, clockwise, from which the wind blows; speeds are m/s over ground."""
 
 
 def derived(sources: Iterable[str]) -> dict[str, tuple[str, Make]]:
-    """Return the rows that make readings of these sources."""
+    """Return the rows that make readings of these sources, of one vehicle."""
     wanted = set(sources)
-    return {message: row for message, row in DERIVED.items() if row[0] in wanted}
+    return {
+        message: (source, make() if isinstance(make, type) else make)
+        for message, (source, make) in DERIVED.items()
+        if source in wanted
+    }

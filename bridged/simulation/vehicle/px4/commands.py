@@ -24,8 +24,8 @@ GRIPPER_S = 1.1
 """Seconds until a gripper has moved (recorded)."""
 _NOWHERE = 2**31 - 1
 """x or y of COMMAND_INT: no place."""
-_TAKEN = frozenset((187, 401))
-"""Commands that are acknowledged and change nothing that is simulated: DO_SET_ACTUATOR, RUN_PREARM_CHECKS."""
+_TAKEN = frozenset((401,))
+"""Commands that are acknowledged and change nothing that is simulated: RUN_PREARM_CHECKS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +97,9 @@ class CommandContext:
                     px4.set_home(px4.place)
                     return Result.ACCEPTED
                 return _set_home(px4, command)
+            case dialect.MAV_CMD_DO_SET_ACTUATOR:
+                px4.outputs.set((*command.params, command.lat, command.lon))
+                return Result.ACCEPTED
             case dialect.MAV_CMD_DO_GRIPPER:
                 self.later.append((GRIPPER_S, Done(command.number, Result.ACCEPTED, command.peer)))
                 return Result.IN_PROGRESS

@@ -10,6 +10,11 @@ NO_SUCH, WRONG_TYPE = 1, 7
 
 _I, _F = Kind.INT32, Kind.REAL32
 
+OUTPUTS = 16
+"""MAIN outputs; there is no AUX (recorded)."""
+_OF_AN_OUTPUT = {"FUNC": 0, "MIN": 1000, "MAX": 2000, "DIS": 900}
+"""Parameters of each output, and their values."""
+
 COMMON: Mapping[str, tuple[float, Kind]] = {
     "BAT1_A_PER_V": (36.4, _F),
     "BAT1_CAPACITY": (-1, _F),
@@ -25,6 +30,7 @@ COMMON: Mapping[str, tuple[float, Kind]] = {
     "COM_OBL_RC_ACT": (0, _I),
     "COM_OF_LOSS_T": (1, _F),
     "COM_POS_LOW_ACT": (3, _I),
+    "COM_PREARM_MODE": (0, _I),
     "COM_RC_IN_MODE": (1, _I),
     "COM_RC_LOSS_T": (0.5, _F),
     "GF_ACTION": (2, _I),
@@ -45,10 +51,17 @@ COMMON: Mapping[str, tuple[float, Kind]] = {
     "SIM_BAT_MIN_PCT": (50, _F),
     "SYS_AUTOSTART": (10040, _I),
     "SYS_FAILURE_EN": (1, _I),
+    "PWM_MAIN_REV": (0, _I),
+    **{
+        f"PWM_MAIN_{what}{output}": (value, _I)
+        for output in range(1, OUTPUTS + 1)
+        for what, value in _OF_AN_OUTPUT.items()
+    },
 }
 """Of every kind of vehicle."""
 
 COPTER: Mapping[str, tuple[float, Kind]] = {
+    **{f"PWM_MAIN_FUNC{motor}": (100 + motor, _I) for motor in range(1, 5)},
     "MPC_ACC_HOR": (3, _F),
     "MPC_LAND_ALT1": (10, _F),
     "MPC_LAND_ALT2": (5, _F),

@@ -17,6 +17,7 @@ from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
 from bridged.simulation.vehicle.px4.navigator import Navigator
+from bridged.simulation.vehicle.px4.outputs import Outputs
 from bridged.simulation.vehicle.px4.state import Px4State
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
@@ -45,6 +46,8 @@ class Px4(Px4State):
         super().__init__(start, parameters, heading, boot, charge_time, before)
         self.failsafes = Failsafes(self)
         self.navigator = Navigator(self)
+        self.outputs = Outputs(self.parameters)
+        self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self._returning = False
 
     def arm(self, *, force: bool = False) -> Result:
@@ -228,6 +231,7 @@ class Px4(Px4State):
     def _guard(self, dt: float) -> None:
         self.failsafes.check(dt)
         self.navigator.report()
+        self.outputs.look(armed=self.armed, airborne=self.flight.airborne)
         if not self.armed:
             self.battery.rest(dt, at_home=self.motion.position.distance(self.home_on_chart) <= 5.0)
         if self.sticks.alive(self.now) and self.flight.airborne:

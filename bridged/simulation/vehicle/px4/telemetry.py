@@ -219,6 +219,12 @@ def autopilot_version(px4: Px4) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
+def servo_output_raw(px4: Px4) -> dialect.MAVLink_message:
+    """SERVO_OUTPUT_RAW of MAIN"""
+    pulses = px4.outputs.pulses(armed=px4.armed, airborne=px4.flight.airborne)
+    return dialect.MAVLink_servo_output_raw_message(_boot_us(px4) % 2**32, 0, *pulses)
+
+
 def extended_sys_state(px4: Px4) -> dialect.MAVLink_message:
     """EXTENDED_SYS_STATE"""
     return dialect.MAVLink_extended_sys_state_message(0, int(px4.flight.landed))
@@ -232,6 +238,7 @@ BUILDERS: dict[int, Builder] = {
     30: attitude,
     32: local_position_ned,
     33: global_position_int,
+    36: servo_output_raw,
     49: gps_global_origin,
     74: vfr_hud,
     85: position_target_local_ned,
@@ -256,7 +263,7 @@ REQUESTED: dict[int, Builder] = {
 """Messages by id for REQUEST_MESSAGE."""
 
 NOT_SIMULATED = frozenset((
-    4, 8, 26, 29, 31, 36, 62, 65, 83, 105, 106, 111, 116, 132, 225, 231, 290, 291, 331, 350, 380, 395, 410, 411, 441,
+    4, 8, 26, 29, 31, 62, 65, 83, 105, 106, 111, 116, 132, 225, 231, 290, 291, 331, 350, 380, 395, 410, 411, 441,
     514, 12901, 12904,
 ))  # fmt: skip
 """Streams that PX4 has and that are not simulated: their interval may be set, and nothing comes."""
@@ -264,8 +271,8 @@ NOT_SIMULATED = frozenset((
 STREAMS = (frozenset(BUILDERS) | NOT_SIMULATED) - {42}
 
 DEFAULTS_S = {
-    0: 1.0, 1: 0.5, 2: 1.0, 24: 0.5, 30: 0.2, 32: 0.2, 33: 0.2, 42: 1.0, 74: 0.5, 85: 0.2, 87: 0.5, 141: 0.5, 147: 2.0,
-    230: 1.0, 241: 2.0, 242: 2.0, 245: 0.5, 360: 0.2, CURRENT_MODE_ID: 2.0,
+    0: 1.0, 1: 0.5, 2: 1.0, 24: 0.5, 30: 0.2, 32: 0.2, 33: 0.2, 36: 1.0, 42: 1.0, 74: 0.5, 85: 0.2, 87: 0.5, 141: 0.5,
+    147: 2.0, 230: 1.0, 241: 2.0, 242: 2.0, 245: 0.5, 360: 0.2, CURRENT_MODE_ID: 2.0,
 }  # fmt: skip
 """Intervals after power on. The real one sends positions and attitude 10 to 20 times as often."""
 
