@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
+from bridged.simulation.vehicle.mission_items import whole
 from bridged.simulation.vehicle.notifications import Result
 
 RELAYS = 6
@@ -69,7 +70,7 @@ class Gimbal:
         """DO_GIMBAL_MANAGER_PITCHYAW by angles in degrees."""
         if not (math.isfinite(pitch) and math.isfinite(yaw)):
             return Result.DENIED
-        self.looks_at, self.locked = None, bool(int(flags) & dialect.GIMBAL_MANAGER_FLAGS_YAW_LOCK)
+        self.looks_at, self.locked = None, bool(whole(flags) & dialect.GIMBAL_MANAGER_FLAGS_YAW_LOCK)
         self.pitch.go(max(-STEEPEST, min(STEEPEST, math.radians(pitch))), now)
         self.yaw.go(math.remainder(math.radians(yaw), 2 * math.pi), now)
         return Result.ACCEPTED
@@ -113,7 +114,7 @@ class Payload:
         first, second, third, fourth, fifth, *_ = parameters
         match number:
             case dialect.MAV_CMD_DO_SET_RELAY:
-                return self._switch(int(first), second >= 1.0)
+                return self._switch(whole(first), second >= 1.0)
             case dialect.MAV_CMD_DO_WINCH if second == dialect.WINCH_RELATIVE_LENGTH_CONTROL:
                 self.winch.rate = abs(fourth) or WINCH_RATE
                 self.winch.go(max(0.0, min(WINCH_LINE, self.winch.at(now) + third)), now)

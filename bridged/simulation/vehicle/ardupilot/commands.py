@@ -12,45 +12,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.mission import do
+from bridged.simulation.vehicle.commands import FORCE, Command, heading_of, turn_rate_of, wants_place, wants_velocity
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, whole
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo
 from bridged.simulation.vehicle.notifications import Result, Severity
-
-FORCE = 21196.0
-"""Parameter 2 of COMPONENT_ARM_DISARM: without checks."""
-
-RELATIVE_FRAME = 3
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT"""
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command; `lat` and `lon` in degrees, `z` in metres in `frame`."""
-
-    number: int
-    params: tuple[float, float, float, float]
-    lat: float
-    lon: float
-    z: float
-    frame: int
-    by_int: bool
-
-    @classmethod
-    def of_long(cls, message: dialect.MAVLink_message) -> "Command":
-        """Read a COMMAND_LONG."""
-        params = (message.param1, message.param2, message.param3, message.param4)
-        return cls(
-            message.command, params, message.param5, message.param6, message.param7, RELATIVE_FRAME, by_int=False
-        )
-
-    @classmethod
-    def of_int(cls, message: dialect.MAVLink_message) -> "Command":
-        """Read a COMMAND_INT."""
-        params = (message.param1, message.param2, message.param3, message.param4)
-        return cls(message.command, params, message.x / 1e7, message.y / 1e7, message.z, message.frame, by_int=True)
 
 
 @dataclass(slots=True)
@@ -209,10 +177,6 @@ def _set_home(copter: ArduPilot, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-_IGNORE_POSITION, _IGNORE_VELOCITY = 0b111, 0b111000
-_IGNORE_YAW, _IGNORE_YAW_RATE = 1 << 10, 1 << 11
-"""Bits of type_mask (POSITION_TARGET_TYPEMASK)."""
-
 _LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET = 1, 7, 8, 9
 """Coordinate frames of SET_POSITION_TARGET_LOCAL_NED (MAV_FRAME)."""
 
@@ -224,11 +188,11 @@ def global_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None
     """SET_POSITION_TARGET_GLOBAL_INT: one goal, or a velocity."""
     if not copter.takes_setpoints():
         return
-    frame, mask = message.coordinate_frame, message.type_mask
+    frame = message.coordinate_frame
     if frame not in GLOBAL_FRAMES + RELATIVE_FRAMES:
         copter.send_text(f"Unknown mavlink coordinate frame {frame}")
         return
-    if mask & _IGNORE_POSITION:
+    if not wants_place(message):
         _drift(copter, message, (message.vx, message.vy, message.vz))
         return
     above_sea = altitude(copter, frame, message.alt)
@@ -238,22 +202,22 @@ def global_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None
         goal = copter.chart.vector(Place(message.lat_int / 1e7, message.lon_int / 1e7, above_sea))
     except ValueError:
         return
-    copter.guide(GoTo(goal, _heading(message)))
+    copter.guide(GoTo(goal, heading_of(message)))
 
 
 def local_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_LOCAL_NED: metres from the origin, or from here; or a velocity."""
     if not copter.takes_setpoints():
         return
-    frame, mask = message.coordinate_frame, message.type_mask
+    frame = message.coordinate_frame
     if frame not in (_LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET):
         return
     north, east, down = message.x, message.y, message.z
     velocity = (message.vx, message.vy, message.vz)
     if frame in (_BODY, _BODY_OFFSET):
-        north, east = _turned(copter, north, east)
-        velocity = (*_turned(copter, message.vx, message.vy), message.vz)
-    if mask & _IGNORE_POSITION:
+        north, east = copter.motion.turned(north, east)
+        velocity = (*copter.motion.turned(message.vx, message.vy), message.vz)
+    if not wants_place(message):
         _drift(copter, message, velocity)
         return
     if not all(math.isfinite(metres) and abs(metres) < 1e5 for metres in (north, east, down)):
@@ -262,26 +226,14 @@ def local_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     if frame != _LOCAL:
         here = copter.motion.position
         goal = Vector(here.north + north, here.east + east, here.up - down)
-    copter.guide(GoTo(goal, _heading(message)))
+    copter.guide(GoTo(goal, heading_of(message)))
 
 
 def _drift(copter: ArduPilot, message: dialect.MAVLink_message, velocity: tuple[float, float, float]) -> None:
-    if message.type_mask & _IGNORE_VELOCITY:
+    if not wants_velocity(message):
         return
     if not all(math.isfinite(speed) and abs(speed) <= FASTEST for speed in velocity):
         return
     expires = copter.now + copter.setpoint_lasts
-    rate = None if message.type_mask & _IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
     north, east, down = velocity
-    copter.guide(Drift(Vector(north, east, -down), expires, _heading(message), rate))
-
-
-def _heading(message: dialect.MAVLink_message) -> float | None:
-    if message.type_mask & _IGNORE_YAW or not math.isfinite(message.yaw):
-        return None
-    return float(message.yaw) % (2 * math.pi)
-
-
-def _turned(copter: ArduPilot, forward: float, right: float) -> tuple[float, float]:
-    cos, sin = math.cos(copter.motion.heading), math.sin(copter.motion.heading)
-    return forward * cos - right * sin, forward * sin + right * cos
+    copter.guide(Drift(Vector(north, east, -down), expires, heading_of(message), turn_rate_of(message)))

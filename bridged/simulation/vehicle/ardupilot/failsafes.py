@@ -131,7 +131,7 @@ def _pilot(copter: "ArduPilot") -> None:
     if wanted is not None and copter.passed(Milestone.MODE_SWITCH):
         copter.set_mode(wanted)
     if copter.mode.piloted and copter.flight.airborne:
-        drift = pilot.drift(copter.motion.heading, copter.now)
+        drift = pilot.drift(copter.motion, copter.now)
         if drift is not None:
             copter.flight.begin(drift)
 

@@ -5,8 +5,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.commands import Command, CommandContext, global_setpoint, local_setpoint
-from bridged.simulation.vehicle.ardupilot.mission_protocol import MissionProtocol
+from bridged.simulation.vehicle.ardupilot.commands import CommandContext, global_setpoint, local_setpoint
+from bridged.simulation.vehicle.ardupilot.mission_protocol import ArduPilotMissions
+from bridged.simulation.vehicle.commands import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.notifications import (
@@ -24,18 +25,6 @@ TIMESYNC_PERIOD_S = 10.0
 HEARTBEAT = 0
 
 _NO_INDEX = 65535
-_MISSION_MESSAGES = frozenset(
-    (
-        "MISSION_REQUEST_LIST",
-        "MISSION_REQUEST",
-        "MISSION_REQUEST_INT",
-        "MISSION_COUNT",
-        "MISSION_ITEM",
-        "MISSION_ITEM_INT",
-        "MISSION_CLEAR_ALL",
-        "MISSION_SET_CURRENT",
-    )
-)
 
 
 class ArduPilotMessages(MessageHandler[ArduPilot]):
@@ -43,7 +32,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
 
     def __init__(self, autopilot: ArduPilot) -> None:
         super().__init__(autopilot, telemetry.BUILDERS)
-        self._mission = MissionProtocol(autopilot)
+        self._mission = ArduPilotMissions(autopilot)
         self._next_timesync = TIMESYNC_PERIOD_S
 
     def streams(self) -> Streams:
@@ -79,7 +68,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
             case ModeChanged():
                 return [telemetry.heartbeat(self.autopilot)]
             case HomeChanged():
-                both = (telemetry.gps_global_origin(self.autopilot), telemetry.home_position(self.autopilot))
+                both = (telemetry.BUILDERS[number](self.autopilot) for number in (49, 242))
                 return [message for message in both if message is not None]
             case ParameterChanged(name):
                 parameter = self.autopilot.parameters.find(name)
@@ -94,10 +83,8 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
         match kind:
             case "HEARTBEAT":
                 copter.station.heartbeat(message.get_srcSystem(), copter.now)
-            case "COMMAND_LONG":
-                return self._command(message, Command.of_long(message), channel)
-            case "COMMAND_INT":
-                return self._command(message, Command.of_int(message), channel)
+            case "COMMAND_LONG" | "COMMAND_INT":
+                return self._command(Command.of(message), channel)
             case "SET_MODE":
                 if message.base_mode & 1:  # never acknowledged (recorded)
                     copter.set_mode(message.custom_mode)
@@ -114,18 +101,17 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
                 return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
             case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
                 return self._parameter(message, kind, channel)
-            case _ if kind in _MISSION_MESSAGES:
+            case _ if kind.startswith("MISSION_"):
                 return self._mission.receive(message)
             case _ if kind in LOG_MESSAGES:
                 log = dataflash_log((one.name, one.value) for one in copter.parameters)
                 return LogTransfer([log]).receive(message, armed=copter.armed)
         return []
 
-    def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
+    def _command(self, command: Command, channel: Channel) -> Messages:
         context = CommandContext(self.autopilot, channel.streams)
         result = context.carry_out(command)
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
+        ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *command.peer)
         self.reboots |= context.reboot_wanted
         return [*context.ahead, ack, *context.after]
 

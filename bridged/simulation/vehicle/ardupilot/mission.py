@@ -71,11 +71,6 @@ class Mission:
         self._entered_at = 0.0
         self._jumped: dict[int, int] = {}
 
-    def clear(self) -> None:
-        """Forget all items."""
-        self.items = []
-        self.rewind()
-
     def rewind(self) -> None:
         """Let the next AUTO begin with the first item."""
         self.current, self.complete = 0, False

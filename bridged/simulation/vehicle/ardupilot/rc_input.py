@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Drift
 from bridged.simulation.vehicle.parameters import Parameters
 
@@ -85,8 +85,8 @@ class Transmitter:
         self._switch = position
         return None if position is None else int(self.parameters[f"FLTMODE{position + 1}"])
 
-    def drift(self, heading: float, now: float) -> Drift | None:
-        """Return how overridden sticks move a copter of this `heading` (radians) at `now` (s); None if they do not.
+    def drift(self, motion: Motion, now: float) -> Drift | None:
+        """Return how overridden sticks move a copter at `now` (s); None if they do not.
 
         All modes that obey sticks do as LOITER does: a stick is a speed.
         """
@@ -96,8 +96,8 @@ class Transmitter:
             return None
         self._pushed = pushes
         speed, climb = min(FASTEST, abs(self.parameters["LOIT_SPEED"]) / 100), self.parameters["PILOT_SPEED_UP"] / 100
-        cos, sin = math.cos(heading), math.sin(heading)
-        velocity = Vector((-back * cos - right * sin) * speed, (-back * sin + right * cos) * speed, up * climb)
+        north, east = motion.turned(-back, right)
+        velocity = Vector(north * speed, east * speed, up * climb)
         return Drift(velocity, now + STICK_LASTS_S, turn_rate=turn * FASTEST_TURN if turn else None)
 
     def _moved(self, channel: int, now: float) -> int | None:

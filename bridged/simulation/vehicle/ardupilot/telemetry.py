@@ -5,13 +5,14 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.vehicle import telemetry as common
 from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, TakeOff
+from bridged.simulation.vehicle.telemetry import INT16, UNKNOWN_16, boot_ms, boot_us
 
-SATELLITES = 10
 FIX_TYPE = 6
 """GPS fix of the recorded simulated vehicle (RTK fixed)."""
 
@@ -27,9 +28,6 @@ _SENSORS_ENABLED = 1380031503
 _SENSORS_HEALTHY = 1196530703
 _GPS, _POSITION_CONTROL, _FENCE, _AHRS, _LOGGING, _PREARM = 1 << 5, 3 << 13, 1 << 20, 1 << 21, 1 << 24, 1 << 28
 """Recorded bits of SYS_STATUS, and those that change."""
-
-_UNKNOWN_16 = 65535
-_INT16 = 32767
 
 Builder = Callable[[ArduPilot], dialect.MAVLink_message | None]
 """Builds a message, or None while it has no content."""
@@ -64,90 +62,20 @@ def sys_status(copter: ArduPilot) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def global_position_int(copter: ArduPilot) -> dialect.MAVLink_message | None:
-    """GLOBAL_POSITION_INT; zeros before the vehicle has a position."""
-    place, velocity = copter.place, copter.motion.velocity
-    known = copter.passed(Milestone.GPS_FIX)
-    relative = copter.motion.up.position - copter.home_on_chart.up
-    return dialect.MAVLink_global_position_int_message(
-        _boot_ms(copter),
-        place.lat_e7 if known else 0,
-        place.lon_e7 if known else 0,
-        place.alt_mm if known else 0,
-        round(relative * 1000) if known else 0,
-        _centi(velocity.north),
-        _centi(velocity.east),
-        _centi(-velocity.up),
-        round(copter.motion.bearing * 100) % 36000,
-    )
-
-
-def local_position_ned(copter: ArduPilot) -> dialect.MAVLink_message | None:
-    """LOCAL_POSITION_NED"""
-    if not copter.has_position:
-        return None
-    at, velocity = copter.motion.position, copter.motion.velocity
-    return dialect.MAVLink_local_position_ned_message(
-        _boot_ms(copter), at.north, at.east, -at.up, velocity.north, velocity.east, -velocity.up
-    )
-
-
-def attitude(copter: ArduPilot) -> dialect.MAVLink_message:
-    """ATTITUDE"""
-    roll, pitch = copter.motion.tilt
-    yaw = math.remainder(copter.motion.heading, 2 * math.pi)
-    return dialect.MAVLink_attitude_message(_boot_ms(copter), roll, pitch, yaw, 0, 0, copter.motion.turn_rate)
-
-
-def vfr_hud(copter: ArduPilot) -> dialect.MAVLink_message:
-    """VFR_HUD"""
-    speed = copter.motion.velocity.flat()
-    throttle = 37 if copter.armed and copter.flight.airborne else 0
-    heading = round(copter.motion.bearing) % 360
-    return dialect.MAVLink_vfr_hud_message(speed, speed, heading, throttle, copter.place.alt, copter.motion.up.velocity)
-
-
 def gps_raw_int(copter: ArduPilot) -> dialect.MAVLink_message:
     """GPS_RAW_INT"""
-    place, velocity = copter.gps_place, copter.motion.velocity
-    if place is None:
-        return dialect.MAVLink_gps_raw_int_message(
-            0, int(copter.passed(Milestone.GPS_FIX)), 0, 0, 0, _UNKNOWN_16, _UNKNOWN_16, 0, 0, 0
-        )  # fmt: skip
-    course = math.degrees(math.atan2(velocity.east, velocity.north)) % 360.0
-    return dialect.MAVLink_gps_raw_int_message(
-        _boot_us(copter), FIX_TYPE, place.lat_e7, place.lon_e7, place.alt_mm, 121, 200,
-        min(_UNKNOWN_16, _centi(velocity.flat())), round(course * 100) % 36000, SATELLITES,
-        place.alt_mm, 300, 300, 0, 0, 0,
-    )  # fmt: skip
+    known = common.gps_raw_int(copter, FIX_TYPE, (121, 200), (300, 300, 0))
+    nothing = (0, int(copter.has_fix), 0, 0, 0, UNKNOWN_16, UNKNOWN_16, 0, 0, 0)
+    return dialect.MAVLink_gps_raw_int_message(*nothing) if known is None else known
 
 
 def battery_status(copter: ArduPilot) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
     battery = copter.battery
     return dialect.MAVLink_battery_status_message(
-        0, 0, 0, _INT16, [_milli(battery.voltage), *([_UNKNOWN_16] * 9)], round(battery.current * 100),
+        0, 0, 0, INT16, [_milli(battery.voltage), *([UNKNOWN_16] * 9)], round(battery.current * 100),
         round(battery.used), round(battery.used * battery.voltage * 0.036), battery.remaining, 0, battery.state,
     )  # fmt: skip
-
-
-def home_position(copter: ArduPilot) -> dialect.MAVLink_message | None:
-    """HOME_POSITION"""
-    home = copter.home
-    if home is None:
-        return None
-    at, nothing = copter.home_on_chart, float("nan")
-    return dialect.MAVLink_home_position_message(
-        home.lat_e7, home.lon_e7, home.alt_mm, at.north, at.east, -at.up, [nothing] * 4, 0, 0, 0, _boot_us(copter)
-    )
-
-
-def gps_global_origin(copter: ArduPilot) -> dialect.MAVLink_message | None:
-    """GPS_GLOBAL_ORIGIN"""
-    if not copter.passed(Milestone.HOME):
-        return None
-    origin = copter.chart.origin
-    return dialect.MAVLink_gps_global_origin_message(origin.lat_e7, origin.lon_e7, origin.alt_mm, _boot_us(copter))
 
 
 def position_target_global_int(copter: ArduPilot) -> dialect.MAVLink_message | None:
@@ -157,7 +85,7 @@ def position_target_global_int(copter: ArduPilot) -> dialect.MAVLink_message | N
         return None
     goal = copter.chart.place(target)
     return dialect.MAVLink_position_target_global_int_message(
-        _boot_ms(copter), 0, TARGET_TYPE_MASK, goal.lat_e7, goal.lon_e7, goal.alt, 0, 0, 0, 0, 0, 0, 0, 0
+        boot_ms(copter), 0, TARGET_TYPE_MASK, goal.lat_e7, goal.lon_e7, goal.alt, 0, 0, 0, 0, 0, 0, 0, 0
     )
 
 
@@ -172,7 +100,7 @@ def nav_controller_output(copter: ArduPilot) -> dialect.MAVLink_message:
         course = math.degrees(math.atan2(east, north)) % 360.0
     bearing_now = round(math.remainder(course, 360.0))
     return dialect.MAVLink_nav_controller_output_message(
-        math.degrees(roll), math.degrees(pitch), bearing_now, bearing_now, min(_UNKNOWN_16, round(away)), above, 0, 0
+        math.degrees(roll), math.degrees(pitch), bearing_now, bearing_now, min(UNKNOWN_16, round(away)), above, 0, 0
     )
 
 
@@ -201,13 +129,13 @@ def ekf_status_report(copter: ArduPilot) -> dialect.MAVLink_message:
 def rc_channels(copter: ArduPilot) -> dialect.MAVLink_message:
     """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
     pulses = copter.transmitter.pulses(copter.now)
-    return dialect.MAVLink_rc_channels_message(_boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
+    return dialect.MAVLink_rc_channels_message(boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
 
 
 def servo_output_raw(copter: ArduPilot) -> dialect.MAVLink_message:
     """SERVO_OUTPUT_RAW: 16 outputs, the first four are motors; 0 is no pulse."""
     pulses = copter.outputs.pulses(armed=copter.armed, airborne=copter.flight.airborne)
-    return dialect.MAVLink_servo_output_raw_message(_boot_us(copter) % 2**32, 0, *pulses)
+    return dialect.MAVLink_servo_output_raw_message(boot_us(copter) % 2**32, 0, *pulses)
 
 
 def wind(copter: ArduPilot) -> dialect.MAVLink_message:
@@ -240,7 +168,7 @@ def position_target_local_ned(copter: ArduPilot) -> dialect.MAVLink_message | No
         mask = LOCAL_VELOCITY_MASK
         velocity = task.velocity if isinstance(task, Drift) else velocity
     return dialect.MAVLink_position_target_local_ned_message(
-        _boot_ms(copter), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
+        boot_ms(copter), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
         velocity.north, velocity.east, -velocity.up, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -248,29 +176,29 @@ def position_target_local_ned(copter: ArduPilot) -> dialect.MAVLink_message | No
 BUILDERS: dict[int, Builder] = {
     0: heartbeat,
     1: sys_status,
-    2: lambda copter: dialect.MAVLink_system_time_message(0, _boot_ms(copter)),  # it knows no date
+    2: common.system_time,
     24: gps_raw_int,
-    30: attitude,
-    32: local_position_ned,
-    33: global_position_int,
+    30: common.attitude,
+    32: lambda copter: common.local_position_ned(copter) if copter.has_position else None,
+    33: lambda copter: common.global_position_int(copter, known=copter.has_fix),
     36: servo_output_raw,
     42: mission_current,
-    49: gps_global_origin,
+    49: lambda copter: common.gps_global_origin(copter) if copter.passed(Milestone.HOME) else None,
     62: nav_controller_output,
     65: rc_channels,
-    74: vfr_hud,
+    74: lambda copter: common.vfr_hud(copter, throttle=37),
     85: position_target_local_ned,
     87: position_target_global_int,
     125: lambda copter: dialect.MAVLink_power_status_message(5000, 0, 0),
     147: battery_status,
     148: autopilot_version,
-    152: lambda copter: dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072),
+    152: lambda copter: dialect.MAVLink_meminfo_message(0, UNKNOWN_16, 131072),
     162: fence_status,
     168: wind,
     193: ekf_status_report,
-    241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
-    242: home_position,
-    281: lambda copter: copter.payload.gimbal.status(_boot_ms(copter)),
+    241: common.vibration,
+    242: common.home_position,
+    281: lambda copter: copter.payload.gimbal.status(boot_ms(copter)),
     285: lambda copter: copter.payload.gimbal.attitude(copter.place, copter.motion.heading, copter.now),
     376: lambda copter: copter.payload.relay_status(copter.now),
     9005: lambda copter: copter.payload.winch_status(copter.now),
@@ -279,20 +207,8 @@ BUILDERS: dict[int, Builder] = {
 """Messages by id that can be asked for."""
 
 
-def _boot_ms(copter: ArduPilot) -> int:
-    return round(copter.now * 1000) % 2**32
-
-
-def _boot_us(copter: ArduPilot) -> int:
-    return round(copter.now * 1e6)
-
-
 def _milli(value: float) -> int:
-    return max(0, min(_UNKNOWN_16 - 1, round(value * 1000)))
-
-
-def _centi(value: float) -> int:
-    return max(-_INT16, min(_INT16, round(value * 100)))
+    return max(0, min(UNKNOWN_16 - 1, round(value * 1000)))
 
 
 GROUPS: dict[int, tuple[int, ...]] = {

@@ -181,6 +181,11 @@ class Motion:
         right = -north * math.sin(self.heading) + east * math.cos(self.heading)
         return math.atan2(right, GRAVITY), math.atan2(-forward, GRAVITY)
 
+    def turned(self, forward: float, right: float) -> tuple[float, float]:
+        """Return a direction from the vehicle as north and east."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return forward * cos - right * sin, forward * sin + right * cos
+
     def rest(self) -> None:
         """Stop all motion on the ground."""
         for axis in (self.north, self.east, self.up):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.simulation.vehicle.commands import FORCE, Command
 from bridged.simulation.vehicle.messages import Messages, Streams
 from bridged.simulation.vehicle.mission_items import whole
 from bridged.simulation.vehicle.motion.dynamics import Vector
@@ -18,36 +19,10 @@ from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.telemetry import AVAILABLE_MODES_ID
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
-FORCE = 21196.0
-"""Parameter 2 of COMPONENT_ARM_DISARM: without checks."""
 GRIPPER_S = 1.1
 """Seconds until a gripper has moved (recorded)."""
-_NOWHERE = 2**31 - 1
-"""x or y of COMMAND_INT: no place."""
 _TAKEN = frozenset((401,))
 """Commands that are acknowledged and change nothing that is simulated: RUN_PREARM_CHECKS."""
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command; `lat` and `lon` in degrees, `alt` in metres, whatever its frame is; NaN: not given."""
-
-    number: int
-    params: tuple[float, float, float, float]
-    lat: float
-    lon: float
-    alt: float
-    peer: tuple[int, int]
-
-    @classmethod
-    def of(cls, message: dialect.MAVLink_message) -> Command:
-        """Read a COMMAND_LONG or COMMAND_INT."""
-        params = (message.param1, message.param2, message.param3, message.param4)
-        peer = (message.get_srcSystem(), message.get_srcComponent())
-        if message.get_type() == "COMMAND_LONG":
-            return cls(message.command, params, message.param5, message.param6, message.param7, peer)
-        lat, lon = (math.nan if degrees == _NOWHERE else degrees / 1e7 for degrees in (message.x, message.y))
-        return cls(message.command, params, lat, lon, message.z, peer)
 
 
 @dataclass(slots=True)
@@ -70,7 +45,7 @@ class CommandContext:
                 force = second == FORCE
                 return px4.arm(force=force) if first else px4.disarm("external command", force=force)
             case dialect.MAV_CMD_NAV_TAKEOFF:
-                return px4.take_off(command.alt) if px4.takes_off else Result.DENIED
+                return px4.take_off(command.z) if px4.takes_off else Result.DENIED
             case dialect.MAV_CMD_NAV_LAND:
                 px4.send_text("Landing at current position")
                 return px4.set_mode(Mode.LAND)
@@ -154,7 +129,7 @@ def _reposition(px4: Px4, command: Command) -> Result:
     speed, flags, radius, yaw = command.params
     if not whole(flags) & 1 and px4.mode is not Mode.LOITER:
         return Result.DENIED
-    if not any(map(math.isfinite, (command.lat, command.lon, command.alt))):
+    if not any(map(math.isfinite, (command.lat, command.lon, command.z))):
         px4.reposition(None, speed, None, radius)
         return Result.ACCEPTED
     px4.reposition(_goal(px4, command), speed, yaw % (2 * math.pi) if math.isfinite(yaw) else None, radius)
@@ -166,7 +141,7 @@ def _goal(px4: Px4, command: Command) -> Vector:
     here = px4.place
     lat, lon, alt = (
         given if math.isfinite(given) else present
-        for given, present in ((command.lat, here.lat), (command.lon, here.lon), (command.alt, here.alt))
+        for given, present in ((command.lat, here.lat), (command.lon, here.lon), (command.z, here.alt))
     )
     return px4.chart.at(lat, lon, alt)
 
@@ -185,7 +160,7 @@ def _start_mission(px4: Px4) -> Result:
 
 
 def _set_home(px4: Px4, command: Command) -> Result:
-    if not all(map(math.isfinite, (command.lat, command.lon, command.alt))):
+    if not all(map(math.isfinite, (command.lat, command.lon, command.z))):
         return Result.DENIED
-    px4.set_home(px4.chart.place(px4.chart.at(command.lat, command.lon, command.alt)))
+    px4.set_home(px4.chart.place(px4.chart.at(command.lat, command.lon, command.z)))
     return Result.ACCEPTED

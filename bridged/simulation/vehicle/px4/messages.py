@@ -5,9 +5,11 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport import further_messages
+from bridged.simulation.vehicle.commands import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, ulog
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
 from bridged.simulation.vehicle.mission_items import whole
+from bridged.simulation.vehicle.mission_protocol import peer_of
 from bridged.simulation.vehicle.notifications import (
     Done,
     Event,
@@ -19,9 +21,9 @@ from bridged.simulation.vehicle.notifications import (
 )
 from bridged.simulation.vehicle.parameters import Kind, Parameter
 from bridged.simulation.vehicle.px4 import telemetry
-from bridged.simulation.vehicle.px4.commands import Command, CommandContext, set_mode
+from bridged.simulation.vehicle.px4.commands import CommandContext, set_mode
 from bridged.simulation.vehicle.px4.links import HEARTBEAT_TIMEOUT_S
-from bridged.simulation.vehicle.px4.mission_protocol import MissionProtocol
+from bridged.simulation.vehicle.px4.mission_protocol import Px4Missions
 from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, decoded, encoded
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.setpoints import global_setpoint, local_setpoint
@@ -46,7 +48,7 @@ class Px4Messages(MessageHandler[Px4]):
 
     def __init__(self, autopilot: Px4) -> None:
         super().__init__(autopilot, telemetry.BUILDERS)
-        self._mission = MissionProtocol(autopilot)
+        self._mission = Px4Missions(autopilot)
         self._later: list[tuple[float, Event]] = []
         """What is sent at a time (vehicle seconds)."""
         self._texts = self._events = 0
@@ -150,7 +152,7 @@ class Px4Messages(MessageHandler[Px4]):
                 return self._command(Command.of(message), channel)
             case "SET_MODE":
                 result = set_mode(px4, whole(message.custom_mode) >> 16 & 0xFF, whole(message.custom_mode) >> 24)
-                return [self._ack(dialect.MAV_CMD_DO_SET_MODE, int(result), _peer(message))]
+                return [self._ack(dialect.MAV_CMD_DO_SET_MODE, int(result), peer_of(message))]
             case "SET_POSITION_TARGET_GLOBAL_INT":
                 global_setpoint(px4, message)
             case "SET_POSITION_TARGET_LOCAL_NED":
@@ -200,7 +202,7 @@ class Px4Messages(MessageHandler[Px4]):
         return [self._value_of(found)] if found is not None else []
 
     def _error(self, message: dialect.MAVLink_message, error: int) -> dialect.MAVLink_message:
-        return dialect.MAVLink_param_error_message(*_peer(message), _name(message).encode(), _ERROR_INDEX, error)
+        return dialect.MAVLink_param_error_message(*peer_of(message), _name(message).encode(), _ERROR_INDEX, error)
 
     def parameter(self, index: int) -> dialect.MAVLink_message | None:
         """Return the PARAM_VALUE of a parameter of the list; None past its end."""
@@ -212,10 +214,6 @@ class Px4Messages(MessageHandler[Px4]):
             parameter.name.encode(), encoded(parameter.value, parameter.kind), int(parameter.kind),
             len(self.autopilot.parameters), parameter.index,
         )  # fmt: skip
-
-
-def _peer(message: dialect.MAVLink_message) -> tuple[int, int]:
-    return message.get_srcSystem(), message.get_srcComponent()
 
 
 def _name(message: dialect.MAVLink_message) -> str:

@@ -239,7 +239,7 @@ class Px4(Px4State):
                 self.send_text("Pilot took over using sticks")
                 self.set_mode(Mode.POSCTL)
             if self.mode.piloted:
-                self.flight.begin(self.sticks.drift(self.motion.heading, self.now, self.top_speed))
+                self.flight.begin(self.sticks.drift(self.motion, self.now, self.top_speed))
 
     lands_by_mission = False
     """Whether AUTO.RTL flies the landing of the mission."""

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from bridged.simulation.vehicle.motion.dynamics import Vector
+from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Drift
 
 LOST_S = 0.5
@@ -47,9 +47,8 @@ class Sticks:
         fast, self.speed = self.speed, 0.0
         return threshold > 0 and fast >= threshold and max(map(abs, (self.forward, self.right, self.turn))) >= _MOVED
 
-    def drift(self, heading: float, now: float, fastest: float) -> Drift:
-        """Return the velocity that the sticks want of a vehicle of a heading (radians); `fastest` in m/s."""
+    def drift(self, motion: Motion, now: float, fastest: float) -> Drift:
+        """Return the velocity that the sticks want of a vehicle; `fastest` in m/s."""
         forward, right = self.forward * abs(self.forward) * fastest, self.right * abs(self.right) * fastest
-        cos, sin = math.cos(heading), math.sin(heading)
-        velocity = Vector(forward * cos - right * sin, forward * sin + right * cos, self.up * _CLIMB)
+        velocity = Vector(*motion.turned(forward, right), self.up * _CLIMB)
         return Drift(velocity, now + 1.0, turn_rate=self.turn * _TURN)

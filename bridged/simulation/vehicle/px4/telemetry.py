@@ -6,11 +6,13 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.further_messages import CurrentMode
+from bridged.simulation.vehicle import telemetry as common
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Landed, TakeOff
 from bridged.simulation.vehicle.px4.modes import AVAILABLE, STANDARD, Mode
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.wire import AvailableModes, ProtocolVersion
+from bridged.simulation.vehicle.telemetry import INT16, UNKNOWN_16, boot_ms, boot_us
 
 AVAILABLE_MODES_ID, CURRENT_MODE_ID, PROTOCOL_VERSION_ID = 435, 436, 300
 
@@ -19,12 +21,11 @@ _PRESENT, _ENABLED, _HEALTHY, _STICKS, _PREARM = 33603631, 33669167, 52480063, 1
 CAPABILITIES = 59647
 """capabilities of AUTOPILOT_VERSION (recorded)."""
 _VERSION, _OS_VERSION = 18022464, 101854463
-_UNKNOWN_16, _INT16 = 65535, 32767
 _ALIGNING, _ESTIMATING = 229, 1023
 """flags of ESTIMATOR_STATUS before and after it has a position."""
 _HORIZONTAL = 8 | 16 | 256 | 512
 """Those of its position."""
-SATELLITES, FIX_TYPE = 10, 3
+FIX_TYPE = 3
 
 Builder = Callable[[Px4], dialect.MAVLink_message | None]
 """Builds a message, or None while it has no content."""
@@ -64,55 +65,11 @@ def sys_status(px4: Px4) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def global_position_int(px4: Px4) -> dialect.MAVLink_message | None:
-    """GLOBAL_POSITION_INT"""
-    if px4.home is None or px4.estimate.lost:
-        return None
-    place, velocity = px4.place, px4.motion.velocity
-    return dialect.MAVLink_global_position_int_message(
-        _boot_ms(px4), place.lat_e7, place.lon_e7, place.alt_mm,
-        round((px4.motion.up.position - px4.home_on_chart.up) * 1000),
-        _centi(velocity.north), _centi(velocity.east), _centi(-velocity.up), round(px4.motion.bearing * 100) % 36000,
-    )  # fmt: skip
-
-
-def local_position_ned(px4: Px4) -> dialect.MAVLink_message | None:
-    """LOCAL_POSITION_NED"""
-    if px4.home is None or px4.estimate.lost:
-        return None
-    at, velocity = px4.motion.position, px4.motion.velocity
-    return dialect.MAVLink_local_position_ned_message(
-        _boot_ms(px4), at.north, at.east, -at.up, velocity.north, velocity.east, -velocity.up
-    )
-
-
-def attitude(px4: Px4) -> dialect.MAVLink_message:
-    """ATTITUDE"""
-    roll, pitch = px4.motion.tilt
-    yaw = math.remainder(px4.motion.heading, 2 * math.pi)
-    return dialect.MAVLink_attitude_message(_boot_ms(px4), roll, pitch, yaw, 0, 0, px4.motion.turn_rate)
-
-
-def vfr_hud(px4: Px4) -> dialect.MAVLink_message:
-    """VFR_HUD"""
-    speed, climb = px4.motion.velocity.flat(), px4.motion.up.velocity
-    airspeed = speed if px4.has_airspeed else math.nan
-    throttle = 50 if px4.armed and px4.flight.airborne else 0
-    heading = round(px4.motion.bearing) % 360
-    return dialect.MAVLink_vfr_hud_message(airspeed, speed, heading, throttle, px4.place.alt, climb)
-
-
 def gps_raw_int(px4: Px4) -> dialect.MAVLink_message:
     """GPS_RAW_INT"""
-    place, velocity = px4.gps_place, px4.motion.velocity
-    if place is None:
-        return dialect.MAVLink_gps_raw_int_message(_boot_us(px4), 0, 0, 0, 0, _UNKNOWN_16, _UNKNOWN_16, 0, 0, 0)
-    course = math.degrees(math.atan2(velocity.east, velocity.north)) % 360.0
-    return dialect.MAVLink_gps_raw_int_message(
-        _boot_us(px4), FIX_TYPE, place.lat_e7, place.lon_e7, place.alt_mm, 70, 110,
-        min(_UNKNOWN_16, _centi(velocity.flat())), round(course * 100) % 36000, SATELLITES,
-        place.alt_mm, 900, 1780, 400, 0, 0,
-    )  # fmt: skip
+    known = common.gps_raw_int(px4, FIX_TYPE, (70, 110), (900, 1780, 400))
+    nothing = (boot_us(px4), 0, 0, 0, 0, UNKNOWN_16, UNKNOWN_16, 0, 0, 0)
+    return dialect.MAVLink_gps_raw_int_message(*nothing) if known is None else known
 
 
 def altitude(px4: Px4) -> dialect.MAVLink_message:
@@ -120,7 +77,7 @@ def altitude(px4: Px4) -> dialect.MAVLink_message:
     above_sea = px4.place.alt
     relative = px4.motion.up.position - px4.home_on_chart.up
     return dialect.MAVLink_altitude_message(
-        _boot_us(px4), above_sea, above_sea, px4.motion.up.position, relative, math.nan, math.nan
+        boot_us(px4), above_sea, above_sea, px4.motion.up.position, relative, math.nan, math.nan
     )
 
 
@@ -128,7 +85,7 @@ def battery_status(px4: Px4) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
     battery = px4.battery
     return dialect.MAVLink_battery_status_message(
-        0, 1, 1, _INT16, [round(battery.voltage * 1000), *([_UNKNOWN_16] * 9)], -1, 0, -1, battery.remaining, 0,
+        0, 1, 1, INT16, [round(battery.voltage * 1000), *([UNKNOWN_16] * 9)], -1, 0, -1, battery.remaining, 0,
         int(battery.state),
     )  # fmt: skip
 
@@ -138,24 +95,7 @@ def estimator_status(px4: Px4) -> dialect.MAVLink_message:
     flags = _ESTIMATING if px4.ready else _ALIGNING
     if px4.estimate.lost:
         flags &= ~_HORIZONTAL
-    return dialect.MAVLink_estimator_status_message(_boot_us(px4), flags, 0, 0, 0, 0, 0, 0, 0.1, 0.1)
-
-
-def home_position(px4: Px4) -> dialect.MAVLink_message | None:
-    """HOME_POSITION"""
-    home = px4.home
-    if home is None:
-        return None
-    at = px4.home_on_chart
-    return dialect.MAVLink_home_position_message(
-        home.lat_e7, home.lon_e7, home.alt_mm, at.north, at.east, -at.up, [1.0, 0, 0, 0], 0, 0, 0, _boot_us(px4)
-    )
-
-
-def gps_global_origin(px4: Px4) -> dialect.MAVLink_message:
-    """GPS_GLOBAL_ORIGIN"""
-    origin = px4.chart.origin
-    return dialect.MAVLink_gps_global_origin_message(origin.lat_e7, origin.lon_e7, origin.alt_mm, _boot_us(px4))
+    return dialect.MAVLink_estimator_status_message(boot_us(px4), flags, 0, 0, 0, 0, 0, 0, 0.1, 0.1)
 
 
 def position_target_global_int(px4: Px4) -> dialect.MAVLink_message | None:
@@ -168,7 +108,7 @@ def position_target_global_int(px4: Px4) -> dialect.MAVLink_message | None:
         target = Vector(here.north, here.east, task.up if isinstance(task, TakeOff) else here.up)
     goal = px4.chart.place(target)
     return dialect.MAVLink_position_target_global_int_message(
-        _boot_ms(px4), 5, 0, goal.lat_e7, goal.lon_e7, goal.alt, *(math.nan,) * 3, 0, 0, 0, px4.motion.heading, 0
+        boot_ms(px4), 5, 0, goal.lat_e7, goal.lon_e7, goal.alt, *(math.nan,) * 3, 0, 0, 0, px4.motion.heading, 0
     )
 
 
@@ -185,7 +125,7 @@ def position_target_local_ned(px4: Px4) -> dialect.MAVLink_message:
             place, mask = px4.motion.position, 0
     rate = task.turn_rate or 0.0 if isinstance(task, Drift) else 0.0
     return dialect.MAVLink_position_target_local_ned_message(
-        _boot_ms(px4), dialect.MAV_FRAME_LOCAL_NED, mask, place.north, place.east, -place.up,
+        boot_ms(px4), dialect.MAV_FRAME_LOCAL_NED, mask, place.north, place.east, -place.up,
         velocity.north, velocity.east, -velocity.up, 0, 0, 0, px4.motion.heading, rate,
     )  # fmt: skip
 
@@ -193,7 +133,7 @@ def position_target_local_ned(px4: Px4) -> dialect.MAVLink_message:
 def mission_current(px4: Px4) -> dialect.MAVLink_message:
     """MISSION_CURRENT"""
     mission = px4.missions
-    total = len(mission.items) or _UNKNOWN_16
+    total = len(mission.items) or UNKNOWN_16
     return dialect.MAVLink_mission_current_message(
         mission.current, total, int(px4.navigator.state), 1 if px4.mode is Mode.MISSION else 2
     )
@@ -206,7 +146,7 @@ def orbit_execution_status(px4: Px4) -> dialect.MAVLink_message | None:
         return None
     centre = px4.chart.place(circle.centre)
     return dialect.MAVLink_orbit_execution_status_message(
-        _boot_us(px4), circle.radius, 0, centre.lat_e7, centre.lon_e7, centre.alt
+        boot_us(px4), circle.radius, 0, centre.lat_e7, centre.lon_e7, centre.alt
     )
 
 
@@ -222,7 +162,7 @@ def autopilot_version(px4: Px4) -> dialect.MAVLink_message:
 def servo_output_raw(px4: Px4) -> dialect.MAVLink_message:
     """SERVO_OUTPUT_RAW of MAIN"""
     pulses = px4.outputs.pulses(armed=px4.armed, airborne=px4.flight.airborne)
-    return dialect.MAVLink_servo_output_raw_message(_boot_us(px4) % 2**32, 0, *pulses)
+    return dialect.MAVLink_servo_output_raw_message(boot_us(px4) % 2**32, 0, *pulses)
 
 
 def extended_sys_state(px4: Px4) -> dialect.MAVLink_message:
@@ -230,24 +170,28 @@ def extended_sys_state(px4: Px4) -> dialect.MAVLink_message:
     return dialect.MAVLink_extended_sys_state_message(0, int(px4.flight.landed))
 
 
+def _estimates(px4: Px4) -> bool:
+    return px4.home is not None and not px4.estimate.lost
+
+
 BUILDERS: dict[int, Builder] = {
     0: heartbeat,
     1: sys_status,
-    2: lambda px4: dialect.MAVLink_system_time_message(0, _boot_ms(px4)),
+    2: common.system_time,
     24: gps_raw_int,
-    30: attitude,
-    32: local_position_ned,
-    33: global_position_int,
+    30: common.attitude,
+    32: lambda px4: common.local_position_ned(px4) if _estimates(px4) else None,
+    33: lambda px4: common.global_position_int(px4) if _estimates(px4) else None,
     36: servo_output_raw,
-    49: gps_global_origin,
-    74: vfr_hud,
+    49: common.gps_global_origin,
+    74: lambda px4: common.vfr_hud(px4, throttle=50, has_airspeed=px4.has_airspeed),
     85: position_target_local_ned,
     87: position_target_global_int,
     141: altitude,
     147: battery_status,
     230: estimator_status,
-    241: lambda px4: dialect.MAVLink_vibration_message(_boot_us(px4), 0.0, 0.0, 0.0, 0, 0, 0),
-    242: home_position,
+    241: common.vibration,
+    242: lambda px4: common.home_position(px4, attitude=1.0),
     245: extended_sys_state,
     360: orbit_execution_status,
     CURRENT_MODE_ID: current_mode,
@@ -275,15 +219,3 @@ DEFAULTS_S = {
     147: 2.0, 230: 1.0, 241: 2.0, 242: 2.0, 245: 0.5, 360: 0.2, CURRENT_MODE_ID: 2.0,
 }  # fmt: skip
 """Intervals after power on. The real one sends positions and attitude 10 to 20 times as often."""
-
-
-def _boot_ms(px4: Px4) -> int:
-    return round(px4.now * 1000) % 2**32
-
-
-def _boot_us(px4: Px4) -> int:
-    return round(px4.now * 1e6)
-
-
-def _centi(value: float) -> int:
-    return max(-_INT16, min(_INT16, round(value * 100)))

@@ -106,7 +106,7 @@ def test_a_copter_without_gps_lands_where_the_wind_carries_it() -> None:
     assert flight.copter.mode is Mode.GUIDED
     flight.until(30 + TIMEOUT_S + NOTICED_S + 1)
     assert not telemetry.ekf_status_report(flight.copter).flags & HORIZONTAL
-    assert telemetry.local_position_ned(flight.copter) is None
+    assert telemetry.BUILDERS[32](flight.copter) is None
     assert flight.copter.mode is Mode.LAND
     assert flight.texts[-2:] == ["EKF variance: over thresholds", "EKF Failsafe: changed to LAND Mode"]
     flight.after(40)
@@ -137,7 +137,7 @@ def test_a_position_is_found_again_where_the_copter_is_in_truth() -> None:
 def test_a_jump_of_the_gps_is_rejected_while_it_is_short() -> None:
     flight = Flight("gps-jump=30+5:40")
     flight.until(33)
-    raw, position = telemetry.gps_raw_int(flight.copter), telemetry.global_position_int(flight.copter)
+    raw, position = telemetry.gps_raw_int(flight.copter), telemetry.BUILDERS[33](flight.copter)
     assert position is not None
     assert math.hypot(raw.lat - position.lat, raw.lon - position.lon) > 1000
     assert telemetry.ekf_status_report(flight.copter).flags & dialect.EKF_GPS_GLITCHING
