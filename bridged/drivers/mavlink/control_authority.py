@@ -1,7 +1,8 @@
 """Who controls the vehicle: agents and the bridge, or others (a pilot, a ground station, the vehicle's failsafe).
 
-A mode that nobody here asked for is theirs. It ends motions of agents, and lasts until an agent sets the mode, or until
-they hand the vehicle over: they leave their mode for GUIDED, in which it obeys agents.
+A mode that nobody here asked for is theirs, and any mode in which a failsafe of the vehicle acts. It ends motions of
+agents, and lasts until an agent sets the mode, or until they hand the vehicle over: they leave their mode for GUIDED,
+in which it obeys agents.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ class ControlAuthority:
         """The agents do not perceive the override yet."""
         self._to_judge = False
         """A run that judges changes of the mode has not yet judged the last one."""
+        self._failsafe_acted = False
+        """Whether a failsafe of the vehicle acted at its last HEARTBEAT."""
         self._doubt_until = -math.inf
         """Until when a mode that the vehicle may have started with counts as nobody's."""
 
@@ -76,18 +79,22 @@ class ControlAuthority:
         `mode_before`: number of the mode before (custom_mode); -1 = there was no HEARTBEAT yet.
         """
         vehicle = self._flight.vehicle
+        acts, self._failsafe_acted = vehicle.failsafe_acts and not self._failsafe_acted, vehicle.failsafe_acts
         if mode_before < 0 or self._restarted:
             self._restarted = False
-            self.overridden = vehicle.mode not in vehicle.modes.ordered
+            self.overridden = vehicle.mode not in vehicle.modes.ordered or acts
             if vehicle.armed and mode_before < 0:  # in use before this bridge, by a pilot or an agent as its mode says
                 if self.overridden:
                     self.override, self._unreported = vehicle.mode_name, True
                     self._report_override()
                 else:
                     self._by_agent = True
-        elif vehicle.mode != mode_before and not self._by_itself(mode_before):
-            ours = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
-            self._to_judge = not ours and vehicle.mode in vehicle.modes.resting and any(map(_judges, self._runs))
+        elif acts or (vehicle.mode != mode_before and not self._by_itself(mode_before)):
+            asked = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
+            ours = asked and not acts
+            self._to_judge = (
+                not asked and not acts and vehicle.mode in vehicle.modes.resting and any(map(_judges, self._runs))
+            )
             if self._to_judge:
                 return
             handed_over = self.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided

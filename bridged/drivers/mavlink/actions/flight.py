@@ -163,9 +163,9 @@ def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: flo
             if abs(climbed - wanted) <= (by_itself if at_rest or vehicle.positions > left_at else near):
                 if vehicle.mode == modes.takeoff:  # it will end it by itself
                     flight.expect_mode(modes.hold)
-                if vehicle.mode in (*modes.targets, modes.takeoff):
+                if vehicle.mode in (*modes.targets, modes.takeoff) and not vehicle.failsafe_acts:
                     return SUCCEEDED
-            if run.judges_mode and vehicle.positions > left_at:
+            if run.judges_mode and (vehicle.positions > left_at or vehicle.failsafe_acts):
                 reason = f"at {climbed:.1f} m the mode became {vehicle.mode_name}, which nobody here asked for"
                 return Outcome("failed", flight.with_texts(f"{reason} ({flight.others})", asked), "pilot")
         elif vehicle.positions == seen:

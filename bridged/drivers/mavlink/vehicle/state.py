@@ -65,8 +65,6 @@ class Vehicle:
         self.heard_at = -math.inf
         """Time of the last HEARTBEAT."""
         self.mode = -1
-        self.wanted_mode = -1
-        """The mode that somebody set last (CURRENT_MODE); a failsafe is in another. -1 = not reported."""
         self.overridden = False
         """Whether others set the present mode; set by the control authority."""
         self.armed = False
@@ -178,8 +176,6 @@ class Vehicle:
                 self._unhealthy = there & ~message.onboard_control_sensors_health
             case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
                 self.ekf_flags = message.flags
-            case "CURRENT_MODE":
-                self.wanted_mode = message.intended_custom_mode or message.custom_mode
             case "GPS_RAW_INT":
                 self.gps_fix = message.fix_type
             case "MISSION_ITEM_REACHED":
@@ -225,8 +221,9 @@ class Vehicle:
 
     @property
     def failsafe_acts(self) -> bool:
-        """Whether the vehicle reports that a failsafe of its own flies it, against what was set."""
-        return self.system_status == dialect.MAV_STATE_CRITICAL and self.wanted_mode not in (-1, self.mode)
+        """Whether the vehicle reports that a failsafe of its own flies it: PX4 does, also in the mode that was set."""
+        critical = self.system_status == dialect.MAV_STATE_CRITICAL
+        return critical and self.armed and self.autopilot == dialect.MAV_AUTOPILOT_PX4
 
     def state(self) -> dict[str, object]:
         """The content of its last HEARTBEAT; empty while it is not heard."""

@@ -341,6 +341,58 @@ def test_a_lost_link_ends_its_actions_and_its_own_failsafe_is_told(tmp_path: Pat
     assert sky.belief("override") == ("RTL",)
 
 
+def deaf_to_beats(tmp_path: Path) -> Sky:
+    """A PX4 on its way that hears no ground station any more, until its failsafe holds it."""
+    sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n", NAV_DLL_ACT=2).flying(20)
+    sky.begin("goto", -27.5900, -48.5180, 30)
+    sky.wait(3)
+    sky.hears_us = lambda message: message.get_type() != "HEARTBEAT"
+    sky.forward(lambda: sky.driver.vehicle.system_status == dialect.MAV_STATE_CRITICAL, "its failsafe", 20)
+    return sky
+
+
+def test_its_failsafe_that_holds_in_the_mode_of_agents_is_not_undone_by_them(tmp_path: Path) -> None:
+    sky = deaf_to_beats(tmp_path)
+    assert sky.driver.vehicle.mode == PX4_COPTER.guided
+    sky.wait(2.5)
+    reason = "the mode became HOLD, which nobody here asked for (the vehicle's failsafe)"
+    assert (sky.statuses[-1].state, sky.statuses[-1].cause) == ("failed", "pilot")
+    assert sky.statuses[-1].reason.startswith(reason)
+    assert sky.belief("override") == ("HOLD",)
+    assert sky.do("goto", *GOAL).cause == "pilot"
+    sky.wait(6)
+    assert mode(sky) == "RTL"
+
+
+def test_a_takeoff_that_its_failsafe_ends_has_failed(tmp_path: Path) -> None:
+    sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n", NAV_DLL_ACT=2)
+    sky.wait(10)
+    done(sky, "arm_motors", True)
+    heard = sky.begin("takeoff", 30)
+    sky.hears_us = lambda message: message.get_type() != "HEARTBEAT"
+    sky.forward(lambda: heard[-1].final, "its failsafe", 25)
+    assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
+    assert "(the vehicle's failsafe)" in heard[-1].reason
+    assert sky.do("goto", *GOAL).cause == "pilot"
+
+
+def test_an_agent_takes_control_again_from_its_failsafe(tmp_path: Path) -> None:
+    sky = deaf_to_beats(tmp_path)
+    sky.wait(2.5)
+    done(sky, "set_mode", "GUIDED")
+    assert sky.belief("override") is None
+    done(sky, "goto", *GOAL)
+
+
+def test_a_bridge_that_is_started_while_its_failsafe_acts_does_not_undo_it(tmp_path: Path) -> None:
+    before = deaf_to_beats(tmp_path / "before")
+    before.forward(lambda: before.driver.vehicle.mode == PX4_COPTER.rtl, "the way home", 10)
+    after = Sky(tmp_path / "after", vehicle=before.vehicle)
+    after.wait(3)
+    assert after.belief("override") == ("RTL",)
+    assert after.do("goto", *GOAL).cause == "pilot"
+
+
 def test_the_bridge_is_its_ground_station_and_says_if_its_failsafe_is_off(tmp_path: Path) -> None:
     sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n")
     sky.wait(10)
