@@ -35,7 +35,7 @@ from commd.bus.bus import Bus, Query, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
-from commd.common.tasks import Tasks
+from commd.common.tasks import Tasks, in_step, wait_at_most
 from commd.process.output import stdout
 from commd.process.process import Agents, report_health
 from commd.process.systemd import Member, Unit
@@ -89,6 +89,8 @@ class AgentGroup:
         """The boards of the agents of this daemon."""
         self._ends: dict[str, asyncio.Event] = {}
         self._running: dict[asyncio.Task[None], str] = {}
+        self._ended = asyncio.Event()
+        """Set when an agent has ended."""
         self._reasoning: dict[str, AgentHost] = {}
         self._beginning: dict[str, asyncio.Task[None]] = {}
         """By board: what removes the services of former lives; it ends within the patience of a request."""
@@ -166,8 +168,9 @@ class AgentGroup:
         try:
             while self._running:
                 beats.beat()
-                ended, _ = await asyncio.wait(self._running, return_when=asyncio.FIRST_COMPLETED, timeout=pause)
-                for task in ended:
+                self._ended.clear()
+                await wait_at_most(self._ended, in_step(asyncio.get_running_loop().time(), pause))
+                for task in [task for task in self._running if task.done()]:
                     del self._running[task]
                     task.result()
                 self._report()
@@ -215,6 +218,7 @@ class AgentGroup:
             end.set()
         task = asyncio.create_task(self._live(host, end))
         self._running[task] = host.part.name
+        task.add_done_callback(lambda _: self._ended.set())
         self._presence_beliefs.begin(host.part.name)
         if host.part.presence:
             self._presence_beliefs.subscribe(host.part.name, host.feed)

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable
 
 from commd.bus.bus import Bus
+from commd.common.tasks import in_step
 from commd.liveness.presence import Presence, Silence
 from schemas.liveness import BRIDGE_GRACE, SILENT_AFTER
 from schemas.wire import keys
@@ -58,7 +59,7 @@ class BridgePresence:
         """Check the bridge's health records, for ever."""
         loop = asyncio.get_running_loop()
         while True:
-            await asyncio.sleep(POLL)
+            await asyncio.sleep(in_step(loop.time(), POLL))
             silent = self._silence.silent(loop.time())
             if silent and self._there and self._bus.router_up and not self.hangs:
                 self.hangs, self.up, self.gone = True, False, True

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
+from commd.common.tasks import in_step
 from commd.mail import queries
 from commd.mail.age_clock import SAVE_EVERY, MailClock
 from commd.mail.delivery import DeliveryQueues
@@ -19,9 +20,11 @@ from schemas.wire.records import Refusal
 log = logging.getLogger("mail")
 
 SWEEP_EVERY = 0.25
-"""Wall seconds between two checks for expired messages."""
-LOOK_EVERY = 20
-"""Sweeps between two checks for lines without delivery (there should be none) and unknown receivers."""
+"""Wall seconds between two checks for expired messages..."""
+REST = 1.0
+"""... and while no message expires."""
+LOOK_EVERY = 5.0
+"""Wall seconds between two checks for lines without delivery (there should be none) and unknown receivers."""
 DOUBT = 60.0
 """Seconds for which an expired message is kept that may have arrived: its receiver's side knows."""
 STRANGER = 60.0
@@ -64,14 +67,14 @@ class DeadLetters:
 
     async def sweep(self, queues: DeliveryQueues) -> None:
         """Give up expired mail and mail to unknown receivers, and save the mail clock, for ever."""
-        saved, place, rounds = self._clock.now(), self._tally.next, 0
+        loop, saved, place = asyncio.get_running_loop(), self._clock.now(), self._tally.next
+        look_at = loop.time() + LOOK_EVERY
         while True:
-            await asyncio.sleep(SWEEP_EVERY)
-            rounds += 1
-            if rounds % LOOK_EVERY == 0:
-                queues.look()
+            await asyncio.sleep(in_step(loop.time(), SWEEP_EVERY if self._tally.expiring else REST))
             try:
-                if rounds % LOOK_EVERY == 0:
+                if loop.time() >= look_at:
+                    look_at = loop.time() + LOOK_EVERY
+                    queues.look()
                     await self._drop_unknown_receivers(queues)
                 now = self._clock.now()
                 if now - saved >= SAVE_EVERY and (self._tally.expiring or self._tally.next != place):

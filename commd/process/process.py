@@ -10,12 +10,10 @@ import signal
 import threading
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any, TypeAlias
-from weakref import WeakKeyDictionary
+from typing import Any, Final, TypeAlias
 
 from msgspec.structs import replace
 
@@ -24,7 +22,7 @@ from commd.bus.errors import AlreadyRunning, BusClosed, OtherMajor, QueryFailed
 from commd.bus.session import sessions_under_way, still_there
 from commd.bus.tls import Tls, tls_in
 from commd.common.clock import Clock
-from commd.common.wakeup_coalescing import CoalescingLoop
+from commd.common.wakeup_coalescing import CoalescingLoop, loop_lag
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
@@ -165,44 +163,8 @@ async def greet(bus: Bus, boards: Iterable[str]) -> None:
                 ) from None
 
 
-LAG_EVERY = 0.25
-"""Wall seconds between two measurements; a longer stall is always noticed."""
-LAG_KEPT = 5
-"""Measurements that count: those of about the last second."""
-
-
-class LoopLag:
-    """Measures one event loop while it runs."""
-
-    def __init__(self, now: Callable[[], float], call_at: Callable[[float, Callable[[], None]], object]) -> None:
-        self._now, self._call_at = now, call_at
-        self._late: deque[float] = deque(maxlen=LAG_KEPT)
-        self._due = now() + LAG_EVERY
-        call_at(self._due, self._look)
-
-    @property
-    def worst(self) -> float:
-        """The worst delay in about the last second, in wall seconds."""
-        return max(0.0, self._now() - self._due, *self._late)
-
-    def _look(self) -> None:
-        now = self._now()
-        self._late.append(now - self._due)
-        self._due = now + LAG_EVERY
-        self._call_at(self._due, self._look)
-
-
-_of_loops: WeakKeyDictionary[asyncio.AbstractEventLoop, LoopLag] = WeakKeyDictionary()
-
-
-def loop_lag() -> LoopLag:
-    """Return the measurement of the running loop, one for all callers."""
-    loop = asyncio.get_running_loop()
-    found = _of_loops.get(loop)
-    if found is None:
-        found = _of_loops[loop] = LoopLag(loop.time, loop.call_at)
-    return found
-
+GRID: Final = 0.25
+"""Health records are put at multiples of so many wall seconds, when other tasks of the process wake as well."""
 
 Agents: TypeAlias = Mapping[str, Callable[[], AgentHealth]]
 """What returns the health of each agent."""
@@ -219,7 +181,6 @@ async def report_health(
 
     `agents()` returns those of an `agentd` that live on the board `name`.
     """
-    loop = loop_lag()
     while True:
         try:
             health = details()
@@ -244,7 +205,7 @@ async def report_health(
             notes=_printable(notes),
             version=RELEASE,
             restarts=bus.restarts,
-            lag=round(max(loop.worst, health.lag), 3),
+            lag=round(max(loop_lag(), health.lag), 3),
             errors=errors,
             last_error=words,
             last_error_age=age,
@@ -260,7 +221,7 @@ async def report_health(
             note = Note("health_unsendable", one_line(f"its health cannot be sent: {bad}"))
             record = Health(**plain, notes=(note,), agents=bare)
         bus.put(keys.health(bus.fleet, name, bus.daemon), record, urgent=True)
-        await asyncio.sleep(HEALTH_EVERY - asyncio.get_running_loop().time() % LAG_EVERY)  # when others wake as well
+        await asyncio.sleep(HEALTH_EVERY - asyncio.get_running_loop().time() % GRID)  # when others wake as well
 
 
 def _with_agents(health: Health, agents: Agents) -> Health:

@@ -11,7 +11,6 @@ import pytest
 
 from commd.common import repeated_log
 from commd.common.repeated_log import RepeatedLog
-from commd.process.process import LAG_EVERY, LAG_KEPT, LoopLag
 
 
 class Time:
@@ -74,15 +73,3 @@ def test_nothing_is_said_of_what_is_over_and_the_next_time_begins_anew(time: Tim
     reminder.begin()
     time.until(5011)
     assert said == [10, 10]
-
-
-def test_a_loop_is_as_late_as_its_longest_stall_of_the_last_second(time: Time) -> None:
-    lag = LoopLag(time.time, time.call_at)
-    time.until(10)
-    assert lag.worst == 0
-    time.at += 3.0  # nothing is done meanwhile
-    assert 3.0 - LAG_EVERY <= lag.worst <= 3.0
-    time.until(time.at)
-    assert 3.0 - LAG_EVERY <= lag.worst <= 3.0
-    time.until(time.at + (LAG_KEPT + 2) * LAG_EVERY)
-    assert lag.worst == 0

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import selectors
 import socket
+import time
 
-from commd.common.wakeup_coalescing import CoalescingLoop, postpone_input
+import pytest
+
+from commd.common.wakeup_coalescing import LAG_KEPT, CoalescingLoop, loop_lag, postpone_input
 from tests.support.buses import until
 
 POSTPONED = 2.0
@@ -46,3 +50,38 @@ def test_timers_are_on_time_while_input_is_postponed_and_one_pass_reads_all_of_i
 
 def test_another_loop_takes_input_as_it_comes() -> None:
     assert asyncio.run(while_postponed()) == ["a", "timer", "b"]
+
+
+def test_a_loop_is_as_late_as_its_worst_pass_or_wait_of_the_last_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, sleeps_long = 100.0, 0.0
+
+    def wait(self: object, timeout: float | None = None) -> list[object]:
+        nonlocal now
+        now += (timeout or 0.0) + sleeps_long
+        return []
+
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    monkeypatch.setattr(selectors.DefaultSelector, "select", wait)
+
+    async def lags() -> list[float]:
+        nonlocal now, sleeps_long
+        found = [loop_lag()]
+        now += 3.0  # a pass in which nothing else is done
+        found.append(loop_lag())
+        await asyncio.sleep(LAG_KEPT / 2)
+        found.append(loop_lag())
+        for _ in range(5):
+            await asyncio.sleep(LAG_KEPT / 2)
+        found.append(loop_lag())
+        sleeps_long = 0.5  # the machine does not run the process
+        await asyncio.sleep(LAG_KEPT / 2)
+        found.append(loop_lag())
+        return found
+
+    with asyncio.Runner(loop_factory=CoalescingLoop) as runner:
+        assert runner.run(lags()) == pytest.approx([0.0, 3.0, 3.0, 0.0, 0.5])
+    assert asyncio.run(no_lag()) == 0.0, "other loops do not measure"
+
+
+async def no_lag() -> float:
+    return loop_lag()
