@@ -30,127 +30,72 @@ from argosy.trial.faults import (
 from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.files.findings import Findings
 from schemas.files.units import Duration
-from schemas.mission.model import Mission, load_mission
+from schemas.mission.model import load_mission
 
 SEEDS = range(1, 301)
 TEAM = load_mission("search_and_rescue")
 
 
-@pytest.fixture(scope="module")
-def team() -> Mission:
-    return TEAM
-
-
-@pytest.fixture(scope="module")
-def drawn(team: Mission) -> list[Fault]:
-    return [fault for seed in SEEDS for fault in draw(team, seed)]
+DRAWN = {seed: draw(TEAM, seed) for seed in SEEDS}
+ALL = [fault for faults in DRAWN.values() for fault in faults]
 
 
 def of(kind: type[Any], faults: list[Fault]) -> list[Any]:
     return [one for one in faults if isinstance(one, kind)]
 
 
-def test_a_seed_draws_the_same_faults_each_time(team: Mission) -> None:
-    assert draw(team, 7) == draw(team, 7)
+def test_a_seed_draws_the_same_faults_each_time_and_each_seed_others_in_the_order_of_their_times() -> None:
+    assert draw(TEAM, 7) == DRAWN[7]
+    assert len({"; ".join(map(str, faults)) for faults in DRAWN.values()}) == len(SEEDS)
+    assert all(faults == sorted(faults, key=lambda one: one.at) for faults in DRAWN.values())
 
 
-def test_seeds_draw_different_faults(team: Mission) -> None:
-    texts = {"; ".join(map(str, draw(team, seed))) for seed in SEEDS}
-    assert len(texts) == len(SEEDS)
-
-
-def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it(team: Mission) -> None:
+def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it() -> None:
     for kind in (Kill, BoardDown, DiskFull, ClockStep, LinkCut, LinkNoise, Battery, Operator):
-        has = [bool(of(kind, draw(team, seed))) for seed in range(1, 61)]
-        assert any(has), kind
-        assert not all(has), kind
-
-
-def test_faults_are_in_the_order_of_their_times(team: Mission) -> None:
-    for seed in range(1, 21):
-        times = [one.at for one in draw(team, seed)]
-        assert times == sorted(times)
-
-
-def test_faults_begin_within_the_storm_and_end_soon_after_it(drawn: list[Fault]) -> None:
-    assert all(0 <= one.at <= STORM for one in drawn)
-    assert last(drawn) <= STORM + 60
-
-
-def test_boards_are_down_for_1_to_30_seconds_and_links_cut_for_at_most_60(drawn: list[Fault]) -> None:
-    assert all(1 <= one.seconds <= 30 for one in of(BoardDown, drawn))
-    assert all(0 <= one.seconds <= 60 for one in of(LinkCut, drawn))
-
-
-def test_disks_are_full_for_1_to_20_seconds(drawn: list[Fault]) -> None:
-    assert all(1 <= one.seconds <= 20 for one in of(DiskFull, drawn))
-
-
-def test_a_link_is_cut_between_two_boards(drawn: list[Fault]) -> None:
-    assert all(one.sender != one.receiver for one in of(LinkCut, drawn))
-
-
-def test_faults_name_what_the_mission_has(team: Mission, drawn: list[Fault]) -> None:
-    assert {one.robot for one in [*of(Vehicle, drawn), *of(Battery, drawn)]} == set(team.robots)
-    assert {one.board for one in of(BoardDown, drawn)} == set(team.board_names)
-    daemons = {f"commd {board}" for board in team.board_names}
-    daemons |= {f"bridged:{robot}" for robot in team.robots}
-    daemons |= {f"agentd:{board}" for board in boards_with_agents(team)}
-    assert {one.daemon for one in of(Kill, drawn)} == daemons
-
-
-def test_a_simulated_vehicle_reads_each_of_its_faults(drawn: list[Fault]) -> None:
-    for one in of(Vehicle, drawn):
-        Faults.parse([one.fault])
-
-
-def test_some_seed_draws_each_fault_of_a_vehicle_that_makes_sense_and_some_does_not(team: Mission) -> None:
-    names = [{one.fault.partition("=")[0] for one in of(Vehicle, draw(team, seed))} for seed in SEEDS]
+        assert {bool(of(kind, faults)) for faults in DRAWN.values()} == {True, False}, kind
+    names = [{one.fault.partition("=")[0] for one in of(Vehicle, faults)} for faults in DRAWN.values()]
     for name in ("loss", "duplicate", "cut", "mute-acks", "wind", "gps-loss", "gps-jump", "pilot", "camera"):
-        assert 0 < sum(name in drawn for drawn in names) < len(SEEDS), name
+        assert {name in drawn for drawn in names} == {True, False}, name
 
 
-def test_the_wind_is_the_same_for_all_vehicles(team: Mission) -> None:
-    for seed in SEEDS:
-        winds = [one for one in of(Vehicle, draw(team, seed)) if one.fault.startswith("wind=")]
-        assert len(winds) in (0, len(team.robots))
-        assert len({one.fault.rpartition(":")[0] for one in winds}) <= 1
-
-
-def test_packets_lost_and_doubled_are_bounded_shares(drawn: list[Fault]) -> None:
-    faults = [Faults.parse([one.fault]) for one in of(Vehicle, drawn)]
-    assert 0.01 <= max(one.loss for one in faults) <= 0.3
-    assert 0.01 <= max(one.duplicate for one in faults) <= 0.2
-
-
-def test_some_vehicle_never_acknowledges(drawn: list[Fault]) -> None:
-    muted = [one for one in of(Vehicle, drawn) if one.fault == "mute-acks"]
-    assert 0 < len(muted) < len(SEEDS)
-
-
-def test_batteries_last_from_half_to_all_of_what_the_mission_says(team: Mission, drawn: list[Fault]) -> None:
-    for one in of(Battery, drawn):
-        simulate = team.robots[one.robot].simulate
+def test_faults_begin_within_the_storm_and_last_as_long_as_they_may() -> None:
+    assert all(0 <= one.at <= STORM for one in ALL)
+    assert last(ALL) <= STORM + 60
+    for kind, least, most in ((BoardDown, 1, 30), (LinkCut, 0, 60), (DiskFull, 1, 20)):
+        assert all(least <= one.seconds <= most for one in of(kind, ALL)), kind
+    for one in of(Battery, ALL):
+        simulate = TEAM.robots[one.robot].simulate
         assert simulate is not None
         assert simulate.battery is not None
         assert 0.5 * simulate.battery <= 60 * one.minutes <= simulate.battery
 
 
-def test_a_vehicle_without_a_battery_in_its_mission_gets_none() -> None:
-    mission = load_mission("single_uav")
-    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, Battery)]
+def test_faults_name_what_the_mission_has() -> None:
+    assert {one.robot for one in [*of(Vehicle, ALL), *of(Battery, ALL)]} == set(TEAM.robots)
+    assert {one.board for one in of(BoardDown, ALL)} == set(TEAM.board_names)
+    daemons = {f"commd {board}" for board in TEAM.board_names}
+    daemons |= {f"bridged:{robot}" for robot in TEAM.robots}
+    daemons |= {f"agentd:{board}" for board in boards_with_agents(TEAM)}
+    assert {one.daemon for one in of(Kill, ALL)} == daemons
+    assert all(one.sender != one.receiver for one in of(LinkCut, ALL))
 
 
-def test_a_mission_on_one_machine_has_no_link_to_cut() -> None:
-    mission = load_mission("single_uav")
-    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, LinkCut | LinkNoise)]
+def test_a_simulated_vehicle_reads_each_of_its_faults_and_all_have_the_same_wind() -> None:
+    faults = [Faults.parse([one.fault]) for one in of(Vehicle, ALL)]
+    assert 0.01 <= max(one.loss for one in faults) <= 0.3
+    assert 0.01 <= max(one.duplicate for one in faults) <= 0.2
+    for drawn in DRAWN.values():
+        winds = [one.fault.rpartition(":")[0] for one in of(Vehicle, drawn) if one.fault.startswith("wind=")]
+        assert len(winds) in (0, len(TEAM.robots))
+        assert len(set(winds)) <= 1
 
 
-def test_a_turtle_has_the_faults_of_its_daemons_and_its_operator_alone() -> None:
-    mission = load_mission("turtle")
-    drawn = [fault for seed in SEEDS for fault in draw(mission, seed)]
-    assert {type(fault) for fault in drawn} == {Kill, BoardDown, DiskFull, ClockStep, Operator}
-    assert {fault.order for fault in of(Operator, drawn)} == {"hold", "pause"}
+def test_missions_without_batteries_links_or_vehicles_draw_no_faults_of_such() -> None:
+    single = [fault for seed in SEEDS for fault in draw(load_mission("single_uav"), seed)]
+    assert not [one for one in single if isinstance(one, Battery | LinkCut | LinkNoise)]
+    turtle = [fault for seed in SEEDS for fault in draw(load_mission("turtle"), seed)]
+    assert {type(fault) for fault in turtle} == {Kill, BoardDown, DiskFull, ClockStep, Operator}
+    assert {fault.order for fault in of(Operator, turtle)} == {"hold", "pause"}
 
 
 def test_the_storm_is_over_when_the_last_fault_ends() -> None:
@@ -159,10 +104,9 @@ def test_the_storm_is_over_when_the_last_fault_ends() -> None:
     assert last([]) == 0
 
 
-def test_drawn_faults_are_read_from_yaml_as_they_were(team: Mission, tmp_path: Path) -> None:
-    drawn = draw(team, 3)
-    (path := tmp_path / "storm.yaml").write_bytes(msgspec.yaml.encode(drawn))
-    assert read(path, TEAM) == drawn
+def test_drawn_faults_are_read_from_yaml_as_they_were(tmp_path: Path) -> None:
+    (path := tmp_path / "storm.yaml").write_bytes(msgspec.yaml.encode(DRAWN[3]))
+    assert read(path, TEAM) == DRAWN[3]
 
 
 def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> None:
@@ -224,15 +168,12 @@ def test_a_bad_file_is_named_with_place_and_what_was_expected(tmp_path: Path, te
     assert f"{path}:{place}: error: {text}" in str(refused.value)
 
 
-def test_everything_that_is_wrong_with_a_file_is_told(tmp_path: Path) -> None:
+def test_all_that_is_wrong_with_a_file_is_told_also_that_it_is_no_yaml_or_not_there(tmp_path: Path) -> None:
     (path := tmp_path / "storm.yaml").write_text("- {kind: kill}\n- {kind: kill, daemon: commd}\n- {kind: quake}\n")
     with pytest.raises(Findings) as refused:
         read(path, TEAM)
     assert [one.line for one in refused.value.findings] == [1, 3]
-
-
-def test_a_file_that_is_no_yaml_and_one_that_is_not_there_are_named(tmp_path: Path) -> None:
-    (path := tmp_path / "storm.yaml").write_text("- [")
+    path.write_text("- [")
     with pytest.raises(Findings, match=r"storm\.yaml:2:1: error: not YAML"):
         read(path, TEAM)
     with pytest.raises(Findings, match=r"gone\.yaml"):
@@ -262,15 +203,15 @@ def process(name: str) -> Process:
     return Process(next(one for one in KINDS if one.name == kind), " ".join(subject), (), board=board)
 
 
-def test_a_battery_is_drawn_for_the_vehicles_that_have_one(team: Mission) -> None:
-    robots = dict(team.robots)
+def test_a_battery_is_drawn_for_the_vehicles_that_have_one() -> None:
+    robots = dict(TEAM.robots)
     simulate = robots["uav2"].simulate
     assert simulate is not None
     without = msgspec.structs.replace(simulate, battery=None)
     robots["uav2"] = msgspec.structs.replace(robots["uav2"], simulate=without)
     other = msgspec.structs.replace(simulate, battery=Duration(120))
     robots["uav3"] = msgspec.structs.replace(robots["uav3"], simulate=other)
-    mission = replace(team, robots=robots)
+    mission = replace(TEAM, robots=robots)
     drawn = [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, Battery)]
     assert {one.robot for one in drawn} == {"uav1", "uav3"}
     assert all(one.minutes <= 2 for one in drawn if one.robot == "uav3")
