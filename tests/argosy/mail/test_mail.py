@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 
 from argosy.__main__ import main
-from argosy.mail.command import board_lines
 from commd.bus.bus import Query
 from commd.mail.inspection import mailboxes_of_file
 from schemas.wire import keys
-from schemas.wire.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
+from schemas.wire.records import Mailboxes, Queue, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, board, message, post
 from tests.support.buses import FLEET, Connect, bus_test, served, until
@@ -180,28 +179,3 @@ def test_what_keeps_the_mail_from_being_shown_is_said(
     told = [mission if argument == "MISSION" else argument for argument in arguments]
     assert main(["mail", *told, "--router", endpoint]) == code
     assert problem in capsys.readouterr().err
-
-
-def test_what_came_from_others_is_shown_without_what_a_terminal_would_obey() -> None:
-    letter = Message(
-        header=Header(), id="1", sender="a", performative="tell", receiver="b", content="\x1b[2J" + "x" * 100
-    )
-    boxes = Mailboxes(
-        board="pi1\x07",
-        queues=(
-            Queue(box="outbox", sender="a\x1b", receiver="b", messages=1, bytes=90, oldest=5, state="pi2 is\naway"),
-            Queue(box="inbox", sender="longer", receiver="c", messages=12, bytes=1_234_567, oldest=3700),
-        ),
-        dead=(DeadLetter(message=letter, reason=Refusal(code="expired\x07"), stamp=0),),
-        dead_count=3,
-    )
-    lines = board_lines(boxes, dead=True)
-    assert lines[:4] == [
-        "pi1 : 13 messages waiting, 3 dead letters",
-        "  outbox  a  > b          1 message, 90 B      oldest 5.0 s  pi2 is away",
-        "  inbox   longer > c  12 messages, 1.2 MB  oldest 1 h 1 min",
-        "  2 older dead letters not shown",
-    ]
-    assert all(line.isprintable() for line in lines)
-    assert "…: expired" in lines[4]
-    assert lines[4].startswith("  dead  1970-01-01 00:00:00 UTC  a > b  tell ")

@@ -241,7 +241,7 @@ def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Star
 def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(
     start: Start, single_uav: Path, endpoint: str, victim: str, why: str
 ) -> None:
-    running = start(single_uav, "--speed", "1", fault="never-done")
+    running = start(single_uav, "--speed", "4", fault="never-done")
     running.until("uav1: armed")
     running.family[victim].suspend()
     code, out, err = ended(running)

@@ -108,17 +108,6 @@ def test_what_was_done_shows_as_done() -> None:
     assert "no intentions" in text or "not there yet" in text
 
 
-def test_text_from_outside_cannot_command_the_terminal() -> None:
-    recording = in_flight()
-    recording.model.agents["uav"].prints.append("\x1b[2J[bold]boo[/bold]")
-    recording.action(2, "say", "running", "\x1b]0;title\x07")
-    recording.mind("\x1b[31m+!g")
-    text = "\n".join(screen(recording))
-    assert "\x1b" not in text
-    assert "\x07" not in text
-    assert "[bold]boo[/bold]" in text
-
-
 def test_in_a_real_terminal_the_view_is_drawn_and_the_summary_stays(single_uav: Path, endpoint: str) -> None:
     run = [str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "5"]
     with Terminal(run, columns=100, lines=30) as terminal:

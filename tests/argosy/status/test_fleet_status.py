@@ -17,7 +17,7 @@ from argosy.fleet_model.fleet_status import MOST, FleetStatus
 from argosy.status.command import status_line, summary, to_json
 from argosy.status.metrics_command import Fleet
 from argosy.status.table import table
-from schemas.humanize import json_lines, span
+from schemas.humanize import span
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
@@ -174,17 +174,6 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
     told = to_json("trial", [row], True)["daemons"][0]
     assert (told["restarts"], told["standing"], told["board"]) == (4, "up", "pi2")
     assert told["notes"] == ({"code": "failsafe_none", "text": "no failsafe", "value": 1.0},)
-
-
-def test_no_name_on_the_bus_reaches_a_terminal_as_a_command() -> None:
-    trial = Trial(None)
-    trial.alive("x\x1b[31m", "agentd\x07")
-    trial.tells("x\x1b[31m", "agentd\x07", version="\x9b2J")
-    rows = trial.fleet_status.rows()
-    assert all(status_line(row).isprintable() for row in rows)
-    assert summary("any", rows).isprintable()
-    assert all(text.isprintable() for text in shown(rows).splitlines())
-    assert all(text.isprintable() for text in json_lines(to_json("any", rows, False)).splitlines())
 
 
 def test_an_older_daemon_that_tells_neither_version_nor_restarts_is_shown_all_the_same(mission: Mission) -> None:

@@ -35,9 +35,9 @@ class Search:
         self.path.write_text(re.sub(r"victims: \d+", "victims: 2", text))
         (folder / "search_and_rescue").symlink_to(FOLDER)
         self.recording = folder / "recording.mcap"
-        first = next(
-            re.match(r" *(\S+) s  rescuer(\d): drop_buoy$", line) for line in self.fly().journal if "drop_" in line
-        )
+        still = self.fly()
+        assert still.success, still.why
+        first = next(re.match(r" *(\S+) s  rescuer(\d): drop_buoy$", line) for line in still.journal if "drop_" in line)
         assert first is not None
         self.drop, self.board = float(first[1]), f"pi{int(first[2]) + 1}"
 

@@ -25,19 +25,16 @@ MISSIONS = Path(__file__).parents[3] / "missions"
 SINGLE, RESCUE = str(MISSIONS / "single_uav.yaml"), str(MISSIONS / "search_and_rescue.yaml")
 
 
-def test_twenty_runs_without_faults_all_succeed_and_are_reported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_without_faults_all_succeed_and_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "report"
-    assert main(["trial", SINGLE, "--runs", "20", "--faults", "none", "--min-success", "1", "--out", str(out)]) == 0
+    assert main(["trial", SINGLE, "--runs", "6", "--faults", "none", "--min-success", "1", "--out", str(out)]) == 0
     printed = capsys.readouterr()
-    assert printed.out.startswith(f"{SINGLE}: 20 of 20 runs succeed: 1.000 (0.839 to 1.000), 95 % interval\n")
+    assert printed.out.startswith(f"{SINGLE}: 6 of 6 runs succeed: 1.000 (0.610 to 1.000), 95 % interval\n")
     assert "safety: 0 runs with a violation" in printed.out
-    assert printed.err == "", "no line where there is no terminal and it takes less than a minute"
     assert (out / "report.txt").read_text() == printed.out
     data = json.loads((out / "outcomes.json").read_text())
-    assert (data["runs"], data["successes"], data["violations"], data["causes"]) == (20, 20, 0, [])
-    assert [one["seed"] for one in data["outcomes"]] == list(range(1, 21))
+    assert (data["runs"], data["successes"], data["violations"], data["causes"]) == (6, 6, 0, [])
+    assert [one["seed"] for one in data["outcomes"]] == list(range(1, 7))
     for one in data["outcomes"]:
         assert 60 < one["seconds"] < 120
         assert one["flown"] > 80
@@ -46,11 +43,6 @@ def test_twenty_runs_without_faults_all_succeed_and_are_reported(
         assert one["cpu"] > 0
         assert one["memory"] > 1e7
     page_is_whole((out / "report.html").read_text())
-
-
-def test_search_and_rescue_succeeds_without_faults(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["trial", RESCUE, "--runs", "5", "--faults", "none", "--min-success", "1"]) == 0
-    assert "5 of 5 runs succeed" in capsys.readouterr().out
 
 
 def page_is_whole(html: str) -> None:
