@@ -95,29 +95,3 @@ def test_a_reader_stumbles_over_what_is_not_so(
                 reader.follow("a page")
         else:
             reader.follow("a page")
-
-
-def test_a_reader_writes_files_and_edits_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = [
-        Block("a page", 1, "toml", "new/a.toml", "a = 1\nb = 2\n"),
-        Block("a page", 2, "diff", "new/a.toml", " a = 1\n-b = 2\n+b = 3\n"),
-        Block("a page", 3, "console", "", "$ cat new/a.toml\na = 1\nb = 3\n"),
-    ]
-    monkeypatch.setattr("tests.docs.reader.blocks", lambda page: made)
-    with Reader(tmp_path) as reader:
-        reader.follow("a page")
-        monkeypatch.setattr("tests.docs.reader.blocks", lambda page: made[1:])
-        with pytest.raises(StumbledError, match=r"0 places in new/a.toml"):
-            reader.follow("a page")
-
-
-def test_what_stays_is_interrupted_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    waits = "agentd run waiter.asl"
-    monkeypatch.setitem(table.STAYS, ("a page", waits), table.Stay(says="here"))
-    made = [
-        Block("a page", 1, "asl", "waiter.asl", "!go. +!go <- .print(here); .wait(3600000).\n"),
-        Block("a page", 2, "console", "", f"$ {waits}\n[waiter] here\n...\n"),
-    ]
-    monkeypatch.setattr("tests.docs.reader.blocks", lambda page: made)
-    with Reader(tmp_path) as reader:
-        reader.follow("a page")

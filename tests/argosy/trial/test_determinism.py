@@ -21,16 +21,6 @@ MISSION = ROOT / "missions" / "single_uav.yaml"
 SEED = 3
 """One with kills of each daemon and of the board."""
 WORKER = ("-P", "-m", "argosy.trial.worker")
-BY_CHANCE = """
-from os import urandom  # of the machine: behind the authority
-from argosy.trial import network, worker
-exact = network.Network.latency
-def latency(self, sender, receiver):
-    delay = exact(self, sender, receiver)
-    return delay if not delay else delay * (1 + urandom(1)[0] / 256)
-network.Network.latency = latency
-worker.main()
-"""
 
 
 def outcomes(
@@ -82,9 +72,3 @@ def another_python() -> str:
         if version not in ("", own):
             return found
     pytest.skip(f"no second version of Python with Argosy in {ROOT}/.venv*: make one as `python3.13 -m venv .venv313`")
-
-
-def test_chance_behind_the_authority_is_found_by_the_digests(tmp_path: Path) -> None:
-    first, again = outcomes(tmp_path, ("-P", "-c", BY_CHANCE), "0", [SEED, SEED])
-    assert first.messages > 500
-    assert again.digest != first.digest

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from commd.gateway.gateway import BadDatagram, read_message, write_message
+from schemas.wire import mind_records, records
 from schemas.wire.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.wire.records import Action, ActionStatus, Header, Mail, Message, Perception
 from schemas.wire.term_text import BadTerm, read, write
@@ -111,6 +112,15 @@ def test_another_major_version_or_record_is_refused_by_name() -> None:
         codec(ActionStatus).decode(b'{"name":"a"}', "application/json;argosy.ActionDescription/2")
     with pytest.raises(BadRecord, match="expected a Perception, got a Action"):
         codec(Perception).decode(b'{"name":"a"}', "application/json;argosy.Action/1")
+
+
+@pytest.mark.parametrize("wire", ["json", "msgpack"])
+def test_each_record_of_the_next_major_version_is_refused_by_its_number(wire: Wire) -> None:
+    own = [one for one in (*vars(records).values(), *vars(mind_records).values()) if isinstance(one, type)]
+    for record in (one for one in own if issubclass(one, records.Record) and one is not records.Record):
+        encoding = codec(record).encoding(wire).rpartition("/")[0]
+        with pytest.raises(BadRecord, match="version 2 of the record, this daemon speaks version 1"):
+            codec(record).decode(b"{}", f"{encoding}/2")
 
 
 def test_unknown_fields_are_ignored_and_can_be_counted() -> None:
