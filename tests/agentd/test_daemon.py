@@ -20,20 +20,12 @@ from commd.bus.bus import open_bus
 from commd.common.clock import Clock
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
-from tests.agentd.daemons import TWO, daemons, end, mission
+from tests.agentd.daemons import TWO, daemons, mission
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
 from tests.support.buses import Connect, bus_test, until
 from tests.support.processes import running
 from tests.support.promises import kept
-
-
-def test_agents_of_two_daemons_talk_through_commd(tmp_path: Path, endpoint: str) -> None:
-    path = mission(tmp_path)
-    with daemons(path, endpoint, "b", "a") as (b, a):
-        a.says("[a] hello")
-        a.says("[a] enough: 6")
-        end(a, b)
 
 
 def test_an_agent_leaves_within_a_second_when_asked_to(tmp_path: Path, endpoint: str) -> None:

@@ -213,23 +213,6 @@ def test_what_percepts_bring_about_is_kept(source: str) -> None:
     assert "seen/0" in dict(state_of(life.next().mind)["beliefs"])
 
 
-def test_a_belief_that_is_a_percept_too_is_kept_without_that_source_in_its_place() -> None:
-    life = begun("+!add(B) <- +B.")
-    life.feed(PerceptAdded(term("at(1)")), GoalAdded(term("add(at(2))")), GoalAdded(term("add(at(1)[mine])"))).save()
-    assert beliefs(life.next(), "at/1") == ["at(2)[source(self)]", "at(1)[mine,source(self)]"]
-    life.feed(PerceptRemoved(term("at(1)"))).save()
-    assert beliefs(life.next(), "at/1") == ["at(2)[source(self)]", "at(1)[mine,source(self)]"]
-
-
-@pytest.mark.parametrize("percept_ends", [False, True])
-def test_a_belief_that_is_but_a_percept_or_not_even_that_is_kept_no_longer(percept_ends: bool) -> None:
-    life = begun("+!add(B) <- +B. +!del(B) <- -B.")
-    life.feed(GoalAdded(term("add(at(1))")), PerceptAdded(term("at(1)"))).save()
-    end = [PerceptRemoved(term("at(1)"))] if percept_ends else []
-    life.feed(GoalAdded(term("del(at(1)[source(self)])")), *end).save()
-    assert beliefs(life.next(), "at/1") == []
-
-
 def test_a_belief_with_free_variables_is_asked_as_before() -> None:
     life = begun("likes(X, X). !go. +!go <- +hates(ann, Y). +!ask <- ?likes(A, 3); ?hates(W, Z); .print(A, W).")
     assert life.next().feed(GoalAdded(term("ask"))).prints == ["3ann"]
@@ -238,21 +221,6 @@ def test_a_belief_with_free_variables_is_asked_as_before() -> None:
 def test_an_initial_belief_with_variables_is_a_schema_in_the_next_life_too() -> None:
     life = begun("limit(_,50). limit(road,80). !go. +!go <- -+done(1). +!ask <- ?limit(a,X); ?limit(b,Y); .print(X,Y).")
     assert life.next().feed(GoalAdded(term("ask"))).prints == ["5050"]
-
-
-def test_a_map_in_a_belief_is_kept_as_it_is_when_it_was_changed_in_place() -> None:
-    source = """
-    !start. +!start <- .map.create(M); +store(M).
-    +!put(K, V) <- ?store(M); .map.put(M, K, V). +!get(K) <- ?store(M); .map.get(M, K, V); .print(V).
-    """
-    life = begun(source)
-    life.feed(GoalAdded(term("put(a, 1)")))
-    assert len(life.save().beliefs) == 1
-    life.feed(GoalAdded(term("get(a)")))
-    assert not life.save()
-    again = life.next().feed(GoalAdded(term("put(b, 2)")))
-    assert len(again.save().beliefs) == 1
-    assert again.next().feed(GoalAdded(term("get(a)")), GoalAdded(term("get(b)"))).prints == ["1", "2"]
 
 
 def test_a_rule_and_a_plan_with_values_are_kept_with_them() -> None:
@@ -284,15 +252,6 @@ def test_what_the_run_has_removed_of_the_program_stays_removed_also_in_an_edited
     again = life.next(source=source + " @new +!other <- .print(new). p(9).").feed(GoalAdded(term("go")))
     assert again.prints == ["b"]
     assert beliefs(again, "p/1") == []
-
-
-def test_a_plan_of_the_program_that_another_agent_has_told_too_keeps_both_sources() -> None:
-    life = begun("+!go(X) <- .print(X).")
-    life.feed(Mail("ann", "tellHow", "+!go(X) <- .print(X).", "mid1")).save()
-    again = life.next()
-    assert [[str(s) for s in p.sources] for p in again.mind.plans] == [["self", "ann"]]
-    again.feed(Mail("ann", "untellHow", again.mind.plans.plans[0].label, "mid2")).save()
-    assert [[str(s) for s in p.sources] for p in again.next().mind.plans] == [["self"]]
 
 
 def test_labels_made_for_plans_without_one_are_kept_and_not_given_twice() -> None:

@@ -8,7 +8,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -67,15 +66,6 @@ def full(path: Path) -> Checkpoint:
 
 def content(checkpoint: Checkpoint) -> Stored:
     return checkpoint.read()["scout"]
-
-
-def test_nothing_is_stored_before_the_first_save(path: Path) -> None:
-    checkpoint = Checkpoint.open(path)
-    assert checkpoint.read() == {}
-    checkpoint.close()
-    again = Checkpoint.open(path)
-    assert again.read() == {}
-    assert again.notes == []
 
 
 def test_everything_that_was_saved_is_read_in_the_next_life(path: Path) -> None:
@@ -217,19 +207,6 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had
         assert [one.number for one in stored.outgoing] == list(range(max(1, number - 19), number + 1))
 
 
-def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: Path) -> None:
-    checkpoint = full(path)
-    saving = Saving(mind=MindChanges(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
-    with pytest.raises(CheckpointError, match=r"scout\.minds cannot be written: NOT NULL"):
-        checkpoint.save({"scout": saving})
-    stored = content(checkpoint)
-    assert (5, b"five") not in stored.mind.beliefs
-    saving.actions = {}
-    checkpoint.save({"scout": saving})
-    stored = content(checkpoint)
-    assert (5, b"five") in stored.mind.beliefs
-
-
 class Failing:
     """A connection of which nothing works any more but closing it."""
 
@@ -275,37 +252,6 @@ def test_a_full_disk_is_reported_nothing_is_lost_and_the_same_save_succeeds_when
     stored = content(checkpoint)
     assert stored.absorbed == {("ann", "n1"): 9, ("ann", "n2"): 3}
     assert [one.number for one in stored.outgoing] == [1, 2, 9]
-
-
-_LIMITED = """
-import resource, signal, sys
-from pathlib import Path
-from agentd.persistence.checkpoint import Checkpoint, CheckpointError, LifeRow, Outgoing, Saving
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-checkpoint = Checkpoint.open(Path(sys.argv[1]))
-checkpoint.save({"scout": Saving(life=LifeRow("n", 1, b""))})
-limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, limits[1]))
-saving = Saving(outgoing=[Outgoing(1, "ann", 1, b"x" * 200_000)])
-for _ in range(3):
-    try:
-        checkpoint.save({"scout": saving})
-    except CheckpointError as error:
-        print("refused", error)
-checkpoint.save({"scout": Saving(life=LifeRow("n", 2, b""))})
-resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-checkpoint.save({"scout": saving})
-stored = checkpoint.read()["scout"]
-print(stored.life.lives, len(stored.outgoing))
-"""
-
-
-def test_a_write_that_the_system_refuses_is_reported_and_succeeds_later(path: Path) -> None:
-    run = subprocess.run([sys.executable, "-c", _LIMITED, str(path)], capture_output=True, text=True, timeout=60)
-    lines = run.stdout.splitlines()
-    assert run.stderr == ""
-    assert [line[:7] for line in lines[:3]] == ["refused"] * 3
-    assert lines[3:] == ["2 1"]
 
 
 @pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log", "schema"])
@@ -438,27 +384,6 @@ def test_a_forgotten_file_is_gone_with_all_that_belongs_to_it(path: Path) -> Non
     checkpoint.close()
     assert list(path.parent.iterdir()) == []
     assert Checkpoint.open(path).read() == {}
-
-
-def test_saves_may_come_from_another_thread_than_the_one_that_opened(path: Path) -> None:
-    checkpoint = Checkpoint.open(path)
-    failures: list[BaseException] = []
-
-    def work(start: int) -> None:
-        try:
-            for number in range(start, start + 50):
-                checkpoint.save(belief(number))
-        except BaseException as error:
-            failures.append(error)
-
-    threads = [threading.Thread(target=work, args=(start,)) for start in (0, 100)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
-    stored = content(checkpoint)
-    assert failures == []
-    assert len(stored.mind.beliefs) == 100
 
 
 @pytest.mark.parametrize(("soft", "level"), [(True, 1), (False, 2)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from agentd.extensions.file_access import MOST_SAVED, AgentFiles, NotAllowed, state_folder
 from agentd.runtime.agent_group import MOST_MADE
 from tests.agentd.daemons import daemons, end, mission, printed
-from tests.support.buses import async_test, session
 from tests.support.processes import running
 
 ONE = "mission: one\nagents:\n  a: {program: a.asl}\ndone: 'a: never'\n"
@@ -164,21 +162,6 @@ def test_services_of_another_daemon_are_found_and_reported(tmp_path: Path, endpo
         assert printed(first) == ["[a] [b]", "[a] []", "[a] end"]
 
 
-@async_test
-async def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_path: Path, endpoint: str) -> None:
-    asks = "!go(1). !go(2). !told. +!go(1) <- .df_search(cook, L). +!go(2) <- .create_agent(kid).\n"
-    asks += "+!told <- .df_register(cook).\n"
-    asks += '-!go(N)[error(E), error_msg(M)] <- .print(N, " ", E, " ", M).\n'
-    path = mission(tmp_path, ONE.replace("done:", f"router: {{endpoint: {endpoint}, external: true}}\ndone:"), a=asks)
-
-    async with session(endpoint, "router", "zenohd", router=True):
-        with running("agentd", "serve", path) as agent:
-            for number in (1, 2):
-                text = f"[a] {number} action_failed the directory of board local does not answer: "
-                await asyncio.to_thread(agent.says, text)  # and why: by itself, or as those before it
-            await asyncio.to_thread(agent.says, "the action .df_register(cook) fails: the directory of board local")
-
-
 def test_an_agent_that_starts_fresh_offers_nothing_of_its_former_life(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path, TWO, a="!go. +!go <- .df_register(cook).\n", b="")
     path_b = "!go. +!go : true <- .df_search(cook, L); .print(L); .wait(300); !go.\n"
@@ -190,28 +173,6 @@ def test_an_agent_that_starts_fresh_offers_nothing_of_its_former_life(tmp_path: 
         watcher.lines.clear()
         with running("agentd", "serve", path, "a", "--fresh", "--router", endpoint):
             watcher.says("[b] []")
-
-
-def test_agents_of_two_daemons_see_the_agents_that_each_other_make(tmp_path: Path, endpoint: str) -> None:
-    b = '!go. +!go <- .create_agent(kid, "kid.asl"). +stop <- .kill_agent(kid); .send(a, tell, stopped).\n'
-    a = """\
-+born(K) <- .send(K, tell, toy(ball)); .wait(thanks(K, ball)); !t(1); .send(b, tell, stop); .wait(stopped);
-   .wait(200); !t(2); .print("end").
-+!t(1) <- .kill_agent(kid).
-+!t(2) <- !sends(100). +!sends(N) : N > 0 <- .send(kid, tell, toy(N)); .wait(50); !sends(N-1).
--!t(N)[error(E)] <- .print(N, " ", E).
-"""
-    path = mission(tmp_path, TWO, a=a, b=b, kid=KID)
-    with daemons(path, endpoint, "a") as (first,):
-        first.says("agents=a")
-        with running("agentd", "serve", path, "b", "--router", endpoint) as second:
-            first.says("[a] end")
-            second.says("[kid] has ball of a")
-        assert printed(first) == [
-            "[a] 1 action_failed",
-            "[a] 2 receiver_not_found",
-            "[a] end",
-        ]
 
 
 @pytest.mark.parametrize("path", ["../x", "/etc/passwd", "a/../../x", ""])

@@ -103,7 +103,7 @@ def test_it_can_be_left_while_it_dials(endpoint: str) -> None:
         assert terminal.end() == 0
 
 
-@pytest.mark.parametrize("term", ["xterm-256color", "screen", "linux"])
+@pytest.mark.parametrize("term", ["xterm-256color", "linux"])
 def test_it_works_in_terminals_of_all_kinds_and_follows_their_size(router: None, endpoint: str, term: str) -> None:
     with crowd_of(2, endpoint), watch(endpoint, TERM=term) as terminal:
         terminal.shows("+!visit(3)")
