@@ -63,10 +63,8 @@ LONGEST = (
     "tests/bridged/test_daemon.py",
     "tests/bridged/drivers/mavlink/test_ground_stations.py",
     "tests/argosy/recording/test_replay.py",
-    "tests/agentd/mind/test_mind_depth.py",
     "tests/commd/test_mail_faults.py",
     "tests/agentd/persistence/test_restart.py",
-    "tests/test_by_hand.py",
 )
 """Files that take a minute or more, the longest first: of several files at a time, these may not be the last."""
 
