@@ -202,8 +202,11 @@ class ActionServer:
         for action in [action for action in self._running.values() if agent in ("", action.request.agent)]:
             self._end(action, outcome, hold=False)
 
-    def step(self) -> None:
-        """Let time pass: publish feedback, end what is over its deadline, look at the lease and the pause."""
+    def step(self) -> float:
+        """Let time pass: publish feedback, end what is over its deadline, look at the lease and the pause.
+
+        Returns the mission seconds until more feedback is due or a deadline is over; infinite if no action runs.
+        """
         now, elapsed = self._now(), self._pause.elapsed
         for action in list(self._running.values()):
             if elapsed >= action.deadline_at:
@@ -223,6 +226,10 @@ class ActionServer:
                     log.warning("robot=%s action %s %s waits: %s", self.robot, request.id, request.name, action.cause)
         self._look_at_lease()
         self._look_at_pause()
+        dues = (
+            min(one.told_at + self._feedback_every - now, one.deadline_at - elapsed) for one in self._running.values()
+        )
+        return min(dues, default=math.inf)
 
     def _look_at_lease(self) -> None:
         busy = bool(self._running) or self.paused

@@ -29,9 +29,9 @@ from schemas.wire.records import ActionStatus, Health, Note
 from schemas.wire.terms import Atom
 
 TICK, TICKS = 0.05, 20.0
-"""Most wall seconds between two steps while an action runs, and least steps in a mission second."""
+"""Wall seconds by which a step that is due may be late, and least such ticks in a mission second."""
 TICKS_ACTIVE = 5
-"""Such ticks between two steps of a robot that is only active: its percepts age, others may take it."""
+"""Ticks between two steps, without anything due, of a robot that is active or acts: others may take it, or hinder it."""
 TICK_IDLE = 1.0
 """Wall seconds between two steps while nothing is due soon: each step wakes the process."""
 STALL, CATCH_UP = 1.0, 0.2
@@ -170,13 +170,9 @@ class Bridge:
     def step(self) -> float:
         """Let time pass for orders, percepts and actions. Returns the wall seconds until the next step is due."""
         self.driver.step()
-        held_back = self._clock.to_wall(self.percepts.tick())
-        self.action_server.step()
-        if self.action_server.running:
-            pause = self._tick
-        else:
-            period = TICKS_ACTIVE * self._tick if self.driver.active else TICK_IDLE
-            pause = max(self._tick, min(held_back, in_step(self._clock.wall(), period, self._tick)))
+        due = self._clock.to_wall(min(self.percepts.tick(), self.action_server.step()))
+        period = TICKS_ACTIVE * self._tick if self.driver.active or self.action_server.running else TICK_IDLE
+        pause = max(self._tick, min(due, in_step(self._clock.wall(), period, self._tick)))
         self.percepts.next_tick = self._clock.now() + pause * self._clock.speed
         return pause
 
