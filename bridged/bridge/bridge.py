@@ -31,7 +31,7 @@ from schemas.wire.terms import Atom
 TICK, TICKS = 0.05, 20.0
 """Wall seconds by which a step that is due may be late, and least such ticks in a mission second."""
 TICKS_ACTIVE = 5
-"""Ticks between two steps, without anything due, of a robot that is active or acts: others may take it, or hinder it."""
+"""Ticks between two steps, without anything due, of a robot that is active or acts: others may take or hinder it."""
 TICK_IDLE = 1.0
 """Wall seconds between two steps while nothing is due soon: each step wakes the process."""
 STALL, CATCH_UP = 1.0, 0.2
