@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Generator
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -241,7 +242,8 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     if not modes.lands:
         hint = "" if modes.ground else "; end a mission with an item `land`"
         return Outcome("refused", f"a {modes.vehicle} of this kind has no mode that lands where it is{hint}")
-    yield from enter(flight, run, action if modes.lands_by_command else mode_action(modes, modes.land), modes.land)
+    landing = action if modes.lands_by_command else mode_action(modes, modes.land)
+    yield from _enter_unless_stopped(flight, run, landing, modes.land)
     yield from down(flight, run)
     return SUCCEEDED
 
@@ -256,7 +258,7 @@ def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
         if away is not None and away <= near:
             return SUCCEEDED
         return Outcome("refused", f"the vehicle is not armed and {metres(away)} from home")
-    yield from enter(flight, run, action, vehicle.modes.rtl)
+    yield from _enter_unless_stopped(flight, run, action, vehicle.modes.rtl)
     yield from down(flight, run)
     away = from_home(flight)
     if away is not None and away <= near:
@@ -320,8 +322,23 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
 
 
 def _enter_mode_of(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    yield from enter(flight, run, action, action.mode)
-    return Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
+    if (yield from _enter_unless_stopped(flight, run, action, action.mode)):
+        return Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
+    return Outcome("succeeded", "the vehicle is not armed")
+
+
+def _enter_unless_stopped(
+    flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int
+) -> Generator[None, None, bool]:
+    """As `enter`. Returns whether the mode was entered; otherwise the motors stopped meanwhile, as after a landing."""
+    was_armed = flight.vehicle.armed
+    try:
+        yield from enter(flight, run, action, mode)
+    except Ended:
+        if not was_armed or flight.vehicle.armed:
+            raise
+        return False
+    return True
 
 
 def hold_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

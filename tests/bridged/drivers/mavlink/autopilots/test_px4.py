@@ -13,6 +13,7 @@ from bridged.drivers.api import Order, Outcome
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
+from bridged.simulation.vehicle.motion.tasks import Landed
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.bridge.test_pause import ended, pause, resume
 from tests.bridged.bridge.test_safety_orders import leaving, passing
@@ -115,6 +116,30 @@ def test_landing_and_returning_are_no_overrides_and_the_next_flight_begins(sky: 
     done(sky, "land")
     done(sky, "arm_motors", True)
     assert sky.belief("override") is None
+
+
+@pytest.mark.parametrize("action", ["return_to_launch", "land"])
+def test_a_return_that_is_asked_for_as_the_motors_stop_at_home_is_one(sky: Sky, action: str) -> None:
+    sky.flying(5)
+    sky.begin(action)
+    autopilot = sky.vehicle.autopilot
+    sky.forward(lambda: autopilot.flight.landed is Landed.ON_GROUND, "the landing", 60)
+    sky.wait(1.5)
+    assert autopilot.armed
+    done(sky, action)
+    assert not autopilot.armed
+
+
+def test_an_order_that_is_given_as_the_motors_stop_is_carried_out(sky: Sky) -> None:
+    sky.flying(5)
+    sky.begin("land")
+    sky.forward(lambda: sky.vehicle.autopilot.flight.landed is Landed.ON_GROUND, "the landing", 60)
+    sky.we_hear = lambda message: message.get_type() != "EXTENDED_SYS_STATE"
+    sky.driver.vehicle.landed_state = dialect.MAV_LANDED_STATE_LANDING
+    sky.wait(1.5)
+    execution = sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
+    sky.forward(lambda: execution.over, "the order", 15)
+    assert execution.outcome == Outcome("succeeded", "the vehicle is not armed")
 
 
 def test_a_takeoff_is_refused_disarmed_where_px4_would_begin_it_whenever_somebody_arms(sky: Sky) -> None:
