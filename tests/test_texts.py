@@ -44,11 +44,7 @@ def _private() -> str:
     modules = [Module(text) for text in (source, lease, other)]
     makers = makers_of(modules)
     assert [list(module.texts(makers)) for module in modules[1:]] == [
-        [
-            "refuses returns: held by another",
-            "_private returns: nobody holds it",
-            "state returns: in {mode} it fell",
-        ],
+        ["refuses returns: held by another", "_private returns: nobody holds it", "state returns: in {mode} it fell"],
         [],
     ]
     assert list(modules[0].texts(makers)) == [

@@ -49,11 +49,7 @@ def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
             """
         },
         environment=room(),
-    ) == [
-        "[bob] the environment has no action pull/1",
-        "[bob] the handle came off",
-        "[bob] hall after 2",
-    ]
+    ) == ["[bob] the environment has no action pull/1", "[bob] the handle came off", "[bob] hall after 2"]
 
 
 def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPatch) -> None:

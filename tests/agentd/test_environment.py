@@ -373,10 +373,6 @@ def test_a_percept_board_gives_what_has_changed_not_all_that_holds() -> None:
     board.add(literal("at", 20_000), "bob")
     board.add(literal("at", 8), None)
     board.add(literal("at", 9), "bob")
-    assert fed() == [
-        ((7.0,), None),
-        ((20_000.0,), literal("at", 20_000)),
-        ((9.0,), literal("at", 9)),
-    ]
+    assert fed() == [((7.0,), None), ((20_000.0,), literal("at", 20_000)), ((9.0,), literal("at", 9))]
     board.remove(literal("at", 9), None)
     assert fed() == []

@@ -167,8 +167,7 @@ def run(arguments: list[str]) -> int:
         if kind in ("commd", "recorder"):
             return original
         return replace(
-            original,
-            command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)],
+            original, command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)]
         )
 
     mission_runner.STARTUP_PATIENCE = float(os.environ.get("STARTUP_PATIENCE", mission_runner.STARTUP_PATIENCE))

@@ -51,10 +51,7 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/start/search-and-rescue.md", "argosy trial"): "minutes: tests/argosy/trial/test_trial_command.py",
     ("docs/start/search-and-rescue.md", "make rescue"): "minutes: tests/boards/test_rescue.py",
     ("docs/start/search-and-rescue.md", "argosy run"): "minutes: tests/boards/test_rescue.py",
-    (
-        "docs/start/search-and-rescue.md",
-        "argosy referee",
-    ): "judges a flight of minutes: tests/boards/test_rescue.py",
+    ("docs/start/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/boards/test_rescue.py",
     ("docs/guides/simulated-vehicles.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
     ("docs/guides/mavlink.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
     ("docs/guides/mavlink.md", "argosy run --real"): _REAL,

@@ -106,11 +106,7 @@ def bridge_killed(state: Path) -> Row:
     mission = _written(state, _KILLED.replace("PORT", str(port)), uav=_FLIER)
     bridge = ("bridged", "serve", mission, "uav1", "--router", endpoint, "--state", str(state / "state"))
     copter = ("bridged", "simulate", "copter", "--link", f"udpout:127.0.0.1:{port}", "--speed", "10")
-    with (
-        running("commd", "serve", mission, "--router", endpoint),
-        running(*copter),
-        running(*bridge) as first,
-    ):
+    with running("commd", "serve", mission, "--router", endpoint), running(*copter), running(*bridge) as first:
         first.says("serving uav1")
         with running("agentd", "serve", mission, "uav", "--router", endpoint) as agent:
             agent.says("going")

@@ -151,13 +151,4 @@ def _positions(sky: BadAir) -> int:
     return sky.driver.vehicle.positions
 
 
-VIRTUAL: tuple[Maker, ...] = (
-    packet_loss,
-    duplicates,
-    garbage,
-    lies,
-    acts_in_silence,
-    reboot,
-    two_stations,
-    link_cut,
-)
+VIRTUAL: tuple[Maker, ...] = (packet_loss, duplicates, garbage, lies, acts_in_silence, reboot, two_stations, link_cut)

@@ -153,7 +153,7 @@ def report_control(outcome: Outcome) -> list[str]:
     return [
         "The same agents, programs and judge with `on_restart: fresh`, and one agentd killed once: "
         f"{verdict.taken} messages taken, **{verdict.lost} lost, {verdict.duplicated} duplicated, "
-        f"{verdict.disordered} out of order**. A judge that found nothing here would find nothing above.",
+        f"{verdict.disordered} out of order**. A judge that found nothing here would find nothing above."
     ]
 
 

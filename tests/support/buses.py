@@ -60,8 +60,7 @@ def run_by(run: Callable[..., None], *given: str, needs: Sequence[str] = ()) -> 
         def called(**values: Any) -> None:
             fixtures = {name: values[name] for name in own}
             run(
-                lambda *made: test(**dict(zip(given, made, strict=True)), **fixtures),
-                *(values[name] for name in needs),
+                lambda *made: test(**dict(zip(given, made, strict=True)), **fixtures), *(values[name] for name in needs)
             )
 
         called.__name__, called.__doc__, called.__module__ = test.__name__, test.__doc__, test.__module__

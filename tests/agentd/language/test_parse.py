@@ -249,10 +249,7 @@ STEPS: list[tuple[str, object]] = [
     ("for (a) { }", For(atom("a"), Body())),
     (
         "if (a) { b } elif (c) { d; } else { e }",
-        If(
-            ((atom("a"), Body((action("b"),))), (atom("c"), Body((action("d"),)))),
-            Body((action("e"),)),
-        ),
+        If(((atom("a"), Body((action("b"),))), (atom("c"), Body((action("d"),)))), Body((action("e"),))),
     ),
     ("a |&| (b; c)", Fork("|&|", (Body((action("a"),)), Body((action("b"), action("c")))))),
     (
@@ -318,10 +315,7 @@ def test_directives_enclose_their_items() -> None:
 
 
 def test_begin_and_end_are_names_elsewhere() -> None:
-    assert list(parse_program("begin. end(1).", "a").items) == [
-        Belief(atom("begin")),
-        Belief(atom("end", Number(1.0))),
-    ]
+    assert list(parse_program("begin. end(1).", "a").items) == [Belief(atom("begin")), Belief(atom("end", Number(1.0)))]
 
 
 def test_plan_terms_may_have_variables_everywhere() -> None:

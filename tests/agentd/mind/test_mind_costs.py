@@ -70,8 +70,7 @@ def deepest(mind: Mind, cycles: int) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize(
-    "body",
-    ["!count(N + 1)", "X = N + 1; !count(X)", ".print(N); !count(N + 1)", "?step(S); +seen(N); !count(N + S)"],
+    "body", ["!count(N + 1)", "X = N + 1; !count(X)", ".print(N); !count(N + 1)", "?step(S); +seen(N); !count(N + S)"]
 )
 def test_a_goal_that_calls_itself_last_needs_constant_memory(body: str) -> None:
     mind = mind_of(f"step(1). !start. +!start <- !count(0); .print(done). +!count(N) : N < 300 <- {body}. +!count(N).")

@@ -48,9 +48,7 @@ PROGRAM = """
 KINDS = st.integers(0, 12)
 NUMBERS = st.integers(1, 3)
 GOALS = st.one_of(
-    st.builds("g({},{})".format, KINDS, NUMBERS),
-    st.builds("g({},_)".format, KINDS),
-    st.builds("h({})".format, NUMBERS),
+    st.builds("g({},{})".format, KINDS, NUMBERS), st.builds("g({},_)".format, KINDS), st.builds("h({})".format, NUMBERS)
 )
 CONTROLS = ("drop", "desire", "event", "future", "end", "lose", "halt", "go")
 STEPS = st.one_of(

@@ -176,8 +176,7 @@ async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it
 
 
 @pytest.mark.parametrize(
-    ("state", "reason"),
-    [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")],
+    ("state", "reason"), [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")]
 )
 @bus_test
 async def test_what_an_action_came_to_meanwhile_is_reported_before_anything_else_goes_on(

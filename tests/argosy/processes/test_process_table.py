@@ -88,18 +88,9 @@ def test_every_process_has_its_command_in_the_order_of_the_start_and_each_daemon
             "simulator uav1",
             f"bridged simulate copter --link udpout:127.0.0.1:14550 --home=-27.6,-48.5,21.0 --sysid 1 {speed}",
         ),
-        (
-            "simulator uav2",
-            f"bridged simulate copter --link tcpin:127.0.0.1:5760 --home=1.5,2.5,0.0 --sysid 2 {speed}",
-        ),
-        (
-            "bridged pi1 uav1",
-            f"bridged serve {file} uav1 {pi1} {speed} {state} {logs} --until-home --simulated",
-        ),
-        (
-            "bridged pi2 uav2",
-            f"bridged serve {file} uav2 {pi2} {speed} {state} {logs} --until-home --simulated",
-        ),
+        ("simulator uav2", f"bridged simulate copter --link tcpin:127.0.0.1:5760 --home=1.5,2.5,0.0 --sysid 2 {speed}"),
+        ("bridged pi1 uav1", f"bridged serve {file} uav1 {pi1} {speed} {state} {logs} --until-home --simulated"),
+        ("bridged pi2 uav2", f"bridged serve {file} uav2 {pi2} {speed} {state} {logs} --until-home --simulated"),
         ("agentd pi1", f"agentd serve {file} scout ground {pi1} {speed} {state}"),
         ("agentd pi2", f"agentd serve {file} rescuer {pi2} {speed} {state}"),
     ]

@@ -50,9 +50,7 @@ def test_a_copter_without_a_camera_is_told_nothing(mission: Callable[[str], Miss
     assert camera_arguments(mission(WORLD), "uav2", "tcp/127.0.0.1:7447") == []
 
 
-def test_servo_logs_are_written_where_the_report_goes_and_only_by_simulators(
-    mission: Callable[[str], Mission],
-) -> None:
+def test_servo_logs_are_written_where_the_report_goes_and_only_by_simulators(mission: Callable[[str], Mission]) -> None:
     def logs(folder: Path | None) -> list[str]:
         setup = Setup(mission(WORLD), "tcp/127.0.0.1:7447", 1.0, frozenset(), Path("state"), logs=folder)
         words = [word for process in plan(setup) for word in process.argv]

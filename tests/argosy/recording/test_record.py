@@ -303,10 +303,7 @@ async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_ask
         recorder = await stack.enter_async_context(recording(endpoint, path))
         await router.aclose()
         await seen(path, NOTES, 1)
-        async with (
-            session(endpoint, "board", "commd", router=True),
-            session(endpoint, "uav1", "bridged") as bus,
-        ):
+        async with session(endpoint, "board", "commd", router=True), session(endpoint, "uav1", "bridged") as bus:
             await subscribed(bus, ALTITUDE)
             bus.put(ALTITUDE, altitude(bus, 1))
             await seen(path, ALTITUDE, 1)

@@ -77,11 +77,7 @@ def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
     for seconds in (6, 7):
         silent = [Note("source_silent", f"{key} silent for {seconds} s", key, seconds) for key in ("pose", "scan")]
         recording.health("uav1", "bridged", notes=tuple(silent))
-    assert recording.lines == [
-        "uav1: no failsafe is on",
-        "uav1: pose silent for 6 s",
-        "uav1: scan silent for 6 s",
-    ]
+    assert recording.lines == ["uav1: no failsafe is on", "uav1: pose silent for 6 s", "uav1: scan silent for 6 s"]
 
 
 def test_an_alarm_is_told_as_an_error() -> None:

@@ -206,8 +206,7 @@ def test_the_table_fits_a_terminal_and_tells_what_is_wrong_below_it(mission: Mis
 
 
 @pytest.mark.parametrize(
-    ("seconds", "told"),
-    [(0.4, "0.4 s"), (59, "59 s"), (125, "2 min 5 s"), (7260, "2 h 1 min"), (200_000, "2 d 7 h")],
+    ("seconds", "told"), [(0.4, "0.4 s"), (59, "59 s"), (125, "2 min 5 s"), (7260, "2 h 1 min"), (200_000, "2 d 7 h")]
 )
 def test_spans_are_told_in_words(seconds: float, told: str) -> None:
     assert span(seconds) == told

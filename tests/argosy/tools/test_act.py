@@ -121,10 +121,7 @@ def test_what_nobody_can_read_is_no_success(flying: Trial) -> None:
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "argosy", "act", "uav", "--router", flying.endpoint]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
-    assert (done.returncode, done.stderr) == (
-        1,
-        "error: the output cannot be written: No space left on device\n",
-    )
+    assert (done.returncode, done.stderr) == (1, "error: the output cannot be written: No space left on device\n")
 
 
 def test_percepts_by_hand_reach_the_mind_and_leave_it(flying: Trial) -> None:

@@ -116,9 +116,7 @@ def test_a_reader_that_goes_ends_it_and_so_does_ctrl_c(endpoint: str) -> None:
 
 def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
     with talking(endpoint, tell), running("argosy", "echo", "nobody", "--router", endpoint) as echo:
-        echo.says(
-            "note: nothing was published by or to `nobody` within 3 s; fleet sar has uav1",
-        )
+        echo.says("note: nothing was published by or to `nobody` within 3 s; fleet sar has uav1")
         assert echo.process.poll() is None, "it goes on listening"
 
 

@@ -20,10 +20,7 @@ autopilot: px4
         "-27.602955": "-27.603404",  # half of its area, and two of its victims
         "victims: 8": "victims: 2",
     },
-    "relay": {
-        "vehicle: copter, autopilot: px4": "vehicle: copter",
-        "vehicle: rover": "vehicle: rover, autopilot: px4",
-    },
+    "relay": {"vehicle: copter, autopilot: px4": "vehicle: copter", "vehicle: rover": "vehicle: rover, autopilot: px4"},
 }
 """What is replaced in a mission; the relay's copter is a PX4, its plane an ArduPlane."""
 NOT_OF_THE_AIR = {"turtle", "paper_turtle"}

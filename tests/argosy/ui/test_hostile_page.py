@@ -66,10 +66,7 @@ def test_nothing_that_a_secured_fleet_says_runs_in_the_operators_page() -> None:
 
     async def body(fleet: Secured) -> None:
         place = where(Namespace(mission=str(fleet.path), fleet=None, router=None, keys=fleet.keys("ops")))
-        async with (
-            served(place, fleet.mission, identity="ops") as server,
-            browsing(server.auth.url) as seen,
-        ):
+        async with served(place, fleet.mission, identity="ops") as server, browsing(server.auth.url) as seen:
             await _look_into(seen, "__proto__")
             await seen.shows(".row[data-agent=__proto__][data-robot=constructor]")
             await _look_into(seen, "toString", "mind", "timeline")

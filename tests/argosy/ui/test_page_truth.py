@@ -259,8 +259,7 @@ async def test_events_that_a_page_missed_are_counted_on_it() -> None:
         assert not await seen.page.locator(".missed").is_visible()
         following = browser.following
         following.shown.show(
-            {},
-            [{"n": number, "at": 1.0, "who": "scout", "what": "print", "text": "x"} for number in range(2, 3_103)],
+            {}, [{"n": number, "at": 1.0, "who": "scout", "what": "print", "text": "x"} for number in range(2, 3_103)]
         )
         await seen.shows(".missed", "101 events did not come here")
 

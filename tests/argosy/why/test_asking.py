@@ -68,10 +68,7 @@ def test_names_of_every_kind_are_explained(tmp_path: Path, endpoint: str) -> Non
         with Path("/dev/full").open("w") as full:
             command = [sys.executable, "-m", "argosy", "why", "uav", "--router", endpoint]
             done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
-        assert (done.returncode, done.stderr) == (
-            1,
-            "error: the output cannot be written: No space left on device\n",
-        )
+        assert (done.returncode, done.stderr) == (1, "error: the output cannot be written: No space left on device\n")
         code, text, _ = why(endpoint, "uav", "!step(0)", "--json")
         data = json.loads(text)
         assert (code, data["agent"], data["about"]) == (0, "uav", "!step(0)")

@@ -86,24 +86,15 @@ FAILED = FailureView(
             MailFacts(boards=[board("pi2", queue("inbox", "uav", "base", 3))]),
             ["It is one of 3 messages that wait in base's mailbox at pi2: base does not take its mail."],
         ),
-        (
-            MailFacts(homes={"bass": "pi1", "uav": "pi1"}),
-            ["No board knows an agent `base`, did you mean `bass`?"],
-        ),
+        (MailFacts(homes={"bass": "pi1", "uav": "pi1"}), ["No board knows an agent `base`, did you mean `bass`?"]),
         (
             MailFacts(homes={"base": "pi2"}, silent={"pi2": "no rights"}),
             ["base belongs to pi2, which does not answer: no rights."],
         ),
-        (
-            MailFacts(homes={"base": "pi2"}),
-            ["No board holds the message, and base does not answer queries."],
-        ),
+        (MailFacts(homes={"base": "pi2"}), ["No board holds the message, and base does not answer queries."]),
         (
             MailFacts(minds={"base": MindView(agent="base", state="paused", mailbox=2)}),
-            [
-                "base is paused by an operator.",
-                "base has received it and not read it yet: 2 messages are unread.",
-            ],
+            ["base is paused by an operator.", "base has received it and not read it yet: 2 messages are unread."],
         ),
         (
             MailFacts(
@@ -123,7 +114,7 @@ FAILED = FailureView(
             MailFacts(minds={"base": decided("running")}),
             [
                 "base received it and chose the plan +?depth(D) (base.asl:2), which still runs: it is at base.asl:3, "
-                "and waits for the action dive.",
+                "and waits for the action dive."
             ],
         ),
         (

@@ -247,8 +247,7 @@ async def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_
 
 
 @pytest.mark.parametrize(
-    ("payload", "code"),
-    [(b'{"parameters": 5}', "bad_record"), (b'{"parameters": ' + b"[" * 100_000, "too_deep")],
+    ("payload", "code"), [(b'{"parameters": 5}', "bad_record"), (b'{"parameters": ' + b"[" * 100_000, "too_deep")]
 )
 @bus_test
 async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(

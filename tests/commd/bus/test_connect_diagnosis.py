@@ -205,8 +205,7 @@ async def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fle
 
 
 @pytest.mark.parametrize(
-    ("days", "words"),
-    [(31, ""), (29, "the certificate of pi2 ends on"), (-1, "the certificate of `pi2` expired on")],
+    ("days", "words"), [(31, ""), (29, "the certificate of pi2 ends on"), (-1, "the certificate of `pi2` expired on")]
 )
 def test_a_board_tells_when_its_own_certificate_ends_soon(fleet: FleetKeys, days: int, words: str) -> None:
     said, over = dates(fleet.make("pi2", ends=days * 86_400), time.time())

@@ -26,9 +26,6 @@ async def test_mail_flows_through_a_router_that_somebody_else_runs(tmp_path: Pat
     (tmp_path / "a.asl").write_text("!start.\n+!start : peer(P) <- .send(P, tell, hello).\n")
     (tmp_path / "b.asl").write_text('+hello[source(A)] <- .print("hello from ", A).\n')
     async with open_bus(endpoint, fleet="x", name="router", daemon="zenohd", stamp=time.time_ns, mode="router"):
-        with (
-            running("commd", "serve", str(path)) as commd,
-            running("agentd", "serve", str(path)) as agents,
-        ):
+        with running("commd", "serve", str(path)) as commd, running("agentd", "serve", str(path)) as agents:
             await asyncio.to_thread(agents.says, "[b] hello from a")
             await asyncio.to_thread(commd.says, "client board=local")

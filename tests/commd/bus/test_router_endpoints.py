@@ -60,10 +60,7 @@ def test_a_router_does_not_listen_twice_at_its_own_endpoint() -> None:
 @async_test
 async def test_what_another_board_says_is_heard_in_whatever_order_the_routers_come(free_port: Port) -> None:
     here, there, link = (f"tcp/127.0.0.1:{free_port()}" for _ in range(3))
-    async with (
-        session(here, "pi2", "commd", router=True, connect=[link]) as second,
-        session(here, "b") as b,
-    ):
+    async with session(here, "pi2", "commd", router=True, connect=[link]) as second, session(here, "b") as b:
         await b.claim("b")
         assert await second.tokens(keys.alive(FLEET, "*", "agentd", "*")) == [keys.alive(FLEET, "b", "agentd", b.boot)]
         async with session(there, "pi1", "commd", router=True, listen=[link]), session(there, "a") as a:

@@ -267,9 +267,7 @@ async def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(connect
         a, b = await connect("a"), await connect("b")
         Receiver(b, "b", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no"))))
         Receiver(
-            a,
-            "a",
-            lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no_notices"))),
+            a, "a", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no_notices")))
         )
         await post(a, message(1))
         await until(lambda: mail_service.counters_now["given_up"] == 2, "the message and its notice are given up")
@@ -335,8 +333,7 @@ async def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(connect: 
         sender = await connect("a")
         await post(sender, message(1), message(2), message(1, receiver="c"))
         await until(
-            lambda: bool(mail_service.state_of("a", "b") and mail_service.state_of("a", "c")),
-            "both have been tried",
+            lambda: bool(mail_service.state_of("a", "b") and mail_service.state_of("a", "c")), "both have been tried"
         )
         now.seconds += 7
         found = await listed(sender, "pi1")

@@ -111,10 +111,7 @@ async def test_what_the_other_board_took_before_its_answer_was_lost_is_sent_agai
     connect: Connect, tmp_path: Path
 ) -> None:
     air = Losing(True, False)  # it arrives, the receipt does not
-    async with (
-        board(connect, "pi1", tmp_path, air=air) as first,
-        board(connect, "pi2", tmp_path) as second,
-    ):
+    async with board(connect, "pi1", tmp_path, air=air) as first, board(connect, "pi2", tmp_path) as second:
         sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
         await post(sender, message(1), message(2))
         await sent(first, 2)

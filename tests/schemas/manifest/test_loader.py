@@ -38,15 +38,7 @@ def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
     assert check_manifest(manifest) == []
     arities = {"state": 3, "altitude": 1, "global_pos": 2, "home_pos": 2, "battery": 3, "gps": 2}
     assert manifest.percept_arities().items() >= arities.items()
-    papers = {
-        "set_mode": 1,
-        "arm_motors": 1,
-        "takeoff": 1,
-        "setpoint": 3,
-        "goto": 3,
-        "land": 0,
-        "return_to_launch": 0,
-    }
+    papers = {"set_mode": 1, "arm_motors": 1, "takeoff": 1, "setpoint": 3, "goto": 3, "land": 0, "return_to_launch": 0}
     more = {
         "reposition": 3, "orbit": 5, "move": 3, "fly": 3, "upload_mission": 1, "upload_plan": 1,
         "upload_fence": 1, "download_mission": 0,

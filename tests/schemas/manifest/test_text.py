@@ -16,16 +16,7 @@ from schemas.files.shipped_files import shipped, shipped_names
 from schemas.files.units import Duration
 from schemas.manifest.json_schema import FILE, schema, schema_text
 from schemas.manifest.loader import load_manifest, read_document, read_manifest
-from schemas.manifest.model import (
-    ActionEntry,
-    Field,
-    FieldValue,
-    Manifest,
-    Parameter,
-    PerceptEntry,
-    Retry,
-    RobotEntry,
-)
+from schemas.manifest.model import ActionEntry, Field, FieldValue, Manifest, Parameter, PerceptEntry, Retry, RobotEntry
 from schemas.manifest.rules import RESERVED
 from schemas.manifest.text import document, write_toml
 
@@ -51,11 +42,7 @@ percepts = st.builds(
 )
 types = st.sampled_from(["float", "int", "boolean", "string", "list"])
 parameters = st.builds(
-    Parameter,
-    name=names,
-    type=types | st.lists(types, min_size=1, max_size=2).map(tuple),
-    unit=texts,
-    each=st.just(()),
+    Parameter, name=names, type=types | st.lists(types, min_size=1, max_size=2).map(tuple), unit=texts, each=st.just(())
 ) | st.builds(
     Parameter,
     name=names,

@@ -81,10 +81,7 @@ def test_reading_any_text_gives_a_term_or_says_why_not(text: str) -> None:
             b'{"name":"a","parameters":[{"kind":"atom","name":3}]}',
             "Perception: atom: Expected `str`, got `int` - at `$.name` - at `$.parameters[0]`",
         ),
-        (
-            b'{"name":"a","parameters":[null]}',
-            "Perception: Expected a term, got `null` - at `$.parameters[0]`",
-        ),
+        (b'{"name":"a","parameters":[null]}', "Perception: Expected a term, got `null` - at `$.parameters[0]`"),
         (b'{"name":"a","parameters":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "Perception: nested too deeply"),
         (b" " * (MAX_BYTES + 1), f"Perception: {MAX_BYTES + 1} bytes, expected at most {MAX_BYTES}"),
     ],

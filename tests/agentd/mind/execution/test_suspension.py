@@ -60,9 +60,7 @@ def test_a_sub_goal_and_branches_are_suspended_with_their_intention() -> None:
 
 def test_a_goal_whose_event_still_waits_is_suspended_and_resumed() -> None:
     assert played(
-        {
-            "bob": "@a[atomic] +!start <- !!later; .suspend(later); .resume(later). +!later <- .print(later). !start.",
-        }
+        {"bob": "@a[atomic] +!start <- !!later; .suspend(later); .resume(later). +!later <- .print(later). !start."}
     ) == ["[bob] later"]
 
 
@@ -74,7 +72,7 @@ def test_an_atomic_plan_that_suspends_itself_lets_the_others_run_until_it_is_res
             @a[atomic] +!start <- .print(1); .suspend; .print(3); .wait(20); .print(4).
             +!other <- .print(2); .resume(start); !after.
             +!after <- .print(5).
-            """,
+            """
         }
     ) == [f"[bob] {number}" for number in (1, 2, 3, 4, 5)]
 
