@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import xml.etree.ElementTree
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -48,10 +49,15 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("kind", ["commands", "markup"])
 def test_no_command_lets_what_a_fleet_says_command_the_terminal(mission: Path, endpoint: str, kind: str) -> None:
-    with saying(endpoint, kind):
-        for command, arguments in COMMANDS.items():
-            with Terminal(["argosy", command, *arguments, "--router", endpoint], columns=1000, lines=100) as terminal:
-                terminal.end(90)
+    with saying(endpoint, kind), ExitStack() as stack:
+        terminals = {
+            command: stack.enter_context(
+                Terminal(["argosy", command, *arguments, "--router", endpoint], columns=1000, lines=100)
+            )
+            for command, arguments in COMMANDS.items()
+        }
+        for command, terminal in terminals.items():
+            terminal.end(90)
             output = terminal.output
             assert not [sequence for sequence in RAW if sequence in output], command
             assert b"\x1b]8;" not in output, f"{command}: a link"

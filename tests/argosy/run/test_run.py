@@ -231,22 +231,13 @@ def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Star
     assert "failed: not done within 100s" in err
 
 
-@pytest.mark.parametrize(
-    ("victim", "why"),
-    [
-        ("agentd serve", "uav has not shown its mind for 5 s"),
-        ("commd serve", "the router at {endpoint} has not answered for 10 s"),
-    ],
-)
-def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(
-    start: Start, single_uav: Path, endpoint: str, victim: str, why: str
-) -> None:
+def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "4", fault="never-done")
     running.until("uav1: armed")
-    running.family[victim].suspend()
+    running.family["agentd serve"].suspend()
     code, out, err = ended(running)
     assert code == 1, out
-    assert f"error: failed: {why.format(endpoint=endpoint)}" in err
+    assert "error: failed: uav has not shown its mind for 5 s" in err
 
 
 def test_a_program_that_jason_would_run_runs_and_its_mistakes_are_told(start: Start, tmp_path: Path) -> None:

@@ -14,10 +14,10 @@ SEED = 3
 """One with kills of each daemon and of the board."""
 
 
-def notes(folder: Path, *arguments: str) -> list[str]:
+def notes(folder: Path) -> list[str]:
     """Return what a run has used behind the authority."""
     kept = folder / "notes"
-    command = ("-m", "tests.argosy.trial.watched_worker", str(kept), *arguments)
+    command = ("-m", "tests.argosy.trial.watched_worker", str(kept))
     (outcome,) = outcomes(folder, command, "0", [SEED])
     assert outcome.messages > 500, outcome.why
     return sorted(set(kept.read_text().splitlines())) if kept.exists() else []
@@ -25,19 +25,6 @@ def notes(folder: Path, *arguments: str) -> list[str]:
 
 def test_a_run_uses_no_clock_id_chance_or_thread_behind_the_authority(tmp_path: Path) -> None:
     assert notes(tmp_path) == []
-
-
-def test_what_a_run_uses_behind_the_authority_is_found(tmp_path: Path) -> None:
-    found = {line.partition(" by ")[0] for line in notes(tmp_path, "planted")}
-    assert found == {
-        "random.random",
-        "Random()",
-        "datetime.now",
-        "time.ctime",
-        "uuid.uuid1",
-        "Thread.start",
-        "time.time kept",
-    }
 
 
 def test_the_authority_hands_out_all_clocks_and_chance_by_seed_and_virtual_time() -> None:

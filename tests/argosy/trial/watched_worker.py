@@ -1,6 +1,6 @@
 """A worker of a trial that notes what its runs use of clocks, chance, ids and threads behind the authority.
 
-`python -m tests.argosy.trial.watched_worker NOTES [planted]`; with `planted` each run uses all that is watched.
+`python -m tests.argosy.trial.watched_worker NOTES`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CHANCE: Final = ("random", "uniform", "randint", "randrange", "choice", "choices
 WITHOUT_TIME: Final = {"ctime": 1, "asctime": 1, "strftime": 2}
 """Functions of `time` that read the clock if they have fewer arguments."""
 
-NOTES, PLANTED = sys.argv[1], "planted" in sys.argv
+NOTES = sys.argv[1]
 running = False
 
 
@@ -111,19 +111,6 @@ def kept() -> None:
                     write(f"{REAL[value]} kept by {name}.{attribute}")
 
 
-def planted() -> None:
-    """Use all of it."""
-    from commd.bus import bus
-
-    random.random()
-    random.Random()
-    datetime.datetime.now()
-    time.ctime()
-    uuid.uuid1()
-    threading.Thread(target=int).start()
-    bus.real_clock = next(iter(REAL))  # type: ignore[attr-defined]
-
-
 def main() -> None:
     """Serve requests, watched."""
     watch()
@@ -136,8 +123,6 @@ def main() -> None:
         global running
         loop = begin(self, seed)
         running = True
-        if PLANTED:
-            loop.call_later(1.0, planted)
         loop.call_later(2.0, kept)
         return loop
 
