@@ -89,7 +89,7 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
     """Return what is wrong with the robots' `simulate`."""
     findings = check_world(mission)
     for name, robot in mission.robots.items():
-        where = ("robots", name, "simulate")
+        where: tuple[str, ...] = ("robots", name, "simulate")
         vehicle, manifest = vehicle_of(robot), manifests.get(name)
         if robot.simulate is None:
             continue
@@ -101,8 +101,13 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
             findings.append(mission.positions.finding(where, text))
         elif problems := _of_a_vehicle(robot):
             findings += [mission.positions.finding((*where, field), text) for field, text in problems]
-        elif not vehicle and manifest is not None and manifest.robot.driver == _NO_TWIN:
-            text = "simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, home: [...]}`"
+        elif manifest is not None and manifest.robot.driver == _NO_TWIN and vehicle != manifest.robot.vehicle:
+            wanted = manifest.robot.vehicle
+            if robot.simulate.vehicle:
+                where = (*where, "vehicle")
+                text = f"simulate.vehicle: expected `{wanted}`, the vehicle of its manifest, got `{vehicle}`"
+            else:
+                text = f"simulate: a {wanted} on MAVLink needs a simulator: `{{vehicle: {wanted}, home: [...]}}`"
             findings.append(mission.positions.finding(where, text))
     return findings
 

@@ -191,6 +191,31 @@ def test_whatever_the_files_hold_there_are_findings_and_no_traceback(mission: Pa
 
 
 @pytest.mark.parametrize(
+    ("simulate", "said"),
+    [
+        (
+            "{vehicle: plane, home: [-27.6, -48.5, 21.0]}",
+            "m.yaml:4:72: error: simulate.vehicle: expected `rover`, the vehicle of its manifest, got `plane`",
+        ),
+        (
+            "{home: [-27.6, -48.5, 21.0]}",
+            "m.yaml:4:62: error: simulate: a rover on MAVLink needs a simulator: `{vehicle: rover, home: [...]}`",
+        ),
+    ],
+)
+def test_another_simulated_vehicle_than_that_of_the_manifest_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], simulate: str, said: str
+) -> None:
+    (tmp_path / "uav.asl").write_text("!g.\n+!g <- +done.\n")
+    robot = f"{{manifest: rover, link: udpin:127.0.0.1:1, simulate: {simulate}}}"
+    (tmp_path / "m.yaml").write_text(
+        f'mission: m\nagents: {{uav: {{program: uav.asl, robot: uav1}}}}\nrobots:\n  uav1: {robot}\ndone: "uav: done"\n'
+    )
+    assert main(["check", str(tmp_path / "m.yaml")]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("vehicle", "autopilot", "action", "said"),
     [
         ("copter", "ardupilot", "orbit(-27.6, -48.5, 20, 30, 4)", "has no command by which a copter flies a circle"),
