@@ -1,7 +1,7 @@
 """docs/reference/stdlib.md from the docstrings of agentd/stdlib: `python -m tests.docs.stdlib_page`.
 
 A docstring begins with its calls, ``.name(A[, B])``, a colon, and what they mean. A line
-``?- QUERY gives X = 1; X = 2`` (or ``holds``, ``fails``) is an example; tests/docs/test_stdlib_page.py asks each.
+``?- QUERY gives X = 1; X = 2`` (or ``holds``, ``fails``) is an example; tests/docs/test_generated_pages.py asks each.
 """
 
 from __future__ import annotations
