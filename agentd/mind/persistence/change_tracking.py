@@ -284,8 +284,8 @@ class KeptPlans:
         self._seen = self._valued = -1
         self._values: dict[str, bytes] = {}
         """What `values` returns at the version `_valued` of the library."""
-        self._own: dict[Plan, str] = {}
-        """The program's plans, as text."""
+        self._own: dict[Plan, None] = {}
+        """The program's plans."""
         self._ranks: dict[Plan, int] = {}
         """The place of each other plan: below 0 before the program's plans, above 0 after them."""
         self._sources: dict[Plan, tuple[Term, ...]] = {}
@@ -293,7 +293,7 @@ class KeptPlans:
 
     def begin(self) -> None:
         """All plans that are there are the program's."""
-        self._own = {plan: source_text(plan.syntax) for plan in self._library}
+        self._own = dict.fromkeys(self._library)
         self._seen = self._library.version
 
     def change(self, changes: MindChanges, tell: Tell) -> None:
@@ -336,10 +336,10 @@ class KeptPlans:
             return self._values
         here = set(self._library)
         changed: list[Term] = []
-        for plan, written in self._own.items():
+        for plan in self._own:
             sources = list(plan.sources) if plan in here else []
             if sources != _FROM_SELF:
-                changed += [written, make_list(sources)]
+                changed += [source_text(plan.syntax), make_list(sources)]
         self._valued = self._library.version
         self._values = {"program_plans": terms_to_bytes(changed)} if changed else {}
         return self._values
@@ -353,7 +353,8 @@ class KeptPlans:
         library.extend(list(program.plans))
         self.begin()
         for written, sources in zip(changed[::2], map(proper, changed[1::2]), strict=True):
-            plan = next((p for p in library if self._own[p] == written and p.sources == _FROM_SELF), None)
+            own = (plan for plan in library if plan.sources == _FROM_SELF and source_text(plan.syntax) == written)
+            plan = next(own, None)
             if plan is None:
                 continue  # the program has this plan no longer
             plan.sources = sources or []
