@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.field import agents, bridges, rows
-from tests.field.rows import Maker
 from tests.field.units import UnitFile
 
 BUSY = 25.0
@@ -22,9 +21,8 @@ def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rows, "EARLY", 3.0)
 
 
-@pytest.mark.parametrize("fly", [agents.hung_and_watched, bridges.board_hung], ids=lambda row: row.__name__)
-def test_a_function_that_hangs_in_flight_is_answered_for_and_ended_by_the_watchdog(fly: Maker, tmp_path: Path) -> None:
-    assert not fly(tmp_path).problems
+def test_a_function_that_hangs_in_flight_is_answered_for_and_ended_by_the_watchdog(tmp_path: Path) -> None:
+    assert not bridges.board_hung(tmp_path).problems
 
 
 def test_a_link_between_boards_that_is_cut_brings_the_vehicle_home(tmp_path: Path, namespaces: None) -> None:

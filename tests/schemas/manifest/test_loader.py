@@ -63,7 +63,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
     assert problems(text) == [
         "3: robot.vehicle: the mavlink driver has no `submarine`, it has copter, plane, rover",
         "5: percepts.altitude.source: MAVLink has no message `ALTIMETER`, and the driver has HEARTBEAT, OVERRIDE, "
-        "LINK, PARAM, VEHICLE_TEXT, MISSION, MISSION_LIST, BATTERY, RC_INPUT, WIND_ESTIMATE of its own",
+        "LINK, PARAM, VEHICLE_TEXT, MISSION, MISSION_LIST, BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE of its own",
         "9: percepts.gps.args: GPS_RAW_INT has no field `fix`, it has time_usec, fix_type, lat, lon, alt, eph, epv, "
         "vel, cog, satellites_visible, alt_ellipsoid, h_acc, v_acc, vel_acc, hdg_acc, yaw",
         "9: percepts.gps.args: GPS_RAW_INT.fix_type has no element `1`",
