@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 EARTH_RADIUS: Final = 6_378_137.0
@@ -22,3 +23,12 @@ def offset(origin: Position, position: Position) -> tuple[float, float]:
     north = math.radians(position[0] - origin[0]) * EARTH_RADIUS
     turn = (position[1] - origin[1] + 180) % 360 - 180
     return math.radians(turn) * EARTH_RADIUS * math.cos(math.radians(origin[0])), north
+
+
+def is_inside(point: Position, corners: Sequence[Position]) -> bool:
+    """Return whether a point lies within a polygon; coordinates count as those of a plane."""
+    (x, y), inside = point, False
+    for (x1, y1), (x2, y2) in zip(corners, [*corners[1:], *corners[:1]], strict=True):
+        if (x1 > x) != (x2 > x) and y < y1 + (x - x1) / (x2 - x1) * (y2 - y1):
+            inside = not inside
+    return inside

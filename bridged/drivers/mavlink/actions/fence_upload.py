@@ -23,6 +23,7 @@ from bridged.drivers.mavlink.actions.mission_actions import (
     mission_protocol,
     ours,
 )
+from schemas.geo import is_inside
 
 MAX_CORNERS = 70
 """As many as ArduPilot's fences have at most in all."""
@@ -42,7 +43,7 @@ def upload_fence(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     for what, place in (("home", flight.vehicle.home), ("the vehicle", flight.vehicle.position)):
         if place is None:
             return Outcome("refused", f"where {what} is, is not known yet")
-        if not _inside((place.latitude, place.longitude), corners):
+        if not is_inside((place.longitude, place.latitude), [corner[::-1] for corner in corners]):
             return Outcome("refused", f"{what} is outside of the fence")
     with mission_protocol(flight, run):
         yield from _send(flight, run, corners)
@@ -107,12 +108,3 @@ def _corners(value: Value) -> list[Corner]:
                     f"corner {number} of the fence: expected [Latitude, Longitude] in degrees, got {corner}"
                 )
     return corners
-
-
-def _inside(place: Corner, corners: list[Corner]) -> bool:
-    """Whether a line from the place to the north crosses the sides an odd number of times; degrees count as plane."""
-    (y, x), inside = place, False
-    for (y1, x1), (y2, x2) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        if (x1 > x) != (x2 > x) and y < y1 + (x - x1) * (y2 - y1) / (x2 - x1):
-            inside = not inside
-    return inside

@@ -25,6 +25,9 @@ from bridged.simulation.vehicle.payload import Payload
 
 UNASKED_S = dict.fromkeys((0, 1, 2, 24, 30, 32, 33, 36, 42, 62, 65, 74, 87, 125, 147, 152, 193, 241), 1.0)
 """Intervals of the streams that come unasked from the recorded plane and rover, by message id."""
+HOME_FOLLOWS_S, _MOVED = 1.0, 0.2
+"""Seconds at which home follows a vehicle that is disarmed, if it has moved by so many metres."""
+Texts = Sequence[tuple[str, Severity]]
 
 
 class ArduPilot(Autopilot):
@@ -42,8 +45,20 @@ class ArduPilot(Autopilot):
     """Intervals of the streams that come unasked, by message id."""
     OUTSIDE_GUIDED: ClassVar[Result] = Result.DENIED
     """Result of a DO_REPOSITION that may not change the mode, in another one."""
+    TAKES_SETPOINTS: ClassVar[bool] = True
+    """Whether SET_POSITION_TARGET messages are taken in GUIDED; else they are ignored in silence."""
+    DISARMS_UNDER_WAY: ClassVar[bool] = False
+    """Whether its motors may be stopped under way without force."""
+    HOME_FOLLOWS: ClassVar[bool] = False
+    """Whether home follows it while it is disarmed."""
+    STATION: ClassVar[tuple[str, str, float]] = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.0)
+    """Of its GCS failsafe: see `StationWatch`."""
     INITIAL: ClassVar[Any]
-    """The mode after power on, and the one that the pilot's switch sets then; modes are those of the kind ..."""
+    """The mode after power on; modes are those of the kind ..."""
+    SWITCHED: ClassVar[Any]
+    """The mode that the pilot's switch sets at the end of the boot."""
+    REPORTS: ClassVar[frozenset[Any]]
+    """Modes in which POSITION_TARGET_GLOBAL_INT is sent."""
     GUIDED: ClassVar[Any]
     AUTO: ClassVar[Any]
     RTL: ClassVar[Any]
@@ -63,7 +78,7 @@ class ArduPilot(Autopilot):
         self.boot = Boot(boot, start.alt, self.SCRIPT)
         self.battery = Battery(self.parameters, charge_time)
         self.fence = Fence(self.parameters)
-        self.station = self.station_watch(self.parameters)
+        self.station = StationWatch(self.parameters, *self.STATION)
         self.outputs = Outputs(self.parameters)
         self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self.payload = Payload()
@@ -73,11 +88,8 @@ class ArduPilot(Autopilot):
         self.mode = self.INITIAL
         self._actions: list[Item] = []  # mission items to be done on the way
         self._actions_wait_until = 0.0
-
-    @staticmethod
-    def station_watch(parameters: Parameters) -> StationWatch:
-        """Return the watch over the ground station."""
-        return StationWatch(parameters)
+        self._arrived = False
+        self._home_at = 0.0
 
     @property
     def booting(self) -> bool:
@@ -116,11 +128,32 @@ class ArduPilot(Autopilot):
     @property
     def reports_target(self) -> bool:
         """Whether POSITION_TARGET_GLOBAL_INT is sent."""
-        return self.mode in (self.GUIDED, self.RTL) or isinstance(self.flight.task, GoTo)
+        return self.mode in self.REPORTS
+
+    def set_mode(self, number: int) -> Result:
+        """Change the flight mode to that of a number (custom_mode); status texts give the reason of a refusal."""
+        try:
+            mode = type(self.INITIAL)(number)
+        except ValueError:
+            self.send_text(f"No such mode {number}", Severity.WARNING)
+            return Result.FAILED
+        if mode is self.mode:
+            return Result.ACCEPTED
+        if refusal := self.refusal(mode):
+            for text, severity in refusal:
+                self.send_text(text, severity)
+            return Result.FAILED
+        self.take_mode(mode)
+        self.enter(mode)
+        return Result.ACCEPTED
 
     @abstractmethod
-    def set_mode(self, number: int) -> Result:
-        """Change the flight mode to that of a number; a status text gives the reason of a refusal."""
+    def refusal(self, mode: Any) -> Texts:
+        """Return the texts by which a flight mode is refused; none: it can be entered."""
+
+    @abstractmethod
+    def enter(self, mode: Any) -> None:
+        """Begin what a flight mode does."""
 
     def pilot_sets(self, number: int) -> None:
         """Change the flight mode to that of a number, as a pilot at the field does by his switch."""
@@ -129,29 +162,43 @@ class ArduPilot(Autopilot):
     def take_mode(self, mode: Any) -> None:
         """Note another flight mode."""
         self.mode = mode
-        self.flight.cruise_speed = None
+        self.flight.cruise_speed, self._arrived = None, False
         self.events.append(ModeChanged())
 
     @abstractmethod
     def arming_problems(self) -> list[str]:
         """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
 
-    @abstractmethod
     def arm(self, *, force: bool = False) -> Result:
-        """Start the motors and set home here."""
+        """Start the motors; texts give the reasons of a refusal."""
+        if self.armed:
+            return Result.ACCEPTED
+        problems = self.arming_problems()
+        if problems and not (force and self.passed(Milestone.READY)):
+            for problem in problems:
+                self.send_text(f"Arm: {problem}", Severity.CRITICAL)
+            return Result.FAILED
+        self.flight.arm()
+        self.has_armed()
+        return Result.ACCEPTED
 
     @abstractmethod
-    def disarm(self, *, force: bool = False) -> Result:
-        """Stop the motors."""
+    def has_armed(self) -> None:
+        """Do what is done when the motors have been started."""
 
-    def refuses_arming(self, *, force: bool) -> bool:
-        """Return whether the motors cannot be armed; texts give the reasons."""
-        problems = self.arming_problems()
-        if not problems or (force and self.passed(Milestone.READY)):
-            return False
-        for problem in problems:
-            self.send_text(f"Arm: {problem}", Severity.CRITICAL)
-        return True
+    def disarm(self, *, force: bool = False) -> Result:
+        """Stop the motors; refused in the air unless forced."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if self.flight.airborne and not (force or self.DISARMS_UNDER_WAY):
+            return Result.FAILED
+        self.flight.disarm()
+        self.has_disarmed()
+        return Result.ACCEPTED
+
+    @abstractmethod
+    def has_disarmed(self) -> None:
+        """Do what is done when the motors have been stopped."""
 
     def take_off(self, altitude: float) -> Result:
         """MAV_CMD_NAV_TAKEOFF to metres above home."""
@@ -169,10 +216,6 @@ class ArduPilot(Autopilot):
     def setpoint_lasts(self) -> float:
         """Seconds after which a velocity that was sent once ends."""
         return max(0.1, self.parameters["GUID_TIMEOUT"])
-
-    def takes_setpoints(self) -> bool:
-        """Return whether SET_POSITION_TARGET messages are taken in GUIDED."""
-        return True
 
     @abstractmethod
     def bring_home(self) -> None:
@@ -200,6 +243,7 @@ class ArduPilot(Autopilot):
 
     def guide(self, task: GoTo | Drift) -> bool:
         """Follow a goal or a velocity; returns False if it is dropped: not in GUIDED, or outside the fence."""
+        self._arrived = False
         if self.mode is not self.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
             return False
         if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
@@ -215,20 +259,37 @@ class ArduPilot(Autopilot):
 
     def _guard(self, dt: float) -> None:
         watch_over(self, dt)
+        if self.HOME_FOLLOWS and not self.armed and self.home is not None and self.now >= self._home_at:
+            self._home_at = self.now + HOME_FOLLOWS_S
+            if self.motion.position.distance(self.home_on_chart) > _MOVED:
+                self.set_home(self.place)
 
-    def _reach(self, milestone: Milestone | None, texts: Sequence[tuple[str, Severity]]) -> None:
+    @property
+    def effort(self) -> float:
+        """Current that the motors draw in the air, in multiples of that of a hover."""
+        return 1.0
+
+    def _fly(self, dt: float) -> None:
+        """Let flight and battery pass `dt` seconds."""
+        flight, was_airborne = self.flight, self.flight.airborne
+        flight.step(dt)
+        self.battery.step(dt, flying=flight.airborne and flight.armed, effort=self.effort)
+        if flight.armed and self.battery.empty:
+            flight.disarm()
+            self.send_text("SIM battery is empty", Severity.CRITICAL)
+        if was_airborne and not flight.airborne:
+            self.send_text(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+
+    def _reach(self, milestone: Milestone | None, texts: Texts) -> None:
+        if milestone is Milestone.READY and self.SWITCHED is not self.INITIAL:
+            self.take_mode(self.SWITCHED)
         if milestone is Milestone.HOME:
             self.set_home(self.place)
             self.count_mission(len(self.mission.items) + 1)
         for text, severity in texts:
             self.send_text(text, severity)
-        if milestone is Milestone.MODE_SWITCH and self.mode is not self.after_boot and not self.armed:
-            self.set_mode(self.after_boot)
-
-    @property
-    def after_boot(self) -> Any:
-        """The mode that the pilot's switch sets at the end of the boot."""
-        return self.INITIAL
+        if milestone is Milestone.MODE_SWITCH and self.mode is not self.SWITCHED and not self.armed:
+            self.set_mode(self.SWITCHED)
 
     def count_mission(self, total: int) -> None:
         """Set MIS_TOTAL to the number of stored items, home included."""

@@ -186,7 +186,7 @@ FASTEST = 100.0
 
 def global_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_GLOBAL_INT: one goal, or a velocity."""
-    if not copter.takes_setpoints():
+    if not copter.TAKES_SETPOINTS:
         return
     frame = message.coordinate_frame
     if frame not in GLOBAL_FRAMES + RELATIVE_FRAMES:
@@ -207,7 +207,7 @@ def global_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None
 
 def local_setpoint(copter: ArduPilot, message: dialect.MAVLink_message) -> None:
     """SET_POSITION_TARGET_LOCAL_NED: metres from the origin, or from here; or a velocity."""
-    if not copter.takes_setpoints():
+    if not copter.TAKES_SETPOINTS:
         return
     frame = message.coordinate_frame
     if frame not in (_LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET):

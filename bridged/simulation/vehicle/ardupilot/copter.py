@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
 from bridged.simulation.vehicle.ardupilot import parameters as tables
-from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
+from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot, Texts
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.copter_tuning import TOUCHDOWN_TO_DISARM_S, copter_tuning
 from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.mission import task_of
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.motion.copter_flight import Flight
-from bridged.simulation.vehicle.motion.tasks import Land, Return, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.copter_flight import Flight, Tuning
+from bridged.simulation.vehicle.motion.dynamics import Limits
+from bridged.simulation.vehicle.motion.tasks import GoTo, Land, Return, Stop, TakeOff, Task
 from bridged.simulation.vehicle.notifications import ItemReached, ParameterChanged, Result, Severity
+from bridged.simulation.vehicle.parameters import Parameters
 
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
@@ -28,6 +30,69 @@ _ALT_HOLD, _EVEN_MANUAL = 2, 3
 """Values of FS_EKF_ACTION; others but 0 land a copter whose mode needs a position."""
 
 
+_SPOOL_UP_S = 3.3
+"""From arming until the motors can lift (recorded: 5 cm high 3.7 s after arming)."""
+
+_LIFT_DELAY_S = 0.98
+"""From the takeoff command until the copter moves (recorded: 5 cm high 1.4 s after it)."""
+
+_RETURN_PAUSE_S = 1.5
+"""Time between the arrival over home and the loiter time of RTL (recorded)."""
+
+_TOUCHDOWN_TO_LANDED_S = 1.7
+_TOUCHDOWN_TO_DISARM_S = 2.09
+
+_SMOOTH_PACE = 1.12
+"""A smooth leg of L metres peaks at this times the root of L in m/s (recorded: 6.8 on 40 m, 7.8 on 50 m)."""
+
+_STOP = Limits(accel=2.5)
+_HARD_STOP = Limits(accel=3.4, release=1.1)
+
+
+def _tuning(values: Parameters, cruise_speed: float | None) -> Tuning:
+    speed = cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
+    climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)
+    slow = max(0.3, values["LAND_SPEED"] / 100)
+    fast = max(slow, values["LAND_SPEED_HIGH"] / 100 or values["WPNAV_SPEED_DN"] / 100)
+    low = values["LAND_ALT_LOW"] / 100 + 0.25
+    cone, highest = values["RTL_CONE_SLOPE"], values["RTL_ALT"] / 100
+
+    def smooth(length: float) -> Limits:
+        pace = min(speed, max(1.0, _SMOOTH_PACE * math.sqrt(length)))
+        return Limits(pace, climb, descent, 2.2, 1.5, 1.0, 0.9, 1.0, 0.9, response=0.9)
+
+    def takeoff(height: float, rising: float) -> Limits:
+        # Near the ground the copter first creeps, then jumps off: recorded shape of the first metre.
+        accel = 0.6 if rising < 0.4 and height < 0.2 else 2.9 if rising < 1.15 and height < 0.4 else 1.05
+        if height > 1.0:
+            accel = 1.1
+        return Limits(climb=climb, climb_accel=accel, jerk=40.0)
+
+    def landing(height: float) -> float:
+        above = height - low
+        return min(fast, math.sqrt(slow * slow + 2.4 * above)) if above > 0 else slow
+
+    return Tuning(
+        legs=Limits(speed, climb, descent),
+        smooth=smooth,
+        drift=_STOP,
+        circle=_STOP,
+        stop=_STOP,
+        hard_stop=_HARD_STOP,
+        landing=_STOP,
+        spool_up=_SPOOL_UP_S,
+        lift_delay=_LIFT_DELAY_S,
+        takeoff=takeoff,
+        takeoff_done=lambda off, rising: off < 0.03 or (off < 0.15 and rising < 0.15),
+        radius=values["WPNAV_RADIUS"] / 100,
+        return_height=lambda away: min(highest, cone * away if cone > 0 else math.inf),
+        over_home=1.0,
+        return_wait=_RETURN_PAUSE_S + values["RTL_LOIT_TIME"] / 1000,
+        descent=landing,
+        touchdown_to_landed=_TOUCHDOWN_TO_LANDED_S,
+    )
+
+
 class Copter(ArduPilot):
     """An ArduCopter."""
 
@@ -35,10 +100,12 @@ class Copter(ArduPilot):
     TYPE: ClassVar = dialect.MAV_TYPE_QUADROTOR
     VTOL_STATE: ClassVar = 3
     LOCOMOTION: ClassVar = Flight
-    TUNING: ClassVar = staticmethod(copter_tuning)
+    TUNING: ClassVar = staticmethod(_tuning)
     ROWS: ClassVar = tables.COPTER
     SCRIPT: ClassVar = boot_sequence.COPTER
     INITIAL: ClassVar = Mode.STABILIZE
+    SWITCHED: ClassVar = Mode.STABILIZE
+    REPORTS: ClassVar = frozenset((Mode.GUIDED, Mode.RTL))
     GUIDED: ClassVar = Mode.GUIDED
     AUTO: ClassVar = Mode.AUTO
     RTL: ClassVar = Mode.RTL
@@ -60,23 +127,18 @@ class Copter(ArduPilot):
         """system_status of HEARTBEAT."""
         return 1 if not self.passed(Milestone.READY) else 4 if self.armed and self.flight.airborne else 3
 
-    def set_mode(self, number: int) -> Result:
-        """Change the flight mode to that of a number (custom_mode); a status text gives the reason of a refusal.
+    @property
+    def reports_target(self) -> bool:
+        """Whether POSITION_TARGET_GLOBAL_INT is sent: on every leg, too."""
+        return super().reports_target or isinstance(self.flight.task, GoTo)
 
-        As in ArduCopter, a position is needed only with motors on.
-        """
-        try:
-            mode = Mode(number)
-        except ValueError:
-            self.send_text(f"No such mode {number}", Severity.WARNING)
-            return Result.FAILED
-        if mode is self.mode:
-            return Result.ACCEPTED
-        problem = self._problem_with(mode)
-        if problem is not None:
-            self.send_text(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
-            return Result.FAILED
-        self.take_mode(mode)
+    @property
+    def effort(self) -> float:
+        """Current that the motors draw in the air, in multiples of that of a hover."""
+        return self.motion.effort
+
+    def enter(self, mode: Mode) -> None:
+        """Begin what a flight mode does."""
         match mode:
             case Mode.RTL:
                 self.flight.begin(Return(self.home_on_chart))
@@ -86,16 +148,18 @@ class Copter(ArduPilot):
                 self._fly_from(max(1, self.mission.current))
             case _:
                 self.flight.begin(Stop(hard=mode is Mode.BRAKE))
-        return Result.ACCEPTED
 
-    def _problem_with(self, mode: Mode) -> str | None:
+    def refusal(self, mode: Mode) -> Texts:
+        """Return the text by which a flight mode is refused. As in ArduCopter, a position is needed with motors on."""
         if not mode.simulated:
-            return "not simulated"
-        if self.armed and mode.needs_position and not self.has_position:
-            return "requires position"
-        if mode is Mode.AUTO and not self.mission.flyable:
-            return "init failed"
-        return None
+            problem = "not simulated"
+        elif self.armed and mode.needs_position and not self.has_position:
+            problem = "requires position"
+        elif mode is Mode.AUTO and not self.mission.flyable:
+            problem = "init failed"
+        else:
+            return ()
+        return ((f"Mode change to {mode.name} failed: {problem}", Severity.WARNING),)
 
     def arming_problems(self) -> list[str]:
         """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
@@ -122,31 +186,19 @@ class Copter(ArduPilot):
             problems.append("Battery failsafe")
         return problems
 
-    def arm(self, *, force: bool = False) -> Result:
-        """Start the motors and set home here."""
-        if self.armed:
-            return Result.ACCEPTED
-        if self.refuses_arming(force=force):
-            return Result.FAILED
-        self.flight.arm()
+    def has_armed(self) -> None:
+        """Set home here."""
         if self.passed(Milestone.HOME):
             self.set_home(self.place)
         self.send_text("Arming motors")
-        return Result.ACCEPTED
 
-    def disarm(self, *, force: bool = False) -> Result:
-        """Stop the motors; refused in the air unless forced."""
-        if not self.armed:
-            return Result.ACCEPTED
-        if self.flight.airborne and not force:
-            return Result.FAILED
-        self.flight.disarm()
+    def has_disarmed(self) -> None:
+        """End the mission."""
         if self.mode is Mode.AUTO and self.mission.current:
             self.events.append(ItemReached(self.mission.current))
             self.mission.current, self.mission.complete = 0, True
         self.send_text("Disarming motors")
         self.events.append(ParameterChanged("MOT_THST_HOVER"))
-        return Result.ACCEPTED
 
     def set_home(self, place: Place) -> None:
         """Set home; a return goes on to it."""
@@ -166,15 +218,8 @@ class Copter(ArduPilot):
         return self.set_mode(Mode.LAND)
 
     def _move(self, dt: float) -> None:
-        flight, was_airborne = self.flight, self.flight.airborne
-        flight.step(dt)
-        armed, airborne = flight.armed, flight.airborne
-        self.battery.step(dt, flying=airborne and armed, effort=self.motion.effort)
-        if armed and self.battery.empty:
-            flight.disarm()
-            self.send_text("SIM battery is empty", Severity.CRITICAL)
-        if was_airborne and not airborne:
-            self.send_text(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+        self._fly(dt)
+        flight, airborne = self.flight, self.flight.airborne
         if not airborne:
             self._compass_checked = False
         elif not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
@@ -191,7 +236,7 @@ class Copter(ArduPilot):
         if idle_since is None:
             return
         landing = flight.touchdown_at is not None and isinstance(flight.task, Land | Return)
-        delay = TOUCHDOWN_TO_DISARM_S if landing else self.parameters["DISARM_DELAY"]
+        delay = _TOUCHDOWN_TO_DISARM_S if landing else self.parameters["DISARM_DELAY"]
         if delay > 0 and self.now - idle_since >= delay:
             self.disarm()
 

@@ -67,11 +67,11 @@ class StationWatch:
     """GCS failsafe: HEARTBEATs of system MAV_GCS_SYSID must not stop while it is enabled and armed."""
 
     parameters: Parameters
-    switch: str = "FS_GCS_ENABLE"
+    switch: str
     """The parameter that enables it ..."""
-    timeout: str = "FS_GCS_TIMEOUT"
+    timeout: str
     """... and the one of the seconds of silence, ..."""
-    extra: float = 0.0
+    extra: float
     """... to which so many are added."""
     heard_at: float | None = None
     lost: bool = False

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
 from bridged.simulation.vehicle.ardupilot import parameters as tables
-from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot
+from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot, Texts
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
+from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import PlaneMode
 from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.plane_flight import PlaneFlight, PlaneMotion, PlaneTuning
-from bridged.simulation.vehicle.motion.tasks import Approach, Drift, GoTo, Landed, Stop, TakeOff, Task
+from bridged.simulation.vehicle.motion.tasks import Approach, GoTo, Landed, Stop, TakeOff, Task
 from bridged.simulation.vehicle.notifications import ItemReached, Result, Severity
 from bridged.simulation.vehicle.parameters import Parameters
 
@@ -68,7 +67,12 @@ class Plane(ArduPilot):
     SCRIPT: ClassVar = boot_sequence.PLANE
     DEFAULTS_S: ClassVar = UNASKED_S
     OUTSIDE_GUIDED: ClassVar = Result.FAILED
+    TAKES_SETPOINTS: ClassVar = False
+    HOME_FOLLOWS: ClassVar = True
+    STATION: ClassVar = ("FS_GCS_ENABL", "FS_LONG_TIMEOUT", 0.0)
     INITIAL: ClassVar = PlaneMode.INITIALISING
+    SWITCHED: ClassVar = PlaneMode.MANUAL
+    REPORTS: ClassVar = frozenset((PlaneMode.GUIDED, PlaneMode.AUTO, PlaneMode.RTL, PlaneMode.LOITER))
     GUIDED: ClassVar = PlaneMode.GUIDED
     AUTO: ClassVar = PlaneMode.AUTO
     RTL: ClassVar = PlaneMode.RTL
@@ -79,8 +83,6 @@ class Plane(ArduPilot):
     flight: PlaneFlight
     motion: PlaneMotion
 
-    _home_at = 0.0
-    _arrived = False
     _started_at: float | None = None
     _said: frozenset[str] = frozenset()
     """Texts of the present takeoff or landing that have been sent."""
@@ -88,16 +90,6 @@ class Plane(ArduPilot):
     """radians"""
     _landed_at: float | None = None
     _prearm_at: float | None = None
-
-    @staticmethod
-    def station_watch(parameters: Parameters) -> StationWatch:
-        """Return the watch over the ground station."""
-        return StationWatch(parameters, "FS_GCS_ENABL", "FS_LONG_TIMEOUT")
-
-    @property
-    def after_boot(self) -> PlaneMode:
-        """The mode that the pilot's switch sets at the end of the boot."""
-        return PlaneMode.MANUAL
 
     @property
     def base_mode(self) -> int:
@@ -114,43 +106,28 @@ class Plane(ArduPilot):
             return 5
         return 4 if self.flight.landed is not Landed.ON_GROUND else 3
 
-    @property
-    def reports_target(self) -> bool:
-        """Whether POSITION_TARGET_GLOBAL_INT is sent."""
-        return self.mode in (PlaneMode.GUIDED, PlaneMode.AUTO, PlaneMode.RTL, PlaneMode.LOITER)
-
-    def takes_setpoints(self) -> bool:
-        """A plane ignores setpoints in silence."""
-        return False
-
     def set_mode(self, number: int) -> Result:
-        """Change the flight mode to that of a number; a status text gives the reason of a refusal."""
-        try:
-            mode = PlaneMode(number)
-        except ValueError:
-            self.send_text(f"No such mode {number}", Severity.WARNING)
-            return Result.FAILED
-        if mode.vertical:
-            self.send_text("Q_ENABLE 0")
-            return Result.FAILED
-        if mode is PlaneMode.AUTOLAND and (self._takeoff_course is None or not self.flight.airborne):
-            self.send_text("Takeoff initial direction not set")
-            return Result.FAILED
-        if mode is self.mode:
-            return Result.ACCEPTED
-        if mode is PlaneMode.AUTO and not self.mission.flyable:
-            if self.mode is not PlaneMode.RTL:
-                self.take_mode(PlaneMode.RTL)
-                self._return()
-            self.mission.complete = True
-            self.send_text("Mission complete, changing mode to RTL")
-            return Result.ACCEPTED
-        self.take_mode(mode)
-        self._enter(mode)
+        """Change the flight mode; without a mission AUTO is over immediately, and the plane returns."""
+        if number != PlaneMode.AUTO or self.mode is PlaneMode.AUTO or self.mission.flyable:
+            return super().set_mode(number)
+        if self.mode is not PlaneMode.RTL:
+            self.take_mode(PlaneMode.RTL)
+            self._return()
+        self.mission.complete = True
+        self.send_text("Mission complete, changing mode to RTL")
         return Result.ACCEPTED
 
-    def _enter(self, mode: PlaneMode) -> None:
-        self._arrived, self._started_at = False, None
+    def refusal(self, mode: PlaneMode) -> Texts:
+        """Return the text by which a flight mode is refused."""
+        if mode.vertical:
+            return (("Q_ENABLE 0", Severity.INFO),)
+        if mode is PlaneMode.AUTOLAND and (self._takeoff_course is None or not self.flight.airborne):
+            return (("Takeoff initial direction not set", Severity.INFO),)
+        return ()
+
+    def enter(self, mode: PlaneMode) -> None:
+        """Begin what a flight mode does."""
+        self._started_at = None
         match mode:
             case PlaneMode.TAKEOFF:
                 self._take_off()
@@ -226,30 +203,19 @@ class Plane(ArduPilot):
             problems.append("In landing sequence")
         return problems
 
-    def arm(self, *, force: bool = False) -> Result:
-        """Start the motor and set home here."""
-        if self.armed:
-            return Result.ACCEPTED
-        if self.refuses_arming(force=force):
-            return Result.FAILED
-        self.flight.arm()
+    def has_armed(self) -> None:
+        """Set home here, and begin a takeoff or mission."""
         self._landed_at = None
         self.set_home(self.place)
         self.send_text("Throttle armed")
         if self.mode in (PlaneMode.TAKEOFF, PlaneMode.AUTO):
-            self._enter(self.mode)
-        return Result.ACCEPTED
+            self._arrived = False
+            self.enter(self.mode)
 
-    def disarm(self, *, force: bool = False) -> Result:
-        """Stop the motor; refused in the air unless forced."""
-        if not self.armed:
-            return Result.ACCEPTED
-        if self.flight.airborne and not force:
-            return Result.FAILED
-        self.flight.disarm()
+    def has_disarmed(self) -> None:
+        """Report failed checks a little later."""
         self.send_text("Throttle disarmed")
         self._prearm_at = self.now + _PREARM_S
-        return Result.ACCEPTED
 
     def take_off(self, altitude: float) -> Result:
         """MAV_CMD_NAV_TAKEOFF: only a plane with vertical takeoff takes it."""
@@ -346,25 +312,9 @@ class Plane(ArduPilot):
             self.send_text("Mission complete, changing mode to RTL")
             self._return()
 
-    def guide(self, task: GoTo | Drift) -> bool:
-        """Follow a goal; returns False if it is dropped."""
-        self._arrived = False
-        return super().guide(task)
-
-    def _reach(self, milestone: Milestone | None, texts: Sequence[tuple[str, Severity]]) -> None:
-        if milestone is Milestone.READY:
-            self.take_mode(self.after_boot)
-        super()._reach(milestone, texts)
-
     def _move(self, dt: float) -> None:
-        flight, was_airborne, was = self.flight, self.flight.airborne, self.flight.landed
-        flight.step(dt)
-        self.battery.step(dt, flying=flight.airborne and self.armed)
-        if self.armed and self.battery.empty:
-            flight.disarm()
-            self.send_text("SIM battery is empty", Severity.CRITICAL)
-        if was_airborne and not flight.airborne:
-            self.send_text(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+        flight, was = self.flight, self.flight.landed
+        self._fly(dt)
         if self._started_at is not None:
             self._report_takeoff(self._started_at)
         if flight.landed is Landed.ON_GROUND and was is not Landed.ON_GROUND:
@@ -444,7 +394,3 @@ class Plane(ArduPilot):
             self._prearm_at = None
             for problem in self._mission_problems():
                 self.send_text(f"PreArm: {problem}", Severity.CRITICAL)
-        if not self.armed and self.home is not None and self.now >= self._home_at:
-            self._home_at = self.now + 1.0
-            if self.motion.position.distance(self.home_on_chart) > 0.2:
-                self.set_home(self.place)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import boot as boot_sequence
 from bridged.simulation.vehicle.ardupilot import parameters as tables
-from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot
+from bridged.simulation.vehicle.ardupilot.ardupilot import UNASKED_S, ArduPilot, Texts
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
-from bridged.simulation.vehicle.ardupilot.failsafes import StationLink, StationWatch
+from bridged.simulation.vehicle.ardupilot.failsafes import StationLink
 from bridged.simulation.vehicle.ardupilot.flight_modes import RoverMode
 from bridged.simulation.vehicle.ardupilot.mission import NAV_COMMANDS, goal_of
 from bridged.simulation.vehicle.geodesy import Place
@@ -24,8 +23,6 @@ from bridged.simulation.vehicle.parameters import Parameters
 
 SETPOINT_LASTS_S = 3.0
 """Seconds after the last velocity at which a rover stops."""
-HOME_FOLLOWS_S = 1.0
-"""Period at which home follows a vehicle that is disarmed."""
 _FIRST_HOME = 0.2
 """Altitude of home in metres until the first disarming, as the recorded rover had it (with `boot` real)."""
 _SMART_S = 3.0
@@ -59,7 +56,12 @@ class Rover(ArduPilot):
     SCRIPT: ClassVar = boot_sequence.ROVER
     DEFAULTS_S: ClassVar = UNASKED_S
     OUTSIDE_GUIDED: ClassVar = Result.FAILED
+    DISARMS_UNDER_WAY: ClassVar = True
+    HOME_FOLLOWS: ClassVar = True
+    STATION: ClassVar = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.8)
     INITIAL: ClassVar = RoverMode.INITIALISING
+    SWITCHED: ClassVar = RoverMode.MANUAL
+    REPORTS: ClassVar = frozenset((RoverMode.GUIDED, RoverMode.AUTO, RoverMode.RTL, RoverMode.SMART_RTL))
     GUIDED: ClassVar = RoverMode.GUIDED
     AUTO: ClassVar = RoverMode.AUTO
     RTL: ClassVar = RoverMode.RTL
@@ -68,19 +70,7 @@ class Rover(ArduPilot):
     LANDING: ClassVar = RoverMode.HOLD
     mode: RoverMode
     flight: RoverDrive
-    _home_at = 0.0
     _smart_at = math.inf
-    _arrived = False
-
-    @staticmethod
-    def station_watch(parameters: Parameters) -> StationWatch:
-        """Return the watch over the ground station."""
-        return StationWatch(parameters, extra=0.8)
-
-    @property
-    def after_boot(self) -> RoverMode:
-        """The mode that the pilot's switch sets at the end of the boot."""
-        return RoverMode.MANUAL
 
     @property
     def base_mode(self) -> int:
@@ -101,32 +91,12 @@ class Rover(ArduPilot):
         return 0
 
     @property
-    def reports_target(self) -> bool:
-        """Whether POSITION_TARGET_GLOBAL_INT is sent."""
-        return self.mode in (RoverMode.GUIDED, RoverMode.AUTO, RoverMode.RTL, RoverMode.SMART_RTL)
-
-    @property
     def setpoint_lasts(self) -> float:
         """Seconds after which a velocity that was sent once ends."""
         return SETPOINT_LASTS_S
 
-    def set_mode(self, number: int) -> Result:
-        """Change the mode to that of a number; a status text gives the reason of a refusal."""
-        try:
-            mode = RoverMode(number)
-        except ValueError:
-            self.send_text(f"No such mode {number}", Severity.WARNING)
-            return Result.FAILED
-        if mode is self.mode:
-            return Result.ACCEPTED
-        problem = self._problem_with(mode)
-        if problem is not None:
-            if problem:
-                self.send_text(problem, Severity.NOTICE)
-            self.send_text("Flight mode change failed", Severity.WARNING)
-            return Result.FAILED
-        self.take_mode(mode)
-        self._arrived = False
+    def enter(self, mode: RoverMode) -> None:
+        """Begin what a mode does."""
         match mode:
             case RoverMode.RTL:
                 self.flight.begin(GoTo(self.home_on_chart))
@@ -139,17 +109,17 @@ class Rover(ArduPilot):
                 self._fly_from(first)
             case _:
                 self.flight.begin(Stop(hard=mode is not RoverMode.HOLD))
-        return Result.ACCEPTED
 
-    def _problem_with(self, mode: RoverMode) -> str | None:
-        """Return why a mode cannot be entered; an empty text: no reason is given."""
+    def refusal(self, mode: RoverMode) -> Texts:
+        """Return the texts by which a mode is refused: a reason, if there is one, and that it is."""
+        failed = ("Flight mode change failed", Severity.WARNING)
         if mode is RoverMode.AUTO and not self.mission.flyable:
-            return "No Mission. Can't set AUTO."
+            return ("No Mission. Can't set AUTO.", Severity.NOTICE), failed
         if mode is RoverMode.DOCK:
-            return "Dock: target not acquired"
+            return ("Dock: target not acquired", Severity.NOTICE), failed
         if mode is RoverMode.FOLLOW or (mode.autonomous and self.armed and not self.has_position):
-            return ""
-        return None
+            return (failed,)
+        return ()
 
     def arming_problems(self) -> list[str]:
         """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
@@ -164,26 +134,17 @@ class Rover(ArduPilot):
             problems.append("GPS 1: Bad fix")
         return problems
 
-    def arm(self, *, force: bool = False) -> Result:
-        """Switch the motors on and set home here."""
-        if self.armed:
-            return Result.ACCEPTED
-        if self.refuses_arming(force=force):
-            return Result.FAILED
-        self.flight.arm()
+    def has_armed(self) -> None:
+        """Go on with the mission."""
         self.send_text("Throttle armed")
         if self.mode is RoverMode.AUTO:
             self._begin_item(self.mission.item(max(1, self.mission.current)))
-        return Result.ACCEPTED
 
-    def disarm(self, *, force: bool = False) -> Result:
-        """Switch the motors off, also while it drives."""
-        if self.armed:
-            self.flight.disarm()
-            if self.mode is not RoverMode.AUTO:
-                self.mission.rewind()
-            self.send_text("Throttle disarmed")
-        return Result.ACCEPTED
+    def has_disarmed(self) -> None:
+        """Begin the mission anew the next time, unless AUTO drives it."""
+        if self.mode is not RoverMode.AUTO:
+            self.mission.rewind()
+        self.send_text("Throttle disarmed")
 
     def bring_home(self) -> None:
         """Do what FS_ACTION says."""
@@ -231,9 +192,7 @@ class Rover(ArduPilot):
         self.send_text("Mission Complete", Severity.NOTICE)
         self.flight.begin(Stop())
 
-    def _reach(self, milestone: Milestone | None, texts: Sequence[tuple[str, Severity]]) -> None:
-        if milestone is Milestone.READY:
-            self.take_mode(self.after_boot)
+    def _reach(self, milestone: Milestone | None, texts: Texts) -> None:
         super()._reach(milestone, texts)
         if milestone is Milestone.HOME and self.boot.kind == "real":
             self.set_home(Place(self.place.lat, self.place.lon, _FIRST_HOME))
@@ -255,21 +214,3 @@ class Rover(ArduPilot):
                 self.events.append(ItemReached(0))
             elif self.mode in (RoverMode.RTL, RoverMode.SMART_RTL):
                 self.send_text("Reached destination")
-
-    def guide(self, task: GoTo | Drift) -> bool:
-        """Follow a goal or a velocity; returns False if it is dropped."""
-        self._arrived = False
-        return super().guide(task)
-
-    def _guard(self, dt: float) -> None:
-        super()._guard(dt)
-        follow_with_home(self)
-
-
-def follow_with_home(vehicle: Rover) -> None:
-    """Let home follow a vehicle that is disarmed, each second."""
-    if vehicle.armed or vehicle.home is None or vehicle.now < vehicle._home_at:
-        return
-    vehicle._home_at = vehicle.now + HOME_FOLLOWS_S
-    if vehicle.motion.position.distance(vehicle.home_on_chart) > 0.2:
-        vehicle.set_home(vehicle.place)

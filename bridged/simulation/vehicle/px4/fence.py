@@ -6,6 +6,7 @@ from bridged.simulation.vehicle.geodesy import FlatMap
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.parameters import Parameters
+from schemas.geo import is_inside
 
 POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5001, 5002, 5003, 5004
 """Commands of fence items (MAV_CMD_NAV_FENCE_...)."""
@@ -31,7 +32,7 @@ class Fence:
             if first.command in (POLYGON_IN, POLYGON_OUT):
                 count = max(1, int(first.params[0]))
                 corners, items = [_vector(item, chart) for item in items[:count]], items[count:]
-                within = _within(at, corners)
+                within = is_inside((at.north, at.east), [(corner.north, corner.east) for corner in corners])
             else:
                 items = items[1:]
                 within = at.distance(_vector(first, chart)) <= first.params[0]
@@ -44,12 +45,3 @@ class Fence:
 
 def _vector(item: Item, chart: FlatMap) -> Vector:
     return chart.at(item.x / 1e7, item.y / 1e7, chart.origin.alt)
-
-
-def _within(at: Vector, corners: list[Vector]) -> bool:
-    within = False
-    for one, other in zip(corners, [*corners[1:], *corners[:1]], strict=True):
-        if (one.north > at.north) != (other.north > at.north):
-            east = one.east + (at.north - one.north) / (other.north - one.north) * (other.east - one.east)
-            within ^= at.east < east
-    return within

@@ -22,7 +22,7 @@ from bridged.simulation.vehicle.notifications import (
 from bridged.simulation.vehicle.parameters import Kind, Parameter
 from bridged.simulation.vehicle.px4 import telemetry
 from bridged.simulation.vehicle.px4.commands import CommandContext, set_mode
-from bridged.simulation.vehicle.px4.links import HEARTBEAT_TIMEOUT_S
+from bridged.simulation.vehicle.px4.failsafes import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import Px4Missions
 from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, decoded, encoded
 from bridged.simulation.vehicle.px4.px4 import Px4

@@ -12,8 +12,8 @@ from bridged.simulation.vehicle.motion.tasks import Task
 from bridged.simulation.vehicle.notifications import Number, Severity, Text
 from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4.battery import Battery
+from bridged.simulation.vehicle.px4.failsafes import Links
 from bridged.simulation.vehicle.px4.fence import Fence
-from bridged.simulation.vehicle.px4.links import Links
 from bridged.simulation.vehicle.px4.missions import Missions
 from bridged.simulation.vehicle.px4.modes import Mode
 from bridged.simulation.vehicle.px4.sticks import Sticks

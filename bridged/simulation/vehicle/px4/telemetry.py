@@ -5,16 +5,38 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.transport.further_messages import CurrentMode
+from bridged.drivers.mavlink.transport.further_messages import CurrentMode, add_message
 from bridged.simulation.vehicle import telemetry as common
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Landed, TakeOff
 from bridged.simulation.vehicle.px4.modes import AVAILABLE, STANDARD, Mode
 from bridged.simulation.vehicle.px4.px4 import Px4
-from bridged.simulation.vehicle.px4.wire import AvailableModes, ProtocolVersion
 from bridged.simulation.vehicle.telemetry import INT16, UNKNOWN_16, boot_ms, boot_us
 
 AVAILABLE_MODES_ID, CURRENT_MODE_ID, PROTOCOL_VERSION_ID = 435, 436, 300
+
+AvailableModes = add_message(
+    435,
+    "AVAILABLE_MODES",
+    134,
+    ("custom_mode", "uint32_t", "I", 0),
+    ("properties", "uint32_t", "I", 0),
+    ("number_modes", "uint8_t", "B", 0),
+    ("mode_index", "uint8_t", "B", 0),
+    ("standard_mode", "uint8_t", "B", 0),
+    ("mode_name", "char", "s", 35),
+)
+ProtocolVersion = add_message(
+    300,
+    "PROTOCOL_VERSION",
+    217,
+    ("version", "uint16_t", "H", 0),
+    ("min_version", "uint16_t", "H", 0),
+    ("max_version", "uint16_t", "H", 0),
+    ("spec_version_hash", "uint8_t", "B", 8),
+    ("library_version_hash", "uint8_t", "B", 8),
+)
+"""Messages that only a simulated PX4 sends; their checksum seeds are those of the recorded packets."""
 
 _PRESENT, _ENABLED, _HEALTHY, _STICKS, _PREARM = 33603631, 33669167, 52480063, 1 << 16, 1 << 28
 """Recorded bits of SYS_STATUS, and those that change: sticks that are read, all checks passed."""
