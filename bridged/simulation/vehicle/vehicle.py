@@ -60,16 +60,10 @@ class _SigningGate(Gate):
     def __init__(self, state: SigningState, channel: int) -> None:
         self._state = state
         self._open = channel == OPEN_CHANNEL
-        self._message = 0
 
-    def wants(self, system: int, message_id: int) -> bool:
-        self._message = message_id  # of the packet about which `signing` is asked next
-        return True
-
-    def signing(self, system: int) -> Signing | None:
-        if self._message in UNSIGNED_TAKEN or (self._open and not self._state.everywhere):
-            return None
-        return self._state.signing
+    def refusal(self, packet: bytearray, system: int, message_id: int) -> str:
+        unsigned = message_id in UNSIGNED_TAKEN or (self._open and not self._state.everywhere)
+        return "" if unsigned or self._state.signing is None else self._state.signing.objection(packet)
 
 
 COMPONENT = 1

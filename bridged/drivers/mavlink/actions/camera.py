@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import Poll, acknowledged, asked_message
+from bridged.drivers.mavlink.actions.confirmation import Poll, acknowledged, asked_message, comes_true
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.outputs import shown
 from bridged.drivers.mavlink.vehicle.commands import Parameters
@@ -91,11 +91,9 @@ def take_picture(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         trigger = replace(action, number=dialect.MAV_CMD_DO_DIGICAM_CONTROL, parameters=_SHOOT)
         command = flight.submit(run, trigger, lambda: False)
         yield from acknowledged(flight, run, command, pictures)
-    run.waits_for, until = "the camera to report the picture", flight.now + flight.wait(*TAKES_WITHIN)
-    while flight.now <= until:
-        if pictures():
-            return SUCCEEDED
-        yield
+    run.waits_for = "the camera to report the picture"
+    if (yield from comes_true(flight, TAKES_WITHIN, pictures)):
+        return SUCCEEDED
     reason = f"{command.name} was acknowledged, but no picture is reported ({', '.join(pictures.reported_by)})"
     return Outcome("failed", flight.with_texts(reason, asked))
 

@@ -65,6 +65,18 @@ class Poll:
         return self._last is not None and self._last.refused
 
 
+def comes_true(
+    flight: ProcedureContext, patience: tuple[float, float], holds: Callable[[], bool]
+) -> Generator[None, None, bool]:
+    """Wait until a condition holds. Returns False if it does not within `patience`, mission and wall seconds."""
+    until = flight.now + flight.wait(*patience)
+    while flight.now <= until:
+        if holds():
+            return True
+        yield
+    return False
+
+
 def next_message(
     flight: ProcedureContext,
     name: str,
@@ -175,10 +187,7 @@ def acknowledged(
     vehicle, asked, silent_at = flight.vehicle, flight.now, math.inf
     while not effect() and not command.accepted:
         if command.refused:
-            patience = flight.now + flight.wait(*(TEXT_WINDOW if command.sent == 1 else SETTLE))
-            while flight.now < patience and not effect():
-                yield
-            if effect():
+            if (yield from comes_true(flight, TEXT_WINDOW if command.sent == 1 else SETTLE, effect)):
                 return
             reason = f"the vehicle refused {command.name} ({command.result_name})"
             raise Ended("refused", flight.with_texts(reason, asked))
@@ -271,12 +280,15 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
 
 def home_reported(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """Wait, within bounds, until the vehicle has reported its home and its position: it may just have been heard."""
-    until, request = flight.now + flight.wait(*HOME_REPORTED), Poll(flight, run, "HOME_POSITION")
-    while from_home(flight) is None and flight.now <= until:
-        run.waits_for = "the vehicle to report its home and its position"
+    request = Poll(flight, run, "HOME_POSITION")
+    run.waits_for = "the vehicle to report its home and its position"
+
+    def known() -> bool:
         if flight.vehicle.home is None:
             request()
-        yield
+        return from_home(flight) is not None
+
+    yield from comes_true(flight, HOME_REPORTED, known)
 
 
 def home_reported_for_limits(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Part:

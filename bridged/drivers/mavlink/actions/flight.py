@@ -22,6 +22,7 @@ from bridged.drivers.mavlink.actions.confirmation import (
     arrive,
     check_guided_aloft,
     check_limits,
+    comes_true,
     down,
     enter,
     from_home,
@@ -388,9 +389,7 @@ def stay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
         tries += 1
         run.trouble = f"the vehicle does not stay where it is: {outcome.reason}"
         log.warning("%s", run.trouble)
-        again = flight.now + flight.wait(*HOLD_EVERY)
-        while flight.now < again:
-            yield
+        yield from comes_true(flight, HOLD_EVERY, lambda: False)
     run.trouble = ""
     return SUCCEEDED
 

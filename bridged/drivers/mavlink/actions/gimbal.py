@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.camera import PRESENT_FOR
-from bridged.drivers.mavlink.actions.confirmation import ABOVE_HOME, Poll, acknowledged, next_message
+from bridged.drivers.mavlink.actions.confirmation import ABOVE_HOME, Poll, acknowledged, comes_true, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     BoundAction,
@@ -180,16 +180,12 @@ def _pointed(
 
     def there() -> bool:
         actual, goal = watch.look(), wanted()
+        run.waits_for, run.feedback = f"the gimbal to point there; {watch.text}", watch.figures
         return actual is not None and goal is not None and _angle(actual, goal) <= near
 
     yield from acknowledged(flight, run, command, lambda: False)
-    until = flight.now + flight.wait(*POINTS_WITHIN)
-    while flight.now <= until:
-        if there():
-            return SUCCEEDED
-        run.waits_for = f"the gimbal to point there; {watch.text}"
-        run.feedback = watch.figures
-        yield
+    if (yield from comes_true(flight, POINTS_WITHIN, there)):
+        return SUCCEEDED
     return Outcome("failed", flight.with_texts(f"{command.name} was acknowledged, but {watch.text}", asked))
 
 

@@ -7,7 +7,7 @@ not end has left is said.
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -52,6 +52,7 @@ RESULTS = {
     dialect.MAV_MISSION_OPERATION_CANCELLED: "it gave up waiting for items",
 }
 """Texts of MISSION_ACK.type."""
+MISSION, FENCE = dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_FENCE
 log = logging.getLogger("mavlink")
 
 
@@ -60,51 +61,22 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
 
     An acknowledgement that is lost proves nothing: then the items are read back and compared.
     """
-    count, sent, quiet_since, tries = len(items), 0, flight.now, 0
-    again_at, plan = flight.now, flight.plan
+    count, plan = len(items), flight.plan
     plan.items = None
-    while True:
-        if not sent and flight.now >= again_at:
-            if tries >= TRIES:
-                run.leaves = ""
-                raise Ended("failed", f"the vehicle did not request the mission, announced {TRIES} times")
-            tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
-            flight.send(dialect.MAVLink_mission_count_message(*flight.addressee, count))
-        run.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
-        run.waits_for = f"the vehicle to take item {sent} of {count}"
-        yield
-        message = flight.message
-        if message is not None and message.get_type().startswith("MISSION_") and ours(flight, message):
-            match message.get_type():
-                case "MISSION_REQUEST" | "MISSION_REQUEST_INT" if message.seq < count:
-                    quiet_since, sent = flight.now, max(sent, message.seq + 1)
-                    run.leaves = plan.broken = (  # ArduPilot stores items as they arrive
-                        f"the upload was broken off at item {sent - 1} of {count - 1}: "
-                        "what mission the vehicle holds now is not known; upload again or clear it"
-                    )
-                    item = items[message.seq]
-                    flight.send(
-                        dialect.MAVLink_mission_item_int_message(
-                            *flight.addressee, message.seq, item.frame, item.command, 0, item.autocontinue,
-                            *item.parameters, item.x, item.y, item.z,
-                        )
-                    )  # fmt: skip
-                case "MISSION_ACK" if message.type == dialect.MAV_MISSION_ACCEPTED:
-                    if sent == count:  # any other is a late one, of an exchange before
-                        break
-                case "MISSION_ACK" if message.type != dialect.MAV_MISSION_INVALID_SEQUENCE or not sent:
-                    run.leaves = ""
-                    left = f"; {plan.broken}" if sent else ""
-                    raise Ended("refused", f"the vehicle refused the mission: {_result(message)}{left}")
-        if sent and flight.now - quiet_since > flight.wait(*VEHICLE_GIVES_UP):
-            if sent < count:
-                run.leaves = ""
-                raise Ended("failed", f"the vehicle fell silent during the upload; {plan.broken}")
-            try:
-                if same_items((yield from download(flight, run)), items):
-                    break
-            except Ended:  # what it holds is not known
-                pass
+
+    def begun(sent: int) -> None:  # ArduPilot stores items as they arrive
+        plan.broken = (
+            f"the upload was broken off at item {sent - 1} of {count - 1}: "
+            "what mission the vehicle holds now is not known; upload again or clear it"
+        )
+        run.leaves = plan.broken
+
+    if not (yield from send_items(flight, run, items, MISSION, begun)):
+        try:
+            held = yield from download(flight, run)
+        except Ended:  # what it holds is not known
+            held = ()
+        if not same_items(held, items):
             raise Ended("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
     run.leaves = ""
     held_count = yield from count_items(flight, run)
@@ -115,6 +87,52 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
         )
         raise Ended("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {readback}")
     plan.items, plan.broken = items, ""
+
+
+def send_items(
+    flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...], kind: int, begun: Callable[[int], None]
+) -> Generator[None, None, bool]:
+    """Send a list of items (MAV_MISSION_TYPE) as the vehicle requests them. Returns whether it acknowledged them all.
+
+    `begun` is called with how many have been sent, and sets `run.leaves`. Raises Ended if the vehicle refuses them, or
+    falls silent before it has requested the last.
+    """
+    what, first = ("fence", 0) if kind == FENCE else ("mission", 1)  # home is no item to people
+    count, sent, tries = len(items), 0, 0
+    again_at = quiet_since = flight.now
+    while True:
+        if not sent and flight.now >= again_at:
+            if tries >= TRIES:
+                raise Ended("failed", f"the vehicle did not request the {what}, announced {TRIES} times")
+            tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
+            flight.send(dialect.MAVLink_mission_count_message(*flight.addressee, count, kind))
+        run.feedback = {"item": float(max(0, sent - first)), "items": float(count - first)}
+        run.waits_for = f"the vehicle to take item {sent} of {count}"
+        yield
+        message = flight.message
+        if message is not None and message.get_type().startswith("MISSION_") and ours(flight, message, kind):
+            match message.get_type():
+                case "MISSION_REQUEST" | "MISSION_REQUEST_INT" if message.seq < count:
+                    quiet_since, sent = flight.now, max(sent, message.seq + 1)
+                    begun(sent)
+                    item = items[message.seq]
+                    flight.send(
+                        dialect.MAVLink_mission_item_int_message(
+                            *flight.addressee, message.seq, item.frame, item.command, 0, item.autocontinue,
+                            *item.parameters, item.x, item.y, item.z, kind,
+                        )
+                    )  # fmt: skip
+                case "MISSION_ACK" if message.type == dialect.MAV_MISSION_ACCEPTED:
+                    if sent == count:  # any other is a late one, of an exchange before
+                        return True
+                case "MISSION_ACK" if message.type != dialect.MAV_MISSION_INVALID_SEQUENCE or not sent:
+                    left, run.leaves = f"; {run.leaves}" if sent else "", ""
+                    raise Ended("refused", f"the vehicle refused the {what}: {_result(message)}{left}")
+        if sent and flight.now - quiet_since > flight.wait(*VEHICLE_GIVES_UP):
+            if sent < count:
+                left, run.leaves = run.leaves, ""
+                raise Ended("failed", f"the vehicle fell silent during the upload; {left}")
+            return False
 
 
 def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, tuple[Item, ...]]:
@@ -376,8 +394,11 @@ def _home(flight: ProcedureContext) -> Item:
 
 
 @contextmanager
-def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[None]:
-    """Reserve the mission protocol for one action, until its end. Raises Ended while another one has it."""
+def mission_protocol(flight: ProcedureContext, run: ProcedureRun, kind: int = MISSION) -> Iterator[None]:
+    """Reserve the mission protocol for one action on a list (MAV_MISSION_TYPE), until its end.
+
+    Raises Ended while another one has it.
+    """
     plan = flight.plan
     if plan.busy:
         raise Ended("refused", f"busy: {plan.busy} is exchanging the mission with the vehicle")
@@ -387,4 +408,5 @@ def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[No
     finally:
         plan.busy = ""
         if run.leaves:  # an upload that is broken off would keep others waiting
-            flight.send(dialect.MAVLink_mission_ack_message(*flight.addressee, dialect.MAV_MISSION_OPERATION_CANCELLED))
+            cancelled = dialect.MAV_MISSION_OPERATION_CANCELLED
+            flight.send(dialect.MAVLink_mission_ack_message(*flight.addressee, cancelled, kind))

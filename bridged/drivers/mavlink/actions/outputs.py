@@ -7,7 +7,7 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged, asked_message
+from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged, asked_message, comes_true
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
@@ -78,12 +78,9 @@ def switch_relay(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     command = flight.submit(run, action, in_frame=True)
     yield from acknowledged(flight, run, command, reports)
     what = f"relay {relay} {'on' if on else 'off'}"
-    run.waits_for, until = f"RELAY_STATUS to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
-    while flight.now <= until and not reports.unavailable:
-        if reports():
-            return SUCCEEDED
-        yield
-    if reports.last is None:
+    run.waits_for = f"RELAY_STATUS to show {what}"
+    yield from comes_true(flight, SHOWS_WITHIN, lambda: reports.unavailable or reports())
+    if reports() or reports.last is None:
         return SUCCEEDED
     there = f"does not show {what}" if reports.last.present >> relay & 1 else f"shows no relay {relay}"
     return Outcome("failed", f"{command.name} was acknowledged, but RELAY_STATUS {there}")
@@ -171,11 +168,9 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
         if command.refused:
             raise
         refusal = ended
-    run.waits_for, until = "SYS_STATUS to show the fence", flight.now + flight.wait(*FENCE_SHOWS_WITHIN)
-    while refusal is None and flight.now <= until:
-        if agrees():
-            return SUCCEEDED
-        yield
+    run.waits_for = "SYS_STATUS to show the fence"
+    if refusal is None and (yield from comes_true(flight, FENCE_SHOWS_WITHIN, agrees)):
+        return SUCCEEDED
     found = yield from read_parameter(flight, run, FENCE_ENABLE)
     if found is not None and (found.value >= 1.0) == wanted:
         return SUCCEEDED
@@ -203,11 +198,9 @@ def shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, name
     asked, reports = flight.now, Seen(flight, run, name, fits, action.component)
     command = flight.submit(run, action, in_frame=True)
     yield from acknowledged(flight, run, command, reports)
-    run.waits_for, until = f"{name} to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
-    while flight.now <= until:
-        if reports():
-            return SUCCEEDED
-        yield
+    run.waits_for = f"{name} to show {what}"
+    if (yield from comes_true(flight, SHOWS_WITHIN, reports)):
+        return SUCCEEDED
     reason = f"{command.name} was acknowledged, but {name} does not show {what}"
     return Outcome("failed", flight.with_texts(reason, asked))
 

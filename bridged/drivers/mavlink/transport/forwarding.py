@@ -18,7 +18,16 @@ from math import inf
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, HEADER_1, HEADER_2, MAGIC_1, Gate, component, source
+from bridged.drivers.mavlink.transport.framing import (
+    AUTOPILOT,
+    HEADER_1,
+    HEADER_2,
+    MAGIC_1,
+    UNWANTED,
+    Gate,
+    component,
+    source,
+)  # fmt: skip
 from bridged.drivers.mavlink.transport.link import Link, LinkError, Peer, open_link
 from schemas.wire.records import Note
 
@@ -158,8 +167,8 @@ class _StationGate(Gate):
     def __init__(self, station: GroundStation, peer: Peer) -> None:
         self._station, self._peer = station, peer
 
-    def wants(self, system: int, message_id: int) -> bool:
-        return False
+    def refusal(self, packet: bytearray, system: int, message_id: int) -> str:
+        return UNWANTED
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
         self._peer.heard, self._peer.heard_at = True, asyncio.get_running_loop().time()

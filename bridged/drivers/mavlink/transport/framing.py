@@ -1,6 +1,7 @@
 """MAVLink packets in a stream of bytes: cutting them out, checking them, and packing our own."""
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -38,33 +39,34 @@ class WireCounters:
     refused: int = 0  # right checksum, but unsigned, wrongly signed or replayed where signatures are needed
 
 
+UNWANTED = "unwanted"
+"""Why a packet is not read that nobody here reads."""
+
+
 class Gate:
-    """A framer's filter of packets before they are decoded, by system id. This one lets all of them through."""
+    """A framer's judgement of each packet before it is decoded. This one reads all of them."""
 
-    def wants(self, system: int, message_id: int) -> bool:
-        """Whether there is a reader of messages `message_id` (0..16,777,215) of `system` (1..255)."""
-        return True
+    def refusal(self, packet: bytearray, system: int, message_id: int) -> str:
+        """Return why a packet of `system` (1..255) with a right checksum is not read; empty if it is.
 
-    def signing(self, system: int) -> Signing | None:
-        """Return the check of the packets of this system (id, 1..255); None = they need no signature."""
-        return None
-
-    def refuse(self, system: int, objection: str) -> None:
-        """Take in that a packet was refused, with the objection of `Signing`."""
+        `UNWANTED`, or the objection of `Signing`. `message_id`: 0..16,777,215.
+        """
+        return ""
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
-        """Take every packet of `system` (1..255) unchanged, of any `message_id`, wanted or not."""
+        """Take every packet of `system` (1..255) unchanged, of any `message_id`, read or not."""
 
 
 class SignedGate(Gate):
-    """Lets packets through that are signed with one key; without a key all of them."""
+    """Reads packets that are signed with the present key; without a key all of them."""
 
-    def __init__(self, signing: Signing | None) -> None:
-        self.by = signing
+    def __init__(self, signing: Callable[[], Signing | None]) -> None:
+        self._signing = signing
 
-    def signing(self, system: int) -> Signing | None:
-        """The one key, for any system id."""
-        return self.by
+    def refusal(self, packet: bytearray, system: int, message_id: int) -> str:
+        """Return the objection to a packet's signature."""
+        signing = self._signing()
+        return "" if signing is None else signing.objection(packet)
 
 
 @cache
@@ -83,7 +85,7 @@ class Framer:
     def __init__(self, counters: WireCounters, signing: Signing | None = None, *, gate: Gate | None = None) -> None:
         """Give a `gate`, or the `signing` by which all packets are checked, or neither."""
         self.counters = counters
-        self._gate = gate or SignedGate(signing)
+        self._gate = gate or SignedGate(lambda: signing)
         self._decoder = dialect.MAVLink(None)
         self._pending = bytearray()
 
@@ -151,13 +153,11 @@ class Framer:
         if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
             self.counters.unreadable_packets += 1
             return None
-        if not self._gate.wants(system, number):
-            self.counters.unwanted += 1
-            return None
-        signing = self._gate.signing(system)
-        if signing is not None and (objection := signing.objection(packet)):
-            self.counters.refused += 1
-            self._gate.refuse(system, objection)
+        if refusal := self._gate.refusal(packet, system, number):
+            if refusal == UNWANTED:
+                self.counters.unwanted += 1
+            else:
+                self.counters.refused += 1
             return None
         try:
             message = self._decode(packet, number)

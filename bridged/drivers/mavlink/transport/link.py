@@ -24,7 +24,7 @@ from bridged.drivers.mavlink.transport.endpoint import (
     open_serial,
     open_udp,
 )
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Encoder, Framer, Gate, check_ids
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Encoder, Framer, Gate, SignedGate, check_ids
 from bridged.drivers.mavlink.transport.signing import Signing
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
@@ -67,7 +67,7 @@ class Link:
         self._ids = ids
         self._on_packet = on_packet
         self._on_state = on_state
-        self._make_gate = make_gate or (lambda peer: _OpenGate(self))
+        self._make_gate = make_gate or (lambda peer: SignedGate(lambda: self.signing))
         self._peers: dict[object, Peer] = {}
         self._routes: dict[int, Peer] = {}
         self._autopilots: set[int] = set()
@@ -223,16 +223,6 @@ class Link:
             self.up = up
             if self._on_state is not None:
                 self._on_state(up, why)
-
-
-class _OpenGate(Gate):
-    """Lets all messages through that are signed as the link requires."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-
-    def signing(self, system: int) -> Signing | None:
-        return self._link.signing
 
 
 async def open_link(

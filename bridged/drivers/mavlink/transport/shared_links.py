@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.endpoint import MAX_FOREIGN_BYTES
 from bridged.drivers.mavlink.transport.forwarding import GroundStation
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, SIGNED, Gate, component
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, SIGNED, UNWANTED, Gate, component
 from bridged.drivers.mavlink.transport.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
 from bridged.drivers.mavlink.transport.signing import OUTDATED, SignedStreams, Signing, SigningError, Timestamps
 from bridged.drivers.mavlink.transport.vehicle_address import VehicleAddress
@@ -333,20 +333,16 @@ class _ClientGate(Gate):
     def __init__(self, link: SharedLink, peer: Peer) -> None:
         self._link, self._peer = link, peer
 
-    def wants(self, system: int, message_id: int) -> bool:
+    def refusal(self, packet: bytearray, system: int, message_id: int) -> str:
         link_client = self._link.link_clients.get(system)
-        return (
-            message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT
-            if link_client is None
-            else message_id not in link_client.unread
-        )
-
-    def signing(self, system: int) -> Signing | None:
-        link_client = self._link.link_clients.get(system)
-        return None if link_client is None else link_client.signing
-
-    def refuse(self, system: int, objection: str) -> None:
-        self._link.refuse(system, objection, self._peer)
+        if link_client is None:
+            return "" if message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT else UNWANTED
+        if message_id in link_client.unread:
+            return UNWANTED
+        objection = "" if link_client.signing is None else link_client.signing.objection(packet)
+        if objection:
+            self._link.refuse(system, objection, self._peer)
+        return objection
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
         """Pass a packet to the ground stations of its vehicle, unless it comes back from one of them.

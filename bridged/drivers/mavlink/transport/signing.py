@@ -102,11 +102,8 @@ class SignedStreams:
         if self._file is None:
             return
         text = "\n".join(f"{stream.hex()} {bound}" for stream, bound in self._bounds.items())
-        fresh = self._file.with_name(self._file.name + ".new")
         try:
-            make_private_file(fresh)
-            fresh.write_text(f"{text}\n{_digest(text)}\n", encoding="ascii")
-            fresh.replace(self._file)
+            _replace(self._file, f"{text}\n{_digest(text)}\n", forced=False)
             self.problem = ""
         except OSError as error:
             self.problem = f"{self._file}: {reason_of(error)}"
@@ -115,6 +112,18 @@ class SignedStreams:
 def reason_of(error: OSError) -> str:
     """Return the reason of an error for people, without its number."""
     return (os.strerror(error.errno) if error.errno else str(error)).lower()
+
+
+def _replace(path: Path, text: str, *, forced: bool) -> None:
+    """Replace a file that only its owner may read as a whole; `forced` to the disk. Raises OSError."""
+    fresh = path.with_name(path.name + ".new")
+    make_private_file(fresh)
+    with fresh.open("w", encoding="ascii") as file:
+        file.write(text)
+        file.flush()
+        if forced:
+            os.fsync(file.fileno())
+    fresh.replace(path)
 
 
 def _digest(text: str) -> str:
@@ -228,15 +237,8 @@ class Timestamps:
         self._reserved = bound
 
     def _write(self, bound: int) -> None:
-        if self._file is None:
-            return
-        fresh = self._file.with_name(self._file.name + ".new")
-        make_private_file(fresh)
-        with fresh.open("w", encoding="ascii") as file:
-            file.write(f"{bound}\n")
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(self._file)
+        if self._file is not None:
+            _replace(self._file, f"{bound}\n", forced=True)
 
 
 class Signing:
