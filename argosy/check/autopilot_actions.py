@@ -27,6 +27,4 @@ def check_autopilot(survey: Survey, manifest: Manifest, robot: Robot) -> Iterato
 def _refused(entry: ActionEntry, modes: ModeTable) -> str:
     if entry.confirm == "orbit" and modes.orbit is None:
         return f"has no command by which a {modes.vehicle} flies a circle"
-    if entry.confirm == "landed" and not modes.lands:
-        return f"has no mode by which a {modes.vehicle} of this kind lands where it is"
     return ""

@@ -1,5 +1,5 @@
 /* Copters and planes, of ArduPilot or PX4: they take off, and are home again when they have landed, or when a plane that
-   lands on no order circles above home. */
+   lands on no order circles above home. A plane with PX4 lands by the landing of its mission: landing(Items) has one. */
 
 { include("relay.asl") }
 
@@ -11,6 +11,7 @@
      takeoff(Height).
 
 // A copter takes off in the mode that takes orders; a plane has a mode for its takeoff, and enters it by itself.
++!in_hand : landing(Items) <- upload_mission(Items); set_mode("GUIDED").
 +!in_hand <- set_mode("GUIDED").
 
 +!visited(Lat, Long) : height(Height) <- goto(Lat, Long, Height).

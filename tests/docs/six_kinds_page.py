@@ -24,7 +24,7 @@ agents:
   uav:
     program: {program}
     robot: uav1
-    beliefs: ["height(40)", "next(nobody)"]
+    beliefs: ["height(40)", "next(nobody)"{landing}]
     goals: ["carry(-27.600433, -48.518363)"]
 robots:
   uav1:
@@ -39,11 +39,19 @@ bring_home: 10s
 """
 
 
+LANDING = (
+    'landing([["MAV_CMD_DO_LAND_START"], ["MAV_CMD_NAV_LOITER_TO_ALT", -27.604033, -48.510447, 40, 0, 60, 0, 1], '
+    '["land", -27.604033, -48.518363, 0]])'
+)
+"""Of a plane with PX4, from 780 m east of home."""
+
+
 def mission(vehicle: str, autopilot: str) -> str:
     """Return a mission file that flies the relay's program by one kind of vehicle."""
     program = ROOT / "missions/relay" / ("driving.asl" if vehicle == "rover" else "flying.asl")
     altitude = "" if vehicle == "rover" else "altitude: 100, "
-    return _MISSION.format(program=program, vehicle=vehicle, autopilot=autopilot, altitude=altitude)
+    landing = f", '{LANDING}'" if (vehicle, autopilot) == ("plane", "px4") else ""
+    return _MISSION.format(program=program, vehicle=vehicle, autopilot=autopilot, altitude=altitude, landing=landing)
 
 
 def flights() -> dict[tuple[str, str], Outcome]:

@@ -73,10 +73,10 @@ class ControlAuthority:
         """Whether the runs that moved the vehicle only wait for their end."""
         return self._pending is not None
 
-    def heard(self, mode_before: int, *, again: bool) -> None:
+    def heard(self, mode_before: int, was_armed: bool, *, again: bool) -> None:
         """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it.
 
-        `mode_before`: number of the mode before (custom_mode); -1 = there was no HEARTBEAT yet.
+        `mode_before`: number of the mode before (custom_mode); -1 = there was no HEARTBEAT yet. `was_armed`: before it.
         """
         vehicle = self._flight.vehicle
         acts, self._failsafe_acted = vehicle.failsafe_acts and not self._failsafe_acted, vehicle.failsafe_acts
@@ -89,7 +89,7 @@ class ControlAuthority:
                     self._report_override()
                 else:
                     self._by_agent = True
-        elif acts or (vehicle.mode != mode_before and not self._by_itself(mode_before)):
+        elif acts or (vehicle.mode != mode_before and not self._by_itself(mode_before, was_armed)):
             asked = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
             ours = asked and not acts
             self._to_judge = (
@@ -105,12 +105,14 @@ class ControlAuthority:
                 self._by_agent = True
                 self._end_override()
 
-    def _by_itself(self, mode_before: int) -> bool:
+    def _by_itself(self, mode_before: int, was_armed: bool) -> bool:
         """Whether the vehicle entered its mode by itself, so that it is in the same hands as before.
 
         It does so when its motors stop, and at the end of a takeoff that nobody here began.
         """
         vehicle = self._flight.vehicle
+        if vehicle.modes.resting and was_armed and not vehicle.armed:
+            return True
         if vehicle.mode not in vehicle.modes.resting:
             return False
         took_off = mode_before == vehicle.modes.takeoff and not any(run.moves for run in self._runs)
@@ -124,7 +126,7 @@ class ControlAuthority:
         """
         vehicle = self._flight.vehicle
         changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
-        changed = changed and not self._by_itself(mode_before)
+        changed = changed and not self._by_itself(mode_before, was_armed)
         doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
         if doubts:
             self._doubt_until = self._flight.now + self._flight.wait(*DOUBT)

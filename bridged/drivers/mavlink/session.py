@@ -148,7 +148,7 @@ class VehicleSession:
                     retry = Retry(times=2, every=Duration(0.2))
                     command = MavlinkCommand(dialect.MAV_CMD_REQUEST_MESSAGE, request, retry)
                     self.commands.submit(command, self.flight.now)
-                self._heard(mode, silence)
+                self._heard(mode, was_armed, silence)
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
@@ -427,7 +427,7 @@ class VehicleSession:
         if kind is not None and (self._speaks_for_agent or not self.failsafe.claims_ground_station):
             self._send(dialect.MAVLink_heartbeat_message(kind, *_HEARTBEAT))
 
-    def _heard(self, mode_before: int, silence: float) -> None:
+    def _heard(self, mode_before: int, was_armed: bool, silence: float) -> None:
         if self.flight.now >= self._heartbeat_at - HEARTBEAT_EARLY:
             self._beat()
         connected, self.vehicle.connected = self.vehicle.connected, True
@@ -436,7 +436,7 @@ class VehicleSession:
             log.info("system %d is heard %s: %s", self.identity.vehicle, again, self._mode_and_arming())
             self.flight.connected_since = self.flight.now
             self._ask_for_streams()
-        self.control.heard(mode_before, again=not connected)
+        self.control.heard(mode_before, was_armed, again=not connected)
         self._report_state()
         self._look_at_link()
 

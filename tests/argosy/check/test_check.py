@@ -217,10 +217,7 @@ def test_another_simulated_vehicle_than_that_of_the_manifest_is_refused(
 
 @pytest.mark.parametrize(
     ("vehicle", "autopilot", "action", "said"),
-    [
-        ("copter", "ardupilot", "orbit(-27.6, -48.5, 20, 30, 4)", "has no command by which a copter flies a circle"),
-        ("plane", "px4", "land", "has no mode by which a plane of this kind lands where it is"),
-    ],
+    [("copter", "ardupilot", "orbit(-27.6, -48.5, 20, 30, 4)", "has no command by which a copter flies a circle")],
 )
 def test_an_action_that_the_simulated_autopilot_does_not_have_is_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], vehicle: str, autopilot: str, action: str, said: str

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.argosy.trial.conftest import MISSIONS, Fly
+from tests.docs.six_kinds_page import LANDING
 
 PX4 = {
     "single_uav": {"vehicle: copter": "vehicle: copter, autopilot: px4"},
@@ -20,9 +21,14 @@ autopilot: px4
         "-27.602955": "-27.603404",  # half of its area, and two of its victims
         "victims: 8": "victims: 2",
     },
-    "relay": {"vehicle: copter, autopilot: px4": "vehicle: copter", "vehicle: rover": "vehicle: rover, autopilot: px4"},
+    "relay": {
+        "vehicle: copter, autopilot: px4": "vehicle: copter",
+        "vehicle: rover": "vehicle: rover, autopilot: px4",
+        "vehicle: plane": "vehicle: plane, autopilot: px4",
+        '"next(copter)"': f'"next(copter)", {LANDING!r}',
+    },
 }
-"""What is replaced in a mission; the relay's copter is a PX4, its plane an ArduPlane."""
+"""What is replaced in a mission; the relay's copter is a PX4, its plane and rover are not."""
 NOT_OF_THE_AIR = {"turtle", "paper_turtle"}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Value
+from bridged.drivers.mavlink.actions.confirmation import home_reported
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import FENCE, count_items, mission_protocol, send_items
 from bridged.drivers.mavlink.actions.mission_items import Item
@@ -24,6 +25,7 @@ def upload_fence(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         corners = _corners(action.arguments["points"])
     except ValueError as error:
         return Outcome("refused", str(error))
+    yield from home_reported(flight, run)
     for what, place in (("home", flight.vehicle.home), ("the vehicle", flight.vehicle.position)):
         if place is None:
             return Outcome("refused", f"where {what} is, is not known yet")

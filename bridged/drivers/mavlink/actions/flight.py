@@ -41,12 +41,14 @@ from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     BoundAction,
     Ended,
+    Part,
     Procedure,
     ProcedureContext,
     ProcedureRun,
     Steps,
 )
-from bridged.drivers.mavlink.actions.parameters import write_parameter
+from bridged.drivers.mavlink.actions.mission_actions import download, mission_protocol
+from bridged.drivers.mavlink.actions.parameters import read_parameter, write_parameter
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.state import OFF_GROUND
 
@@ -236,17 +238,36 @@ def orbit(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
 
 
 def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """NAV_LAND: landed and disarmed. Succeeds immediately on the ground and disarmed: LAND is no mode to arm in."""
+    """NAV_LAND: landed and disarmed. Succeeds immediately on the ground and disarmed: LAND is no mode to arm in.
+
+    A vehicle that does not land where it is flies the landing of its mission, if it does that on its way home.
+    """
     modes = flight.vehicle.modes
     if parked(flight):
         return SUCCEEDED
     if not modes.lands:
-        hint = "" if modes.ground else "; end a mission with an item `land`"
-        return Outcome("refused", f"a {modes.vehicle} of this kind has no mode that lands where it is{hint}")
-    landing = action if modes.lands_by_command else mode_action(modes, modes.land)
+        yield from _lands_by_mission(flight, run)
+    landing = action if modes.lands and modes.lands_by_command else mode_action(modes, modes.land)
     yield from _enter_unless_stopped(flight, run, landing, modes.land)
     yield from down(flight, run)
     return SUCCEEDED
+
+
+def _lands_by_mission(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Raises Ended unless the vehicle's way home ends by the landing of the mission that it stores."""
+    switch = flight.autopilot.lands_by_mission
+    cannot = f"a {flight.vehicle.modes.vehicle} of this kind has no mode that lands where it is"
+    if switch is None or flight.vehicle.modes.ground:
+        raise Ended("refused", cannot)
+    with mission_protocol(flight, run):
+        items = yield from download(flight, run)
+    if not any(item.command == dialect.MAV_CMD_NAV_LAND for item in items):
+        raise Ended("refused", f"{cannot}, and its mission has no landing: upload one with an item `land`")
+    name, value = switch
+    found = yield from read_parameter(flight, run, name)
+    if found is None or found.value != value:
+        got = "is not reported" if found is None else f"is {found.value:g}"
+        raise Ended("refused", f"{cannot}, and it flies the landing of its mission with {name} {value:g}, which {got}")
 
 
 def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

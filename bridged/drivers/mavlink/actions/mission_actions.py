@@ -14,7 +14,7 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.confirmation import Poll, next_message
+from bridged.drivers.mavlink.actions.confirmation import Poll, home_reported, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     TEXT_WINDOW,
@@ -250,6 +250,8 @@ def upload_plan(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 def _upload_within_limits(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Steps:
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
+    if flight.limited:
+        yield from home_reported(flight, run)
     if broken := outside(flight, items):
         return Outcome("refused", broken, "limits")
     if not flight.autopilot.home_is_an_item:

@@ -51,6 +51,8 @@ class Autopilot(ABC):
     """Whether it takes SET_POSITION_TARGET_LOCAL_NED with a place in the mode that takes targets."""
     fence_switch: ClassVar[tuple[str, float] | None] = None
     """The parameter that switches the fence, and its value for on; None = DO_FENCE_ENABLE does."""
+    lands_by_mission: ClassVar[tuple[str, float] | None] = None
+    """The parameter, and its value, by which a plane's way home ends with the landing of its mission."""
     settles: ClassVar[float] = 0.0
     """Metres beside the altitude of a takeoff at which it ends one by itself."""
     home_is_an_item: ClassVar[bool] = True

@@ -82,6 +82,7 @@ class Px4(Autopilot):
     local_places: ClassVar = False
     fence_switch: ClassVar = ("GF_ACTION", 2.0)
     """2 = it holds, PX4's default; what it does otherwise is the value that somebody has set."""
+    lands_by_mission: ClassVar = ("RTL_TYPE", 1.0)
     settles: ClassVar = 1.0
     """Seen: up to 0.8 m low."""
     home_is_an_item: ClassVar = False

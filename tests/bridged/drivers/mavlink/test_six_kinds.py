@@ -108,3 +108,51 @@ def test_a_stored_mission_is_flown_to_its_end(tmp_path: Path, vehicle: str, auto
     done(sky, "start_mission")
     done(sky, "return_to_launch")
     assert sky.belief("override") is None
+
+
+LANDING = [
+    ["MAV_CMD_DO_LAND_START"],
+    ["MAV_CMD_NAV_LOITER_TO_ALT", -27.604033, -48.510447, 40, 0, 60, 0, 1],
+    ["land", -27.604033, -48.518363, 0],
+]
+"""From 780 m east of home: not steeper than PX4's FW_LND_ANG."""
+
+
+def test_a_mission_that_is_uploaded_at_once_waits_for_home(tmp_path: Path) -> None:
+    mission = MISSION.replace("manifest: copter", "manifest: plane") + "    limits: {altitude: 100, radius: 1000}\n"
+    sky = Sky(tmp_path, vehicle=Vehicle(HOME, KINDS["plane", "px4"]), manifest=load_manifest("plane"), mission=mission)
+    done(sky, "upload_mission", LANDING)
+    assert sky.do("upload_mission", [[-27.5, -48.518363, 40]]).state == "refused"
+
+
+def test_a_px4_plane_lands_by_the_landing_of_its_mission(tmp_path: Path) -> None:
+    sky = sky_of(tmp_path, "plane", "px4")
+    done(sky, "upload_mission", LANDING)
+    under_way(sky, "plane", NORTH)
+    done(sky, "land")
+    assert sky.belief("state") == ("AUTO", True, False)
+    assert sky.belief("override") is None
+    assert sky.driver.vehicle.home is not None
+    assert sky.driver.vehicle.position is not None
+    assert sky.driver.vehicle.home.distance(sky.driver.vehicle.position) < 60
+
+
+@pytest.mark.parametrize(
+    ("items", "rtl_type", "why"),
+    [
+        ([], 1, "and its mission has no landing: upload one with an item `land`"),
+        (LANDING, 0, "and it flies the landing of its mission with RTL_TYPE 1, which is 0"),
+    ],
+)
+def test_a_px4_plane_does_not_land_without_a_landing(
+    tmp_path: Path, items: list[list[object]], rtl_type: int, why: str
+) -> None:
+    sky = sky_of(tmp_path, "plane", "px4")
+    if items:
+        done(sky, "upload_mission", items)
+    done(sky, "set_param", "RTL_TYPE", rtl_type)
+    under_way(sky, "plane", NORTH)
+    status = sky.do("land")
+    assert status.state == "refused"
+    assert status.reason == f"a plane of this kind has no mode that lands where it is, {why}"
+    assert mode(sky) == "GUIDED"
