@@ -41,8 +41,8 @@ async def commands_to_terminals(row: Row, world: World) -> None:
         "watch": ["watch", *ops],
     }
     with saying(world.fleet.socket("pi3"), "commands", NAME, "c", "r3"):
-        for command, arguments in looks.items():
-            output = await asyncio.to_thread(_output, arguments)
+        outputs = await asyncio.gather(*(asyncio.to_thread(_output, arguments) for arguments in looks.values()))
+        for command, output in zip(looks, outputs, strict=True):
             row.expect(b"PWNED" in output, f"`argosy {command}` shows what was said")
             passed = [sequence for sequence in RAW if sequence in output]
             row.expect(not passed, f"`argosy {command}` lets through {passed}")
