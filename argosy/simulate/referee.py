@@ -46,9 +46,9 @@ FarAndNear = tuple[float, float]
 """Latitude and longitude in degrees."""
 
 
-def latch_field(output: int) -> tuple[str, str]:
-    """Return the message and field that report a servo output."""
-    return "SERVO_OUTPUT_RAW", f"servo{output}_raw"
+def latch_fields(output: int) -> dict[tuple[str, str], None]:
+    """Return the sources and fields that report a servo output, that of either autopilot first."""
+    return dict.fromkeys([("SERVO_OUTPUTS", f"output{output}"), ("SERVO_OUTPUT_RAW", f"servo{output}_raw")])
 
 
 @dataclass
@@ -75,7 +75,7 @@ class CopterSeen:
                 fields.add((entry.source, one.field))
         if fields.issuperset(PLACE) and (place := self._place(PLACE)) is not None:
             self.places.append((at, place))
-        if (pulse := latch_field(output)) in fields:
+        for pulse in fields & latch_fields(output).keys():
             armed = bool(self.values.get(ARMED, True))
             self.latch.append((at, float(self.values[pulse]), armed, self._place(HOME)))
 
@@ -124,9 +124,8 @@ def copters_of(mission: Mission, recording: Recording, output: int) -> tuple[dic
         agents = mission.agents_of(name)
         if agents:
             seen[agents[0]] = CopterSeen(manifest)
-        if agents and latch_field(output) in {
-            (e.source, f.field) for e in manifest.percepts.values() for f in e.fields()
-        }:
+        fields = {(e.source, f.field) for e in manifest.percepts.values() for f in e.fields()}
+        if agents and fields & latch_fields(output).keys():
             copters[name] = seen[agents[0]]
     found: dict[int, Victim] = {}
     for message, perception in recording.typed(Perception, (f"{keys.ROOT}/{mission.fleet}/*/percept/*",)):
@@ -270,7 +269,8 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
         print(f"warning: {recording.missing}", file=sys.stderr)
     copters, seen = copters_of(mission, recording, LATCH)
     if not copters:
-        raise ValueError(f"{mission.path}: no robot's manifest has a percept of {'.'.join(latch_field(LATCH))}")
+        wanted = " or ".join(map(".".join, latch_fields(LATCH)))
+        raise ValueError(f"{mission.path}: no robot's manifest has a percept of {wanted}")
     everybody = seen if mission.world is None else victims(mission.world)
     if not everybody:
         raise ValueError(f"{file}: no camera reported a victim, and the mission has no `world`")
