@@ -213,6 +213,15 @@ def test_what_percepts_bring_about_is_kept(source: str) -> None:
     assert "seen/0" in dict(state_of(life.next().mind)["beliefs"])
 
 
+@pytest.mark.parametrize("percept_ends", [False, True])
+def test_a_belief_that_is_but_a_percept_or_not_even_that_is_kept_no_longer(percept_ends: bool) -> None:
+    life = begun("+!add(B) <- +B. +!del(B) <- -B.")
+    life.feed(GoalAdded(term("add(at(1))")), PerceptAdded(term("at(1)"))).save()
+    end = [PerceptRemoved(term("at(1)"))] if percept_ends else []
+    life.feed(GoalAdded(term("del(at(1)[source(self)])")), *end).save()
+    assert beliefs(life.next(), "at/1") == []
+
+
 def test_a_belief_with_free_variables_is_asked_as_before() -> None:
     life = begun("likes(X, X). !go. +!go <- +hates(ann, Y). +!ask <- ?likes(A, 3); ?hates(W, Z); .print(A, W).")
     assert life.next().feed(GoalAdded(term("ask"))).prints == ["3ann"]

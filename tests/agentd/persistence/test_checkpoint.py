@@ -207,6 +207,19 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had
         assert [one.number for one in stored.outgoing] == list(range(max(1, number - 19), number + 1))
 
 
+def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: Path) -> None:
+    checkpoint = full(path)
+    saving = Saving(mind=MindChanges(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
+    with pytest.raises(CheckpointError, match=r"scout\.minds cannot be written: NOT NULL"):
+        checkpoint.save({"scout": saving})
+    stored = content(checkpoint)
+    assert (5, b"five") not in stored.mind.beliefs
+    saving.actions = {}
+    checkpoint.save({"scout": saving})
+    stored = content(checkpoint)
+    assert (5, b"five") in stored.mind.beliefs
+
+
 class Failing:
     """A connection of which nothing works any more but closing it."""
 
