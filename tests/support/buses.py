@@ -9,6 +9,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol
 
+from argosy.trial.event_loop import VirtualLoop
 from commd.bus.bus import Bus, open_bus
 
 FLEET = "test"
@@ -78,8 +79,19 @@ def in_a_loop(body: Test) -> None:
     asyncio.run(asyncio.wait_for(body(), 240))
 
 
+def in_virtual_time(body: Test) -> None:
+    """Run `body()` in an event loop that never waits: its clock goes to the next timer."""
+    loop: Any = VirtualLoop()
+    try:
+        loop.run_until_complete(body())
+    finally:
+        loop.close()
+
+
 async_test = run_by(in_a_loop)
 """Runs an async test in an event loop of its own; its parameters are fixtures."""
+virtual_test = run_by(in_virtual_time)
+"""Runs an async test in virtual time; its parameters are fixtures."""
 bus_test = run_by(lambda body, endpoint: on_a_bus(endpoint, body), "connect", needs=("endpoint",))
 """Runs an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
 from agentd.persistence.checkpoint import Checkpoint, Saving
 from agentd.persistence.group_commit import Batch, GroupCommit
-from argosy.trial.event_loop import VirtualLoop
+from tests.support.buses import virtual_test
 
 
 class Disk:
@@ -61,21 +61,14 @@ class Busy:
     ("takes", "within", "apart"),
     [(0.0005, 0.005, 0.005), (0.0005, 0.02, 0.02), (0.004, 0.005, 0.008), (0.015, 0.005, 0.02), (0.03, 0.005, 0.03)],
 )
-def test_a_commit_follows_when_it_may_and_a_fast_disk_has_rested_as_long_as_it_wrote(
+@virtual_test
+async def test_a_commit_follows_when_it_may_and_a_fast_disk_has_rested_as_long_as_it_wrote(
     takes: float, within: float, apart: float
 ) -> None:
     disk = Disk(takes)
-
-    async def main() -> None:
-        commits = GroupCommit(cast(Checkpoint, disk), cast(Executor, disk))
-        Busy(commits, within).look()
-        await asyncio.sleep(1.0)
-
-    loop: Any = VirtualLoop()
-    try:
-        loop.run_until_complete(main())
-    finally:
-        loop.close()
+    commits = GroupCommit(cast(Checkpoint, disk), cast(Executor, disk))
+    Busy(commits, within).look()
+    await asyncio.sleep(1.0)
     between = [after - before for before, after in zip(disk.began[1:], disk.began[2:], strict=False)]
     assert between == pytest.approx([apart] * len(between))
     assert len(between) >= 10

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from commd.liveness.bridge_presence import BridgePresence
-from tests.support.buses import async_test, until
+from tests.support.buses import until, virtual_test
 
 
 class Said:
@@ -29,7 +29,7 @@ class Said:
         self._router(up)
 
 
-@async_test
+@virtual_test
 async def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
     monkeypatch.setattr("commd.liveness.presence.BUS_GRACE", 1.0)
