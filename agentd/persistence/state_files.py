@@ -7,7 +7,6 @@ state, so that a mission may give its agents to other daemons: their state moves
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +17,7 @@ from msgspec import structs
 from agentd.extensions.file_access import KEPT
 from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Synchronous, remove
 from agentd.persistence.restore import RestoredState
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.state_dir import make_private_folder, replace_file
 from schemas.wire.records import Note
 
 log = logging.getLogger("keeping")
@@ -139,15 +138,7 @@ def _named(folder: Path, agent: str) -> str:
 
 def _name(folder: Path, agent: str, name: str, *, sync: bool) -> None:
     """Name the file that has the state of an agent. Raises OSError."""
-    file = folder / agent / KEPT
-    new = file.with_name(f".{KEPT}.new")
-    make_private_file(new)
-    with new.open("w") as opened:
-        opened.write(f"{name}\n")
-        opened.flush()
-        if sync:
-            os.fsync(opened.fileno())
-    os.replace(new, file)
+    replace_file(folder / agent / KEPT, f"{name}\n".encode(), synced=sync)
 
 
 def forget_name(folder: Path, agent: str) -> None:

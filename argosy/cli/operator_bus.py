@@ -7,10 +7,11 @@ import os
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from argosy.cli.arguments import name
 from argosy.cli.errors import CommandError, complain
@@ -22,8 +23,12 @@ from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
 from commd.process.process import EXIT_DONE, tls_of
 from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.liveness import ACTION_SILENT
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
+from schemas.wire.records import Record
+
+T = TypeVar("T", bound=Record)
 
 ROUTER_PATIENCE = 3.0
 """Wall seconds to reach the router."""
@@ -189,3 +194,23 @@ def put_out(text: str) -> bool:
 def note(text: str) -> None:
     """Print a note on stderr."""
     complain(f"note: {text}")
+
+
+async def replies(
+    bus: Bus, key: str, ask: Record | None, answer: type[T], at_most: float
+) -> AsyncGenerator[T | str, None]:
+    """Query what takes long, and yield its records, or the text of an error, until the replies end.
+
+    It may take `at_most` wall seconds. Raises TimeoutError, with a text, when nothing is heard for `ACTION_SILENT`.
+    """
+    async with aclosing(bus.query(key, ask, answer, at_most)) as found:
+        while True:
+            try:
+                async with asyncio.timeout(ACTION_SILENT):
+                    reply = await anext(found, None)
+            except TimeoutError:
+                text = f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off"
+                raise TimeoutError(text) from None
+            if reply is None:
+                return
+            yield reply.error if reply.record is None else reply.record

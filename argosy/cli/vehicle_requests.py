@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
-import os
 import sys
-import tempfile
 from contextlib import aclosing, suppress
 from pathlib import Path
 from typing import TypeVar
 
 from argosy.cli.errors import BadInput, CommandError
-from argosy.cli.operator_bus import Unanswered
+from argosy.cli.operator_bus import Unanswered, replies
 from commd.bus.bus import Bus
+from commd.process.state_dir import replace_file
 from schemas.humanize import printable
-from schemas.liveness import ACTION_SILENT
 from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 AT_MOST = 360.0
@@ -27,21 +24,17 @@ async def ask_vehicle(bus: Bus, key: str, ask: ParameterRequest | None, answer: 
     problem = "its bridge does not answer: is it of an older version?"
     shown = False
     try:
-        async with aclosing(bus.query(key, ask, answer, AT_MOST)) as replies:
-            while True:
-                async with asyncio.timeout(ACTION_SILENT):
-                    reply = await anext(replies, None)
-                if reply is None:
-                    break
-                if reply.record is None:
-                    problem = reply.error
+        async with aclosing(replies(bus, key, ask, answer, AT_MOST)) as records:
+            async for record in records:
+                if isinstance(record, str):
+                    problem = record
                     continue
-                if reply.record.done:
-                    return reply.record
+                if record.done:
+                    return record
                 problem = "its bridge ended the request without a result"
-                shown = _show(f"{robot}: {reply.record.came} of {reply.record.of or '?'} {what}") or shown
-    except TimeoutError:
-        problem = f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off"
+                shown = _show(f"{robot}: {record.came} of {record.of or '?'} {what}") or shown
+    except TimeoutError as silent:
+        problem = str(silent)
     finally:
         if shown:
             _show("")
@@ -65,18 +58,7 @@ def check_new(path: Path, force: bool) -> None:
 
 def write_whole(path: Path, text: str) -> None:
     """Write a file as a whole or not at all. Raises CommandError."""
-    new = ""
     try:
-        number, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(number, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(number)
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(new).chmod(0o666 & ~umask)
-        Path(new).replace(path)
+        replace_file(path, text.encode(), private=False)
     except OSError as error:
-        with suppress(OSError):
-            Path(new).unlink(missing_ok=True)
         raise CommandError(f"{path}: {error.strerror}") from None

@@ -13,14 +13,14 @@ from msgspec.structs import replace
 from argosy.cli.arguments import duration, name
 from argosy.cli.errors import BadInput, complain
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus, put_out
+from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus, put_out, replies
 from argosy.tools.record_text import called, read_action, unknown
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
 from schemas.humanize import printable
-from schemas.liveness import ACTION_SILENT, ROUTER_GRACE
+from schemas.liveness import ROUTER_GRACE
 from schemas.manifest.loader import ActionDescription
 from schemas.mission.model import Agent, Client
 from schemas.wire import keys
@@ -45,21 +45,17 @@ async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionS
     heard, reason, taken = loop.time(), "nobody answers for it: is its bridge there?", False
     while True:
         try:
-            async with aclosing(bus.query(key, action, ActionStatus, AT_MOST)) as replies:
-                while True:
-                    async with asyncio.timeout(ACTION_SILENT):
-                        reply = await anext(replies, None)
-                    if reply is None:
-                        break
-                    if reply.record is None:
-                        reason = reply.error
+            async with aclosing(replies(bus, key, action, ActionStatus, AT_MOST)) as statuses:
+                async for status in statuses:
+                    if isinstance(status, str):
+                        reason = status
                         continue
                     heard, taken, reason = loop.time(), True, "its answers ended without an outcome"
-                    yield reply.record
-                    if reply.record.final:
+                    yield status
+                    if status.final:
                         return
-        except TimeoutError:
-            raise Lost(f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off") from None
+        except TimeoutError as silent:
+            raise Lost(str(silent)) from None
         except BusClosed as closed:
             reason = str(closed)
         if loop.time() - heard > (ROUTER_GRACE if taken else 0):

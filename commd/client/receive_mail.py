@@ -18,7 +18,7 @@ from pathlib import Path
 
 from commd.bus.bus import Bus, Query
 from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce, is_expired
-from commd.process.state_dir import make_private_file
+from commd.process.state_dir import replace_file
 from schemas.wire.records import Mail, Message, Refusal
 
 log = logging.getLogger("inbox")
@@ -140,10 +140,7 @@ class ProgramInbox(ReceiveOnce):
                 sender: {life: one.done for life, one in lives.items() if one.done}
                 for sender, lives in self._progress.items()
             }
-            fresh = self._file.with_name(self._file.name + ".new")
-            make_private_file(fresh)
-            fresh.write_text(json.dumps(done))
-            os.replace(fresh, self._file)
+            replace_file(self._file, json.dumps(done).encode(), synced=False)
 
     def _taken_in(self, message: Message) -> Callable[[], None]:
         if not message.header.seq or message.receiver != self._name:

@@ -16,7 +16,7 @@ from array import array
 from pathlib import Path
 from typing import Final
 
-from commd.process.state_dir import make_private_file
+from commd.process.state_dir import replace_file
 
 ENDING: Final = ".sums"
 _HEAD: Final = struct.Struct("<4sBxxxII")
@@ -134,13 +134,7 @@ class PageChecksums:
     def _write(self, known: bool) -> None:
         body = self._sums.tobytes() if known else b""
         head = _HEAD.pack(_MAGIC, known, self._page, 0)[:-4]
-        new = self._beside.with_name(self._beside.name + ".new")
-        make_private_file(new)
-        with new.open("wb") as file:
-            file.write(head + zlib.crc32(head + body).to_bytes(4, "little") + body)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(new, self._beside)
+        replace_file(self._beside, head + zlib.crc32(head + body).to_bytes(4, "little") + body)
 
 
 def log_damage(path: Path) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.state_dir import make_private_folder, replace_file
 
 log = logging.getLogger("restarts")
 
@@ -74,10 +74,7 @@ class RestartCounter:
 
     def _write(self) -> None:
         """Replace the note. It is not synced to disk: a power failure resets the count anyway."""
-        new = self._path.with_name(f".{self._path.name}.new")
-        make_private_file(new)
-        new.write_bytes(msgspec.json.encode(self._note))
-        os.replace(new, self._path)
+        replace_file(self._path, msgspec.json.encode(self._note), synced=False)
 
 
 def note_start(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:

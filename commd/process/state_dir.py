@@ -30,6 +30,27 @@ def make_private_folder(path: Path) -> None:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
+def replace_file(path: Path, content: bytes, *, private: bool = True, synced: bool = True) -> None:
+    """Write a file as a whole or not at all; `private`: for this user alone, `synced`: forced to the disk.
+
+    Without `synced` a power failure may leave it empty. Raises OSError.
+    """
+    new = path.with_name(f".{path.name}.new")
+    try:
+        if private:
+            make_private_file(new)
+        with new.open("wb") as file:
+            file.write(content)
+            file.flush()
+            if synced:
+                os.fsync(file.fileno())
+        os.replace(new, path)
+    except OSError:
+        with suppress(OSError):
+            new.unlink(missing_ok=True)
+        raise
+
+
 def make_private_file(path: Path) -> None:
     """Make a file readable for this user alone (0600), before anything is written; create it empty if it is missing.
 

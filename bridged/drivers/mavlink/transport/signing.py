@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.state_dir import make_private_folder, replace_file
 
 PER_SECOND = 100_000
 """Steps of a timestamp in a second."""
@@ -103,7 +103,7 @@ class SignedStreams:
             return
         text = "\n".join(f"{stream.hex()} {bound}" for stream, bound in self._bounds.items())
         try:
-            _replace(self._file, f"{text}\n{_digest(text)}\n", forced=False)
+            replace_file(self._file, f"{text}\n{_digest(text)}\n".encode("ascii"), synced=False)
             self.problem = ""
         except OSError as error:
             self.problem = f"{self._file}: {reason_of(error)}"
@@ -112,18 +112,6 @@ class SignedStreams:
 def reason_of(error: OSError) -> str:
     """Return the reason of an error for people, without its number."""
     return (os.strerror(error.errno) if error.errno else str(error)).lower()
-
-
-def _replace(path: Path, text: str, *, forced: bool) -> None:
-    """Replace a file that only its owner may read as a whole; `forced` to the disk. Raises OSError."""
-    fresh = path.with_name(path.name + ".new")
-    make_private_file(fresh)
-    with fresh.open("w", encoding="ascii") as file:
-        file.write(text)
-        file.flush()
-        if forced:
-            os.fsync(file.fileno())
-    fresh.replace(path)
 
 
 def _digest(text: str) -> str:
@@ -238,7 +226,7 @@ class Timestamps:
 
     def _write(self, bound: int) -> None:
         if self._file is not None:
-            _replace(self._file, f"{bound}\n", forced=True)
+            replace_file(self._file, f"{bound}\n".encode("ascii"))
 
 
 class Signing:
