@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
-from contextlib import AbstractAsyncContextManager, suppress
 
 import pytest
 
@@ -12,7 +11,6 @@ from argosy.doctor.findings import Diagnosis
 from argosy.doctor.security_checks import findings
 from commd.bus import access_probe
 from commd.bus.errors import AccessDenied
-from commd.client import Client, NotJoined, UnknownReceiver, join
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
@@ -126,30 +124,6 @@ async def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back
         await until(lambda: "to serve argosy/three/b/mind" in bus.access.note, "it is noted")
         withdraw()
         await until(lambda: bus.access.note == "", "it is forgotten")
-
-
-@async_test
-async def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> None:
-    fleet = world.fleet
-
-    def joined(name: str, board: str) -> AbstractAsyncContextManager[Client]:
-        return join(name, mission=fleet.mission, board=board, router=fleet.socket(board))
-
-    with pytest.raises(NotJoined, match="join kid: names made on board pi1 begin with `pi1_`, such as `pi1_kid`"):
-        async with joined("kid", "pi1"):
-            pass
-    async with joined("pi1_kid", "pi1") as kid, joined("pi2_kid", "pi2") as other:
-
-        async def sent() -> bool:
-            with suppress(UnknownReceiver):
-                await kid.send("pi2_kid", "tell", 1)
-                return True
-            return False
-
-        await until(sent, "pi1 knows of pi2_kid")
-        async for message in other.messages():
-            assert (message.sender, message.content) == ("pi1_kid", 1)
-            break
 
 
 async def _nothing(query: object) -> None:

@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from tests.argosy.ui.test_malformed_http import MALFORMED
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
 from tests.attacks.world import NAME, TEXT, Attack, Row, World, attack
@@ -22,6 +21,17 @@ SHOWN = 60.0
 """Seconds that a command has to show what it shows, and to end."""
 REFUSED = 20.0
 """Seconds in which a program that is no file is refused; most of it is the start of Python."""
+MALFORMED = (
+    b"\x00\x01\x02\r\n\r\n",
+    b"GET / HTTP/9.9\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: x\r\nA\x1b[2J: \r\n\r\n",
+    b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\nHost: x\r\n\r\n",
+    b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -1\r\n\r\n",
+    b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    b"GET http://[::1 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil\r\n\r\n",
+    b"GET /?token=%ff%00%zz HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: \xff=\xff\r\n\r\n",
+)
 
 
 @attack(

@@ -327,19 +327,6 @@ def test_a_database_of_something_else_is_set_aside(path: Path) -> None:
     assert [note.identity for note in Checkpoint.open(path).notes] == [("state_damaged", "file")]
 
 
-def test_a_file_of_a_newer_version_is_refused_and_left_alone(path: Path) -> None:
-    full(path).close()
-    database = sqlite3.connect(path)
-    database.execute("PRAGMA user_version=99")
-    database.close()
-    before = path.read_bytes()
-    with pytest.raises(CheckpointError, match=r"newer Argosy \(its version is 99, this one knows up to 1\)"):
-        Checkpoint.open(path)
-    assert path.read_bytes() == before
-    remove(path)
-    assert Checkpoint.open(path).read() == {}
-
-
 def test_the_state_of_an_agent_is_removed_and_that_of_the_others_stays(path: Path) -> None:
     checkpoint = full(path)
     checkpoint.save({"rescuer": FULL})

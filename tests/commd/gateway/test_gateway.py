@@ -183,41 +183,6 @@ async def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_onc
     ]
 
 
-BAD = [
-    b"",
-    b"hello",
-    b"<mid1,old1,tell,uav>",
-    b"<mid1,old1,tell,uav,victim(1",
-    b"<mid1,old1,tell,uav,victim(1>",
-    b"<mid1,old1,te ll,uav,a>",
-    b"<,old1,tell,uav,a>",
-    b"<mid1,old1,tell,uav,\xff\xfe>",
-    b"<mid1,old1,tell,uav," + b"[" * 400 + b">",
-    b"<mid1,old1,tell,uav,X+1>",
-    b"\x1b[2J\x00" * 100,
-    b"<mid1,old1,tell,uav,[" + b"1," * 4000 + b"1]>",
-]
-
-
-@field_test
-async def test_malformed_datagrams_are_counted_and_told_and_end_nothing(
-    field: Field, caplog: pytest.LogCaptureFixture
-) -> None:
-    for payload in BAD:
-        field.say(payload)
-    field.say("<mid1,old1,tell,uav,a>")
-    await until(lambda: len(field.post.taken) == 1, "the gateway still hears")
-    assert field.gateway.health().bad_input == len(BAD)
-    told = [one.getMessage() for one in caplog.records if one.getMessage().startswith("malformed")]
-    assert len(told) == 10
-    assert all(text.isprintable() for text in told)
-    assert told[2] == (
-        f"malformed count=3 source={field.one.address} 20 bytes: "
-        "expected five fields `<id,sender,itlforce,receiver,data>`, got 4"
-    )
-    assert not [one for one in caplog.records if one.exc_info]
-
-
 @field_test
 async def test_a_repeated_datagram_is_one_message_and_an_id_used_anew_is_another(field: Field) -> None:
     for _ in range(3):

@@ -15,14 +15,12 @@ import zenoh
 from commd.bus.bus import Bus
 from commd.mail import schema
 from commd.mail.service import MailService
-from commd.mail.store import StoreFailed
 from schemas.mission.model import MailRules
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import TWO_BOARDS, Receiver, Time, ask, board, listed, message, post
 from tests.support.buses import FLEET, Connect, bus_test, served, until
-from tests.support.notes import identities
 
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
@@ -302,40 +300,6 @@ async def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belon
         await mail_service.take([message(1)], also=lambda db: schema.keep(db, "test", "a", b"1"))
         await until(lambda: len(receiver.got) == 1, "it arrives, once")
         assert await mail_service.store.read(lambda db: schema.kept(db, "test")) == {"a": b"1"}
-
-
-@bus_test
-async def test_a_full_disk_acknowledges_nothing_and_loses_nothing(connect: Connect, tmp_path: Path) -> None:
-    async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
-        sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
-        await post(sender, message(1))
-        await sent(mail_service, 1)
-        store = mail_service.store
-        (pages,) = await store.write(lambda db: db.execute("PRAGMA page_count").fetchone())
-        await store.write(lambda db: db.execute(f"PRAGMA max_page_count = {pages + 8}").fetchone())
-        big = [message(number, content="x" * 20_000) for number in range(2, 6)]
-        assert await post(sender, *big) == "the disk is full"
-        assert mail_service.waiting == 0
-        assert identities(mail_service.health().notes) == [("mail_refused", "")]
-        assert "the disk is full" in mail_service.health().notes[0].text
-        assert mail_service.health().counters["db_errors"] == 1
-        with pytest.raises(StoreFailed):
-            await mail_service.take(big)
-        await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
-        assert await post(sender, *big) == Receipt(taken=4)
-        await sent(mail_service, 5)
-        assert [one.header.seq for one in receiver.got] == [1, 2, 3, 4, 5]
-        assert mail_service.health().notes == ()
-
-
-@bus_test
-async def test_a_corrupt_file_costs_its_mail_and_nothing_else_and_is_told(connect: Connect, tmp_path: Path) -> None:
-    (tmp_path / "pi1.mail").write_bytes(b"no database at all, but long enough to be read as one" * 100)
-    async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
-        sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
-        assert await post(sender, message(5)) == Receipt(taken=1)
-        await until(lambda: receiver.contents == [5], "mail goes on")
-        assert identities(mail_service.health().notes) == [("mail_file_set_aside", "pi1.mail.corrupt-1")]
 
 
 def put_by_hand(bus: Bus, key: str, text: str) -> None:

@@ -417,22 +417,6 @@ def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
     in_store(path, second)
 
 
-def test_a_file_of_a_newer_version_is_refused_in_words_and_left_alone(path: Path) -> None:
-    path.parent.mkdir()
-    newer = sqlite3.connect(path)
-    newer.execute("PRAGMA user_version = 99")
-    newer.execute("CREATE TABLE future(a)")
-    newer.commit()
-    newer.close()
-    known = len(schema.MIGRATIONS)
-    words = f"cannot store mail in this file: it is of version 99, this commd knows versions up to {known}"
-    with pytest.raises(Findings) as refused:
-        in_store(path, pytest.fail)  # type: ignore[arg-type]
-    assert str(refused.value) == f"{path}: error: {words}"
-    assert not list(path.parent.glob("*.corrupt-*"))
-    assert sqlite3.connect(path).execute("SELECT name FROM sqlite_master").fetchall() == [("future",)]
-
-
 def test_a_file_belongs_to_one_process(path: Path) -> None:
     async def body(_: Store) -> None:
         with pytest.raises(Findings, match=r"another commd stores its mail in this file: give each its own --state"):

@@ -12,7 +12,7 @@ from argosy.recording.mcap_records import BadRecording, McapFile
 from schemas.files.findings import Findings
 from schemas.files.text_files import read_bounded, read_text
 from tests.agentd.conftest import agentd
-from tests.agentd.teams import Stage, played
+from tests.agentd.teams import played
 
 REFUSED = r"no regular file \(a pipe, socket or device\): name a file"
 
@@ -55,17 +55,6 @@ def test_a_program_names_files_of_its_project_alone_unless_a_folder_is_allowed(t
     assert not (other / "new.asl").exists()
     ran = agentd("run", "bob.asl", "--exit-when-idle", "--allow-folder", other, cwd=project)
     assert {f"[bob] {name} in" for name in "abcde"} <= set(ran.stdout.splitlines()), ran.stderr
-
-
-@pytest.mark.parametrize(("start", "what"), [('"0123456789"', "characters"), ("[1,2,3,4,5,6,7,8,9,0]", "members")])
-def test_a_text_or_list_that_doubles_fails_its_plan_when_it_is_too_large(start: str, what: str) -> None:
-    program = (
-        f"!d({start}). +!d(T) <- .concat(T, T, U); !d(U). -!d(_)[error(E), error_msg(M)] <- .print(E, M); .stopMAS."
-    )
-    stage = Stage({"bob": program})
-    stage.run()
-    assert stage.lines[0].startswith("[bob] too_large.concat makes ")
-    assert f" {what}, expected at most " in stage.lines[0]
 
 
 def test_a_formula_that_fails_names_a_long_list_by_its_length() -> None:
