@@ -172,7 +172,7 @@ class AgentHost:
             self._tasks,
         )
         self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
-        self._viewer = Viewer(bus, clock, self._mind, part, self._control, self._tracing, self._prints)
+        self._viewer = Viewer(bus, clock, self._runner, part, self._control, self._tracing, self._prints)
 
     def _restore(self, memory: RestoredState) -> None:
         """Restore the mail of a former life."""
@@ -322,6 +322,7 @@ class AgentHost:
 
     def copy_from(self, other: AgentHost) -> None:
         """Copy the beliefs and plans of another agent (``.clone``)."""
+        other._runner.catch_up()
         self._mind.copy_from(other._mind)
         self._tracing.cloned(other.part.name)
 
@@ -428,6 +429,7 @@ class AgentHost:
 
     def health(self) -> AgentHealth:
         """Return the counters and warnings of the agent."""
+        self._runner.catch_up()
         mind, mail, percepts = self._mind, self._mailing.counters, self._perceiving or self._by_hand
         counters = dict(self.counters)
         parts = {"mail": mail, "kept": self._checkpointer.counters}

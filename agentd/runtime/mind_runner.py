@@ -22,6 +22,8 @@ LONGEST_SLICE: Final = 0.2
 """Wall seconds of one slice at most. An agent that reports nothing for `agent_silence` is considered hung."""
 BATCH: Final = 8
 """Cycles between two readings of the clock at most. A slice begins with one: heavy work mostly stays heavy."""
+BELIEVED_WITHIN: Final = 0.25
+"""Wall seconds within which a percept that nothing in the mind waits for becomes a belief: it is not worth a turn."""
 MANY: Final = 32
 """Unpublished decisions after which they are handed over within a slice."""
 EARLY: Final = 0.0001
@@ -71,16 +73,24 @@ class MindRunner:
         """The error of a turn outside of `run`."""
 
     def feed(self, item: Input) -> None:
-        """Give the mind an input and see that it gets a turn."""
+        """Give the mind an input and see that it gets a turn, soon if anything in it may wait for the input."""
         self.mind.feed(item)
         if self._turn_due:
             return
         if self._timer.asleep:
+            if not self.mind.heeds(item):
+                self._timer.within_at_most(BELIEVED_WITHIN)
+                return
             self._turn_due = True
             if not self._bus.afterwards(self._turn_now):
                 self._loop.call_soon(self._turn_now)
         else:
             self._timer.set()
+
+    def catch_up(self) -> None:
+        """Let the mind take what it was given, before others look at its beliefs."""
+        if self.mind.inputs and self._timer.asleep and not self._turn_due:
+            self._turn_now()
 
     def wake(self) -> None:
         """See that the mind gets a turn soon."""
@@ -173,6 +183,11 @@ class WakeupTimer:
                 return  # if it fires too early, it is started again
             self._alarm.cancel()
         self._alarm = self._loop.call_at(due, self._ring)
+
+    def within_at_most(self, seconds: float) -> None:
+        """Wake the task in `seconds` (wall clock, 0 or more) at the latest, or when it is to be woken before."""
+        if self._due is None or self._due > self._loop.time() + seconds:
+            self.within(seconds)
 
     async def wait(self, seconds: float | None) -> None:
         """Sleep until `set` is called, at most `seconds` (wall clock, 0 or more; None: no limit).

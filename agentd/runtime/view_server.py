@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
 from agentd.conversion.mind_view import MindViews
-from agentd.mind import Mind
+from agentd.runtime.mind_runner import MindRunner
 from agentd.runtime.operator_control import OperatorControl
 from agentd.runtime.program_loader import Part
 from agentd.trace import Tracing
@@ -33,14 +33,15 @@ class Viewer:
         self,
         bus: Bus,
         clock: Clock,
-        mind: Mind,
+        runner: MindRunner,
         part: Part,
         control: OperatorControl,
         tracing: Tracing,
         prints: Iterable[str],
     ) -> None:
         """`part` has the mission's formulas; `prints` holds the last lines that were printed."""
-        self._bus, self._clock, self._mind, self._part = bus, clock, mind, part
+        mind = runner.mind
+        self._bus, self._clock, self._runner, self._mind, self._part = bus, clock, runner, mind, part
         self._control, self._tracing, self._prints = control, tracing, prints
         self._views = MindViews(mind, tracing.agent_boot)
         self._made: dict[Look, tuple[float, MindView]] = {}
@@ -71,6 +72,7 @@ class Viewer:
 
     def view(self, look: Look = EVERYTHING) -> MindView:
         """Return the present beliefs and intentions."""
+        self._runner.catch_up()
         mind, paused_for = self._mind, self._control.left
         view = self._views.view(look, self._clock.now())
         return replace(

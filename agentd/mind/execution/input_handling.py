@@ -18,6 +18,7 @@ from agentd.mind.data.inputs import (
     ActionDone,
     BeliefAdded,
     GoalAdded,
+    Input,
     PerceptAdded,
     PerceptRemoved,
     PerceptReplaced,
@@ -62,6 +63,17 @@ def take_inputs(mind: MindState) -> bool:
             elif place.gained.plans:
                 mind.post(place.gained, args, annots)
     return percepts_only
+
+
+def heeds(mind: MindState, item: Input) -> bool:
+    """Whether anything of the mind may wait for an input: not for a percept that no plan, condition or wait is for.
+
+    Such a percept becomes a belief whenever the next inputs are taken: nothing in the mind sees the difference.
+    """
+    if type(item) not in _PERCEPTS or mind.conditions or mind.goal_conditions or mind.listeners:
+        return True
+    plans, place = mind.plans, mind.percepts.get(item.literal.sig)  # type: ignore[union-attr]
+    return place is None or bool(place.gained.plans or place.lost.plans or plans.has_nested or plans.sleeps)
 
 
 def _end_action(mind: MindState, done: ActionDone) -> None:

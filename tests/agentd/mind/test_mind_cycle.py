@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
+
 from agentd.conversion.term_conversion import to_wire
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Literal
 from agentd.mind.data.effects import PerformAction, Print
-from agentd.mind.data.inputs import ActionDone
+from agentd.mind.data.inputs import ActionDone, PerceptReplaced
 from schemas.wire.mind_records import WaitView
 from schemas.wire.terms import Variable
-from tests.agentd.minds import mind_of, run
+from tests.agentd.minds import World, mind_of, run
 
 
 def test_one_cycle_takes_one_event_and_runs_one_formula() -> None:
@@ -79,3 +83,27 @@ def test_two_minds_with_the_same_seed_agree_and_another_seed_differs() -> None:
     one, same, other = (run(program, seed=seed).prints for seed in (1, 1, 2))
     assert one == same
     assert one != other
+
+
+@pytest.mark.parametrize(
+    ("program", "heeds"),
+    [
+        ("q. +q <- .print(p). r :- p(1).", False),
+        ("+p(_) <- .print(p).", True),
+        ("-p(_) <- .print(p).", True),
+        ("!g. +!g <- .wait(p(9)).", True),
+        ("!g. +!g <- .wait({+p(9)}).", True),
+        ("!g. +!g <: p(9) <- .wait(100000).", True),
+        ("!g. +!g <- .wait(100000). ", False),
+        ("+jag_sleeping <- .print(asleep).", True),
+    ],
+)
+def test_a_mind_heeds_a_percept_that_a_plan_or_a_wait_is_for(program: str, heeds: bool) -> None:
+    def seen(number: float) -> PerceptReplaced:
+        return PerceptReplaced(Literal(signature("p", 1), (number,)))
+
+    mind = mind_of(program)
+    assert mind.heeds(seen(1.0)), "the first one of its kind"
+    World(mind).feed(seen(1.0))
+    assert mind.heeds(seen(2.0)) is heeds
+    assert mind.heeds(ActionDone(1, True))

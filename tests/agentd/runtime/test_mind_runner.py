@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agentd.mind.data.inputs import SignalRaised
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Literal, atom
+from agentd.mind.data.inputs import PerceptReplaced, SignalRaised
 from agentd.runtime.mind_runner import LagEstimator, WakeupTimer
 from tests.agentd.hosts import host_on
 from tests.support.buses import Connect, bus_test, until, virtual_test
@@ -134,4 +136,34 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connec
     agent.host.health()
     await asyncio.sleep(0.05)
     assert agent.host.health().lag == 0
+    await agent.end()
+
+
+def seen(number: int) -> PerceptReplaced:
+    return PerceptReplaced(Literal(signature("height", 1), (float(number),)))
+
+
+@bus_test
+async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_somebody_looks(
+    connect: Connect, tmp_path: Path
+) -> None:
+    agent = await host_on(await connect("a"), "a", "!begin. +!begin <- .print(begun). +mode(M) <- .print(M).", tmp_path)
+    mind = agent.host._mind
+    await until(lambda: "begun" in agent.prints and not mind.ready, "the mind rests")
+    for number in (1, 2):
+        agent.host.feed(seen(number))
+        await until(lambda: not mind.inputs, "it is believed without anything else")
+    cycle = mind.cycle
+    agent.host.feed(seen(3))
+    await asyncio.sleep(0)
+    assert (mind.cycle, len(mind.inputs)) == (cycle, 1), "no turn for it alone"
+    assert [one.text for one in agent.host.view().believed if one.text.startswith("height")] == [
+        "height(3)[source(percept)]"
+    ]
+    agent.host.feed(seen(4))
+    assert agent.host.health().idle, "an input that nobody waits for is no work"
+    agent.host.feed(seen(5))
+    agent.host.feed(PerceptReplaced(Literal(signature("mode", 1), (atom("rtl"),))))
+    await until(lambda: "rtl" in agent.prints, "a plan runs")
+    assert not mind.inputs
     await agent.end()
