@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -73,17 +71,6 @@ def test_the_counter_of_the_page_is_a_driver(start: Start, tmp_path: Path, monke
     monkeypatch.setenv("PYTHONPATH", str(site))
     running = start(folder / "counting.yaml", real_daemons=True)
     assert hurried(running) == 0, running.stdout + running.stderr
-
-
-def test_the_room_of_the_page_is_run_as_its_page_says(start: Start, tmp_path: Path, endpoint: str) -> None:
-    folder = written(tmp_path)
-    with subprocess.Popen([sys.executable, str(folder / "room.py"), endpoint]) as room:  # before there is a router
-        try:
-            running = start(folder / "heating.yaml", "--yes", real_daemons=True)
-            assert hurried(running) == 0, running.stdout + running.stderr
-            assert room.poll() is None
-        finally:
-            room.kill()
 
 
 def test_who_is_asked_about_a_robot_that_is_no_vehicle_is_asked_about_a_robot(start: Start, tmp_path: Path) -> None:
