@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-import re
 from pathlib import Path
 
 import pytest
@@ -129,26 +127,6 @@ def test_all_that_is_wrong_with_the_programs_of_a_project_is_reported_together(r
     told = run({"team.mas2j": "MAS t { agents: bad; gone; worse; }", "bad.asl": "!a <- .", "worse.asl": "+!a <- ; ."})
     assert told.code == 2
     assert told.err.count(": error:") == 3
-
-
-def test_mutated_project_files_are_read_or_refused_with_a_place() -> None:
-    choices = random.Random(7)
-    texts = [EVERYTHING, *(text for text, *_ in BAD)]
-    pieces = re.findall(r"\w+|[^\w\s]|\s+", EVERYTHING)
-    refused = 0
-    for _ in range(1000):
-        text = choices.choice(texts)
-        for _ in range(choices.randint(1, 6)):
-            begin = choices.randint(0, len(text))
-            end = min(len(text), begin + choices.randint(0, 12))
-            put = choices.choice(["", choices.choice(pieces), chr(choices.randint(1, 300)), text[begin:end] * 2])
-            text = text[:begin] + put + text[end:]
-        try:
-            _parse(text)
-        except SyntaxErrors as errors:
-            refused += 1
-            assert all(finding.line for finding in errors.findings)
-    assert refused
 
 
 HELLO = "!hi. +!hi : .my_name(N) <- .print(hi)."

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from schemas.files.ini_positions import read_ini
 from schemas.manifest.ini import (
@@ -15,7 +13,6 @@ from schemas.manifest.ini import (
     read_fields,
     read_parameter,
     read_percepts,
-    split,
 )
 from schemas.manifest.loader import Field, Parameter
 from schemas.manifest.model import ParameterType
@@ -86,16 +83,6 @@ def test_bad_syntax_in_args_is_told(text: str, message: str) -> None:
     with pytest.raises(BadList) as problem:
         read_fields(text)
     assert str(problem.value) == message
-
-
-@given(st.text("ab.,[]() 0", max_size=40))
-def test_whatever_stands_in_args_is_read_or_told(text: str) -> None:
-    try:
-        fields = read_fields(text)
-    except BadList as problem:
-        assert str(problem)
-    else:
-        assert len(fields) == len(split(text))
 
 
 ANY: tuple[ParameterType, ...] = ("int", "float", "boolean", "string", "list")
@@ -230,13 +217,6 @@ def test_the_other_file_of_the_two_is_told_as_such() -> None:
     _, findings = read_percepts("[go]\nmethod = topic\nname = /go\nparams_name = x\n", "actions_manifest")
     assert len(findings) == 1
     assert "this is an actions manifest" in findings[0].message
-
-
-@given(st.text("[]=:;#\n\t aAmethodname,()", max_size=120))
-def test_whatever_stands_in_a_file_is_read_or_told(text: str) -> None:
-    for read in (read_actions, read_percepts):
-        for finding in read(text, "m")[1]:
-            assert 0 <= finding.line <= text.count("\n") + 1
 
 
 def test_names_of_the_bridge_are_refused() -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
-from schemas.files.shipped_files import shipped
 from schemas.files.toml_positions import line_of, toml_lines
 from schemas.manifest.loader import load_manifest, read_manifest
 from schemas.manifest.text import write_value
@@ -100,23 +99,6 @@ def test_a_file_that_is_no_manifest_is_one_clear_line(tmp_path: Path, content: b
 def test_a_manifest_that_is_not_there_is_told_with_those_that_ship() -> None:
     with pytest.raises(Findings, match=r"px4: error: no such manifest; expected a file or one of: .*copter"):
         load_manifest("px4")
-
-
-@given(st.text(alphabet=st.characters(codec="utf-8"), max_size=200))
-def test_any_text_is_a_manifest_or_findings(text: str) -> None:
-    problems(text)
-
-
-@given(st.integers(0, 200), st.integers(0, 200), st.sampled_from(["", "=", "[", '"', "3", "{}", "nan", "-1", "[]"]))
-def test_the_shipped_manifest_with_any_damage_is_a_manifest_or_findings(at: int, size: int, put: str) -> None:
-    path = shipped("manifests", "copter.toml")
-    assert path is not None
-    text = path.read_text()
-    lines = text.splitlines(keepends=True)
-    line = lines[at % len(lines)]
-    cut = size % (len(line) + 1)
-    lines[at % len(lines)] = line[:cut] + put + line[cut + len(put) :]
-    problems("".join(lines))
 
 
 @given(documents)

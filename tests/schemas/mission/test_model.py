@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from schemas.files.findings import Findings
 from schemas.files.shipped_files import shipped
@@ -163,49 +161,6 @@ def test_a_file_that_nobody_wrote_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "big.yaml").write_bytes(b"# a comment\n" * 100_000)
     with pytest.raises(Findings, match=r"big\.yaml: error: larger than 150000 bytes"):
         load_mission(tmp_path / "big.yaml")
-
-
-LINES = GOOD.splitlines()
-mutations = st.lists(
-    st.tuples(
-        st.integers(0, len(LINES) - 1),
-        st.sampled_from(["drop", "twice", "indent", "text"]),
-        st.text("abc:{}[]&*!|>\"'-#, \n0.5", max_size=8),
-    ),
-    min_size=1,
-    max_size=4,
-)
-
-
-@given(changes=mutations)
-def test_any_mutation_of_a_mission_reads_or_gives_findings(changes: list[tuple[int, str, str]]) -> None:
-    lines = list(LINES)
-    for at, what, text in changes:
-        at %= len(lines)
-        match what:
-            case "drop":
-                del lines[at]
-            case "twice":
-                lines.insert(at, lines[at])
-            case "indent":
-                lines[at] = "  " + lines[at]
-            case _:
-                lines[at] = lines[at][: len(text)] + text + lines[at][len(text) :]
-        lines = lines or [""]
-    _reads_or_findings("\n".join(lines))
-
-
-@given(text=st.text(max_size=60))
-def test_any_text_reads_or_gives_findings(text: str) -> None:
-    _reads_or_findings(text)
-
-
-def _reads_or_findings(text: str) -> None:
-    try:
-        assert read(text).agents
-    except Findings as error:
-        assert error.findings
-        assert all(str(finding).startswith("m.yaml") and "\n" not in str(finding) for finding in error.findings)
 
 
 @pytest.mark.parametrize(
