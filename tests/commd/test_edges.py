@@ -177,28 +177,6 @@ AGENT = """
 """ % ("x" * 1100)
 
 
-@async_test
-async def test_an_old_node_and_an_agent_talk(endpoint: str, tmp_path: Path, free_port: Callable[[], int]) -> None:
-    node, listen = OldCommNode(), f"127.0.0.1:{free_port()}"
-    mission = tmp_path / "mixed.yaml"
-    mission.write_text(MIXED.format(listen=listen, node=node.address))
-    (tmp_path / "u.asl").write_text(AGENT)
-    agent = ("agentd", "serve", str(mission), "uav", "--router", endpoint, "--state", str(tmp_path))
-    try:
-        with commd(mission, tmp_path, endpoint) as daemon, running(*agent) as agentd:
-            await asyncio.to_thread(daemon.says, f"listening to {listen} for old1")
-            node.send("<mid1,old1,tell,uav,victim(3)>", listen)
-            await until(lambda: len(node.heard) == 1, "the agent answers")
-            assert node.heard[0].endswith(",uav,tell,old1,[thanks,3]>")
-            await asyncio.to_thread(agentd.says, "undelivered to old1: not_sendable, a datagram of 11")
-            node.send("<mid2,old1,askOne,uav,battery(B)>", listen)
-            await until(lambda: len(node.heard) == 2, "the agent answers a question")
-            assert node.heard[1].split(",", 4)[4].startswith("battery(80)")
-            assert "->mid2," in node.heard[1]
-    finally:
-        await node.close()
-
-
 @contextlib.asynccontextmanager
 async def near_and_distant(
     mission: str, endpoint: str, state: Path, free_port: Callable[[], int], degraded: str

@@ -317,12 +317,6 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
     asyncio.run(asyncio.wait_for(body(), 240))
 
 
-@bus_test
-async def test_a_router_says_when_its_endpoint_is_taken(connect: Connect) -> None:
-    with pytest.raises(BusClosed, match=r"cannot listen at .*: is another router running there"):
-        await connect("board2", "commd", "router")
-
-
 @async_test
 async def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
     with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from commd.bus.bus import Bus, Query, open_bus
+from commd.bus.bus import Bus, Query
 from commd.mail.message import LARGEST
 from commd.mail.service import MailService
 from schemas.mission.model import MailRules
@@ -20,7 +19,6 @@ from schemas.wire.terms import Atom, Structure
 from tests.commd.mail.test_service import Losing
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.support.buses import FLEET, Connect, bus_test, served, until
-from tests.support.processes import running
 
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
@@ -357,41 +355,6 @@ async def test_the_age_of_what_waits_goes_on_over_a_restart(connect: Connect, tm
     async with board(connect, "pi1", tmp_path, now=now):
         await served(sender, keys.mailboxes(FLEET, "pi1"))
         assert [queue.oldest for queue in (await listed(sender, "pi1")).queues] == [25.0]
-
-
-def test_mail_survives_a_commd_that_is_killed_and_one_that_is_told_to_go(endpoint: str, tmp_path: Path) -> None:
-    mission = tmp_path / "m.yaml"
-    mission.write_text("mission: test\nagents:\n  a: {program: a.asl}\n  b: {program: a.asl}\n")
-    serve = ("commd", "serve", str(mission), "--router", endpoint, "--state", str(tmp_path))
-
-    async def body() -> None:
-        async with (
-            asyncio.timeout(240),
-            open_bus(endpoint, fleet=FLEET, name="a", daemon="agentd", stamp=lambda: 1) as a,
-        ):
-            assert await post(a, message(1), message(2)) == Receipt(taken=2)
-            daemons[-1].kill()
-            await until(lambda: not a.router_up, "it is gone")
-            start()
-            await until(lambda: a.router_up, "it is back")
-            assert await post(a, message(1), message(2), message(3)) == Receipt(taken=3)
-            daemons[-1].signal(15)
-            assert await asyncio.to_thread(daemons[-1].ends) == 0
-            start()
-            await until(lambda: a.router_up, "it is back again")
-            receiver = Receiver(a, "b")
-            assert await post(a, message(4)) == Receipt(taken=1)
-            await until(lambda: receiver.contents == [1, 2, 3, 4], "all arrive once and in order")
-
-    with ExitStack() as stack:
-        daemons = []
-
-        def start() -> None:
-            daemons.append(stack.enter_context(running(*serve)))
-
-        start()
-        asyncio.run(body())
-        assert (tmp_path / "test" / "local.mail").exists()
 
 
 @bus_test

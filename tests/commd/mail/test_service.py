@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -117,26 +116,6 @@ async def test_what_the_other_board_took_before_its_answer_was_lost_is_sent_agai
         assert second.counters["duplicates"] == 2
         assert receiver.contents == [1, 2]
         assert first.counters_now["unanswered"] == 1
-
-
-@bus_test
-async def test_air_that_loses_a_third_of_all_loses_no_message_and_no_order(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.mail.delivery.RETRY_MOST", 0.02)
-    monkeypatch.setattr("commd.mail.delivery.RETRY_FIRST", 0.01)
-    monkeypatch.setattr("commd.mail.queries.BATCH", 7)
-    fates = random.Random(5)
-    air = Losing(*(fates.random() > 0.3 for _ in range(1000)))
-    async with board(connect, "pi1", tmp_path, air=air), board(connect, "pi2", tmp_path) as second:
-        a, c, receiver = await connect("a"), await connect("c"), Receiver(await connect("b"), "b")
-        for start in range(1, 301, 30):
-            for bus, name in ((a, "a"), (c, "c")):
-                await post(bus, *(message(number, name) for number in range(start, start + 30)))
-        await until(lambda: len(receiver.got) == 600, "all arrive")
-        for name in ("a", "c"):
-            assert [one.content for one in receiver.got if one.sender == name] == list(range(1, 301))
-        assert second.counters["duplicates"] > 0
 
 
 @bus_test
