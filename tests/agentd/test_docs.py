@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from agentd import Environment
 from agentd.mind.data import registry
-from tests.agentd.teams import Stage
+from tests.agentd.teams import Stage, played
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "extending.md"
 
@@ -33,6 +34,22 @@ def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixt
     _run("Minds in your own program")
     shown = [text for language, text in _blocks("Minds in your own program") if language == "text"]
     assert capsys.readouterr().out == "".join(shown)
+
+
+def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
+    room: type[Environment] = _run("Environments")["Room"]
+    assert played(
+        {
+            "bob": """
+            !s.
+            +!s <- ?door(closed); open; ?door(open); !pull(3); !pull(30);
+                   .nano_time(A); walk_to(hall); .nano_time(B); ?at(P); .print(P, " after ", (B - A) / 1000000000).
+            +!pull(N) <- pull(N).
+            -!pull(N)[reason(R)] <- .print(R).
+            """
+        },
+        environment=room(),
+    ) == ["[bob] the environment has no action pull/1", "[bob] the handle came off", "[bob] hall after 2"]
 
 
 def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPatch) -> None:

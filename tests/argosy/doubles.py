@@ -108,14 +108,14 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             landed.set()
 
     async def mind(query: Query[MindView]) -> None:
-        done = (landed.is_set() or FAULT == "done-aloft") and said.is_set() and FAULT not in ("never-done", "aimless")
+        done = (landed.is_set() or FAULT == "done-aloft") and said.is_set() and FAULT != "never-done"
         running = IntentionView(
             id=1, state="waiting", stack=("+!visited(-27.6,-48.5,40)", "+!fly_mission"), at="uav.asl:41"
         )
         view = MindView(
             agent="uav",
             cycle=int(clock.wall() * 10),
-            intentions=() if done or FAULT == "aimless" else (running,),
+            intentions=() if done else (running,),
             done={"mission_done": done},
             failed={"mission_failed(_)": False},
         )
@@ -138,7 +138,7 @@ async def daemon(kind: str, mission_file: str, router: str, speed: float) -> Non
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     name = {"bridged": "uav1", "agentd": "uav"}[kind]
     async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stamp=time.time_ns, stop=stop) as bus:
-        agents = {"uav": lambda: AgentHealth(idle=FAULT == "aimless")} if kind == "agentd" else {}
+        agents = {"uav": lambda: AgentHealth(idle=False)} if kind == "agentd" else {}
         named = THIS_MACHINE if agents else name
         health = asyncio.create_task(report_health(bus, named, clock, agents=lambda: agents))
         await (bridge if kind == "bridged" else agent)(bus, clock, stop)

@@ -111,6 +111,7 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ctrl_c_again_leaves_it_the
     running.process.send_signal(signal.SIGINT)
     code, out, _ = flown(running, 20)
     assert code == 130
+    assert "argosy: hurrying" in out
     assert "uav1: mode RTL" in out
     told = "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
     assert out.splitlines()[-1] == told

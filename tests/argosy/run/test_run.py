@@ -202,35 +202,6 @@ def test_of_two_runs_that_start_together_at_one_router_one_is_refused_and_does_n
     assert "is in use: is another mission running?" in refused.stderr
 
 
-def test_a_second_ctrl_c_hurries(start: Start, single_uav: Path) -> None:
-    running = start(single_uav, "--speed", "2", fault="stubborn")
-    running.until("uav1: armed")
-    running.process.send_signal(signal.SIGINT)
-    running.until("its bridge is to order rtl")
-    running.process.send_signal(signal.SIGINT)
-    code, out, _ = ended(running, 20)
-    assert code == 130
-    assert "argosy: hurrying" in out
-
-
-def test_a_mission_that_is_not_done_in_time_fails_and_says_what_was_missing(start: Start, single_uav: Path) -> None:
-    single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 30s"))
-    code, _, err = ended(start(single_uav, "--speed", "10", fault="never-done"))
-    assert code == 1
-    assert "error: failed: not done within 30s of mission time (3 s here); expected uav: mission_done" in err
-
-
-def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Start, single_uav: Path) -> None:
-    single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 100s"))
-    code, out, err = ended(start(single_uav, "--speed", "10", fault="aimless"))
-    assert code == 1
-    happened, _, last_words = out.partition("last warnings")
-    told = "argosy: no agent has anything left to do; the mission ends at its timeout in "
-    assert happened.count(told) == 1
-    assert last_words.count(told) == 1
-    assert "failed: not done within 100s" in err
-
-
 def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "4", fault="never-done")
     running.until("uav1: armed")

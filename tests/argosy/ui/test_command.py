@@ -56,14 +56,6 @@ def test_it_prints_an_address_serves_the_page_without_a_router_and_ends_by_a_sig
         assert ui.text.count("no router at") == 1, "once, however often it is tried"
 
 
-def test_ctrl_c_ends_it(endpoint: str) -> None:
-    with running("argosy", "ui", "--router", endpoint, "--port", "0") as ui:
-        address(ui)
-        ui.signal(signal.SIGINT)
-        assert ui.ends() == 0
-        assert "Traceback" not in ui.text
-
-
 def test_it_ends_well_while_a_session_is_being_opened() -> None:
     with socket.socket() as mute:  # takes the connection and says nothing
         mute.bind(("127.0.0.1", 0))
