@@ -33,10 +33,7 @@ _BY_REASON: dict[str, dict[str, tuple[str, ...]]] = {
             "mode_guided_3",
             "gcs_back",
         ),
-        "px4_rover": ("offboard_stops", "mode_hold_4"),
-    },
-    "drives to its home, where the recorded one took itself for landed on the way": {
-        "px4_rover": ("land_of_a_rover", "rtl"),
+        "px4_rover": ("offboard_stops", "mode_hold_4", "land_of_a_rover"),
     },
     "ready for arming, and its preflight texts, at another moment after power on: it varies by seconds": {
         "px4_quad_failsafe": ("intervals",),

@@ -20,11 +20,9 @@ from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 UNDER_WAY_S = 0.5
 """Seconds from arming until a rover is taken for under way (recorded)."""
-_SLOW = 0.15
-"""m/s below which it is taken for landed where it may land."""
-_LANDED_S = 0.05
-"""Seconds that it must stand for that."""
-_AT_HOME = 1.0
+_LANDED_S = 0.07
+"""Seconds from AUTO.LAND, or from home in AUTO.RTL, until it is taken for landed, at any speed (recorded)."""
+_AT_HOME = 0.5
 """Metres around home at which a return ends."""
 _REACHED = 1.0
 """Metres around an item of a mission at which the next one begins, at least."""
@@ -57,7 +55,7 @@ class Px4Rover(Px4):
     climbs_first: ClassVar = False
     altitude_acceptance: ClassVar = 1e6
     flight: RoverDrive
-    _slow_for = 0.0
+    _landed_for = 0.0
 
     def begin_takeoff(self, up: float) -> None:
         """Do nothing: a rover stays on the ground."""
@@ -106,7 +104,7 @@ class Px4Rover(Px4):
 
     @property
     def _lands(self) -> bool:
-        """Whether it may be taken for landed when it stands: in AUTO.LAND, and at home in AUTO.RTL."""
+        """Whether it takes itself for landed: in AUTO.LAND, and at home in AUTO.RTL."""
         if self.mode is Mode.RTL:
             return self.motion.position.distance(self.home_on_chart) < _AT_HOME
         return self.mode is Mode.LAND
@@ -130,14 +128,14 @@ class Px4Rover(Px4):
     def _judge_landed(self, dt: float) -> None:
         flight = self.flight
         ground = flight.landed is Landed.ON_GROUND
-        if self._lands and abs(flight.speed) < _SLOW:
-            self._slow_for += dt
-            if self._slow_for < _LANDED_S:
+        if self._lands or (ground and self.mode is Mode.RTL):
+            self._landed_for += dt
+            if self._landed_for < _LANDED_S:
                 return
             if not ground or self.landed_at < self.armed_at:
                 flight.landed = Landed.ON_GROUND
                 self.touched_down()
             return
-        self._slow_for = 0.0
+        self._landed_for = 0.0
         if not (ground and self.mode is Mode.LOITER and self.landed_at > self.armed_at):
             flight.landed = Landed.LANDING if self.mode in (Mode.RTL, Mode.LAND) else Landed.IN_AIR
