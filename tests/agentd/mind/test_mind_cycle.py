@@ -78,13 +78,6 @@ def test_the_snapshot_tells_goals_positions_and_what_is_waited_for() -> None:
     assert (view.stack, view.at) == (("+!climb(5)", "+!fly"), "test.asl:4")
 
 
-def test_two_minds_with_the_same_seed_agree_and_another_seed_differs() -> None:
-    program = "!s. +!s <- .random(X); .random([a,b,c,d,e,f], Y); .print(X, Y)."
-    one, same, other = (run(program, seed=seed).prints for seed in (1, 1, 2))
-    assert one == same
-    assert one != other
-
-
 @pytest.mark.parametrize(
     ("program", "heeds"),
     [

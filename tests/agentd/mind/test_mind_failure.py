@@ -19,18 +19,6 @@ def test_a_failure_plan_at_the_bottom_that_always_fails_is_tried_a_hundred_times
     assert world.mind.query(parse_formula("n(101)"))
 
 
-def test_all_branches_of_an_or_failing_end_the_intention_and_the_log_says_so() -> None:
-    world = run("!s. +!s <- .fail ||| .fail; .print(never). -!s <- .print(handled).")
-    assert not world.prints
-    assert "all branches of ||| have failed" in world.logs[-1]
-
-
-def test_a_failing_plan_of_a_deletion_ends_the_intention_and_the_log_says_so() -> None:
-    world = run("b. !s. +!s <- -b; .print(never). -b <- .fail. -!s <- .print(handled).")
-    assert not world.prints
-    assert "the plan of a deletion asks no handler" in world.logs[-1]
-
-
 def test_a_test_without_applicable_plan_runs_its_handler_and_the_log_says_that_the_caller_ends() -> None:
     world = run("!s. +!s <- ?q(1); .print(never). +?q(X) : X > 5. -?q(X) <- .print(handled).")
     assert world.prints == ["handled"]

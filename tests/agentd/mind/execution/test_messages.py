@@ -89,24 +89,6 @@ def test_a_question_without_an_answer_is_for_the_plan_of_the_one_asked_for_messa
         assert played({"bob": bob, "amy": ask.format(question)}) == [f"[amy] {answer}"]
 
 
-def test_an_agent_that_asks_itself_by_the_name_self_has_its_answer() -> None:
-    assert played({"bob": "!go. v(1). +!go <- .send(self, askOne, v(_), A); .print(A)."}) == ["[bob] v(1)[source(bob)]"]
-
-
-def test_an_answer_that_is_told_nests_its_former_sources() -> None:
-    assert played(
-        {
-            "bob": """
-            !go.
-            +!go <- .wait(10); .send(amy, askOne, b); .wait(10).
-            +b[source(amy)[source(joe)]] <- .print(both).
-            """,
-            "amy": "b.",
-            "joe": "!go. +!go <- .send(amy, tell, b).",
-        }
-    ) == ["[bob] both"]
-
-
 def test_two_who_tell_the_same_plan_are_its_sources_and_each_takes_back_its_own() -> None:
     tells = '.send(bob, tellHow, "@shared +!told <- .print(told)."); .wait({}); .send(bob, untellHow, shared)'
     assert played(
