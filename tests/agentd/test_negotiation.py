@@ -29,6 +29,8 @@ LOWEST_BID = """
 """
 RESCUER = "other({other}). +victim(V) <- !claim(V).\n"
 SCOUT = "!go. +!go <- for (.member(V, [v1, v2, v3])) {{ .send([r1, r2], tell, victim(V)){wait} }}.\n"
+
+
 def rescuers(claim: str) -> dict[str, str]:
     return {"r1": RESCUER.format(other="r2") + claim, "r2": RESCUER.format(other="r1") + claim}
 

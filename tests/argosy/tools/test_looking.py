@@ -25,15 +25,13 @@ from argosy.tools.rate import MOST_KEYS, Rates, figures
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.codec import Wire
-from schemas.wire.records import Header, Health, Perception
+from schemas.wire.records import Perception
 from tests.argosy.beside import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.argosy.watch.terminal import Terminal
-from tests.attacks.world import NAME, TEXT, World
 from tests.support import forked
 from tests.support.buses import Connect, async_test, bus_test, subscribed, until
-from tests.support.processes import ROOT, Daemon, running
-from tests.support.secured import Secured
+from tests.support.processes import ROOT, running
 
 
 @pytest.fixture(scope="module")
@@ -361,42 +359,3 @@ async def test_what_comes_faster_than_it_is_shown_is_counted(connect: Connect) -
     await until(lambda: ears.dropped == 500, "the excess is counted")
     taken = [heard async for heard in ears.samples(asyncio.get_running_loop().time() + 5) if heard]
     assert len(taken) == ROOM
-
-
-@pytest.fixture
-def two_of_three() -> Iterator[World]:
-    """Three boards with keys, of which pi3 is not there."""
-    with Secured(TEXT) as fleet:
-        fleet.routers(["pi1", "pi2"])
-        yield World(fleet)
-
-
-@async_test
-async def test_of_several_boards_each_record_is_heard_once_and_one_that_is_not_reached_is_told(
-    two_of_three: World,
-) -> None:
-    fleet = two_of_three.fleet
-    options = ["b", "--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
-
-    async def tell(bus: Bus, header: Callable[[], Header], *tools: Daemon) -> None:
-        while any(tool.process.poll() is None for tool in tools):
-            bus.put(keys.health(NAME, "b", "agentd"), Health(daemon="agentd", header=header()))
-            await asyncio.sleep(0.1)
-        assert [tool.ends() for tool in tools] == [0] * len(tools)
-
-    async with two_of_three.member("pi2", "b") as bus:
-        with (
-            running("argosy", "echo", "--count", "5", *options) as echo,
-            running("argosy", "hz", "--once", "--window", "5s", *options) as hz,
-        ):
-            await tell(bus, Header, echo, hz)
-        with running("argosy", "echo", "--json", "--count", "12", *options) as told:
-            await tell(bus, lambda: bus.header("h"), told)
-    for tool in (echo, hz):
-        assert "note: board pi3 is not reached: " in tool.text
-    assert echo.text.count("agentd up 0 s") == 5, "what repeats itself is shown again"
-    (row,) = [line for line in hz.lines if line.startswith(f"argosy/{NAME}/b/health/agentd")]
-    assert int(row.split()[-2]) > 10
-    seqs = [json.loads(line)["record"]["header"]["seq"] for line in told.lines if line.startswith("{")]
-    assert seqs == sorted(set(seqs))
-    assert len(seqs) == 12
