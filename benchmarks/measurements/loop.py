@@ -312,7 +312,7 @@ def goals(figures: Figures) -> list[Goal]:
             wanted=f"< {GOAL_TIMES:g} times the bare exchanges in it, at p50",
             found=f"{ratio:.1f} times (at p99 {times(figures.kept, 0.99):.1f})",
             met=ratio < GOAL_TIMES,
-            why=f"where the time goes is not known; {_TRIED}",
+            why=f"{_WHERE}; {_TRIED}",
         )
     ]
     if figures.kept.status:
@@ -323,7 +323,7 @@ def goals(figures: Figures) -> list[Goal]:
                 wanted=f"{GOAL_STATUS:g} ms, {GOAL_STATUS_TIMES:g} times the bare exchanges in it",
                 found=f"{status:.1f} ms, {of_bare:.1f} times",
                 met=status <= GOAL_STATUS and of_bare <= GOAL_STATUS_TIMES,
-                why=f"where the time goes is not known; {_TRIED}",
+                why=f"{_WHERE}; {_TRIED}",
             )
         )
     for what, floods in (("replaced", figures.replaced), ("added", figures.added)):
@@ -341,9 +341,14 @@ def goals(figures: Figures) -> list[Goal]:
     return made
 
 
+_WHERE: Final = (
+    "by stamps within the daemons, two busy cores, of 4.2 ms up to the status: robot to bridge 0.5, percept made and "
+    "put 0.3, to the mind 0.2, its turn 0.4, the commit of the action's id (a thread, an fsync) 0.6, the query 0.7, "
+    "the action 0.4, answer and status put 0.5, to the observer 0.6"
+)
 _TRIED: Final = (
     "tried: keys are declared once, a percept takes one pass of the agent's event loop, the bridge answers the asker "
-    "first"
+    "first and puts the status right behind it (0.6 ms less), one thread of Zenoh's for what comes in (no difference)"
 )
 
 
