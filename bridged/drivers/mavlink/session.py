@@ -34,7 +34,7 @@ from bridged.drivers.mavlink.vehicle.derived_readings import derived
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
-from bridged.drivers.mavlink.vehicle.px4_events import EVENTS
+from bridged.drivers.mavlink.vehicle.px4_events import event_of
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams
@@ -153,8 +153,8 @@ class VehicleSession:
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
                 self._hear_texts(self.texts.receive(message, self.flight.now))
-            case "EVENT" if message.id in EVENTS:
-                self._hear_texts(self.texts.receive_event(EVENTS[message.id], self.flight.now))
+            case "EVENT" if (event := event_of(message.id, message.log_levels)) is not None:
+                self._hear_texts(self.texts.receive_event(event, self.flight.now))
             case "PARAM_VALUE":
                 self.failsafe.receive(message)
                 for asked in spellings(message.param_id):  # one that was requested once is reported when others set it

@@ -32,6 +32,7 @@ from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F40
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.derived_readings import NO_OUTPUT, OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
+from bridged.drivers.mavlink.vehicle.px4_events import CHECK
 from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 
 NO_MISSION = 65535
@@ -75,7 +76,7 @@ class Px4(Autopilot):
     stream_denials: ClassVar = frozenset({
         dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED,
     })  # fmt: skip
-    pre_arm: ClassVar = "Preflight Fail: "
+    pre_arm: ClassVar = CHECK
     texts_for_stations_only: ClassVar = True
     typed_parameters: ClassVar = True
     outputs_show: ClassVar = False

@@ -19,6 +19,10 @@ _CRITICAL, _WARNING, _INFO = (
 )
 
 
+CHECK = "Preflight Fail: "
+"""Prefix of PX4's texts of failed arming checks."""
+
+
 class Event(NamedTuple):
     """One event in words."""
 
@@ -44,10 +48,10 @@ EVENTS: Mapping[int, Event] = MappingProxyType({
     0x102089D: Event(_CRITICAL, "arming denied: a check of the vehicle's health fails"),
     0x11C8F61: Event(_CRITICAL, "arming denied: the mode cannot take off", alone=True),
     0x18AB9B5: Event(_CRITICAL, "disarming denied: the vehicle has not landed"),
-    0x1CCDEF5: Event(_WARNING, "the heading is not known", alone=True),
-    0x1D31BB9: Event(_WARNING, "the local position is not known", alone=True),
-    0x198C273: Event(_WARNING, "the global position is not known", alone=True),
-    0x167C97B: Event(_WARNING, "no ground station is heard", alone=True),
+    0x1CCDEF5: Event(_WARNING, f"{CHECK}the heading is not known"),
+    0x1D31BB9: Event(_WARNING, f"{CHECK}the local position is not known"),
+    0x198C273: Event(_WARNING, f"{CHECK}the global position is not known"),
+    0x167C97B: Event(_WARNING, f"{CHECK}no ground station is heard"),
     0x14D0DA4: Event(_WARNING, "battery low"),
     0x128180B: Event(_CRITICAL, "battery critical"),
     0x1AD1B07: Event(_CRITICAL, "battery at the emergency level"),
@@ -58,3 +62,13 @@ EVENTS: Mapping[int, Event] = MappingProxyType({
     0x1D11DF6: Event(_CRITICAL, "a failsafe acts: the vehicle holds first"),
     0x1DEDBD0: Event(_CRITICAL, "a failsafe acts: the vehicle returns"),
 })  # fmt: skip
+
+
+def event_of(number: int, levels: int) -> Event | None:
+    """Return an EVENT in words, None for one without. `levels`: its log_levels, for others in the low four bits.
+
+    A check that fails and does not hinder arming is reported for information only: it has none.
+    """
+    event = EVENTS.get(number)
+    hinders = levels & 0xF <= _WARNING
+    return None if event is None or (event.text.startswith(CHECK) and not hinders) else event

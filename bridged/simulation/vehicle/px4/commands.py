@@ -21,8 +21,6 @@ from bridged.simulation.vehicle.px4.texts import CRITICAL
 
 GRIPPER_S = 1.1
 """Seconds until a gripper has moved (recorded)."""
-_TAKEN = frozenset((401,))
-"""Commands that are acknowledged and change nothing that is simulated: RUN_PREARM_CHECKS."""
 
 
 @dataclass(slots=True)
@@ -80,7 +78,8 @@ class CommandContext:
                 return Result.IN_PROGRESS
             case dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
                 return Result.DENIED
-            case number if number in _TAKEN:
+            case dialect.MAV_CMD_RUN_PREARM_CHECKS:
+                px4.report_problems()
                 return Result.ACCEPTED
         return self._about_messages(command.number, whole(first), second)
 

@@ -11,7 +11,7 @@ from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Limits, Vector
 from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
-from bridged.simulation.vehicle.notifications import Result, Text
+from bridged.simulation.vehicle.notifications import Result
 from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
@@ -56,8 +56,7 @@ class Px4(Px4State):
             return Result.ACCEPTED
         if not self.healthy and not force:
             self.send_text("Arming denied: Resolve system health failures first", CRITICAL)
-            for problem in self.problems():
-                self.events.append(Text(CRITICAL, f"Preflight Fail: {problem}"))
+            self.report_problems()
             return Result.TEMPORARILY_REJECTED
         self.flight.arm()
         self.armed_at, self.flown = self.now, False

@@ -104,6 +104,14 @@ class Px4State(Autopilot):
             problems.append("No connection to the ground control station")
         return problems
 
+    def report_problems(self) -> None:
+        """Queue the text of each failed arming check, and its EVENT."""
+        for problem in self.problems():
+            text = f"Preflight Fail: {problem}"
+            self.events.append(Text(CRITICAL, text))
+            if event := event_of(text):
+                self.events.append(Number(*event))
+
     def mode_problem(self, mode: Mode) -> bool:
         """Return whether something that a mode needs is missing."""
         if mode.piloted:
@@ -130,4 +138,4 @@ class Px4State(Autopilot):
             self.set_home(self.place)
         if not self._complained and not self.ready and self.age >= _COMPLAINT_S:
             self._complained = True
-            self.events.append(Text(CRITICAL, f"Preflight Fail: {self.problems()[0]}"))
+            self.report_problems()

@@ -452,6 +452,26 @@ def test_its_fast_streams_are_stopped_unless_a_ground_station_hears_them(
     assert asked[dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT] > 0
 
 
+@pytest.mark.parametrize(
+    ("robot", "settings", "hindrance", "why"),
+    [
+        ("", {}, "Compass 0 fault", "Compass 0 fault"),
+        ("    failsafe: {gcs: human}\n", {"NAV_DLL_ACT": 2.0}, "", "no ground station is heard"),
+    ],
+    ids=["text", "event"],
+)
+def test_an_arming_that_waits_tells_for_what_the_vehicle_waits(
+    tmp_path: Path, robot: str, settings: dict[str, float], hindrance: str, why: str
+) -> None:
+    sky = px4(tmp_path, robot, **settings)
+    sky.wait(5)
+    sky.vehicle.autopilot.hindrance = hindrance
+    sky.wait(3)
+    heard = sky.begin("arm_motors", True, deadline=20.0)
+    sky.forward(lambda: heard[-1].final, "the end", 40)
+    assert (heard[-1].state, why in heard[-1].reason) == ("timed_out", True), heard[-1].reason
+
+
 def test_integers_and_unknown_names_of_parameters(sky: Sky) -> None:
     sky.wait(5)
     done(sky, "set_param", "GF_ACTION", 3.0)
