@@ -68,6 +68,19 @@ def order_problems(manifest: Manifest) -> Iterator[Finding]:
             yield manifest.finding(f"orders.{order}: {error}", "orders", order)
 
 
+def foreign_fields(manifest: Manifest, name: str, driver: str, foreign: Sequence[str]) -> Iterator[Finding]:
+    """Yield fields of an action that only other drivers have; a driver but `mavlink` has no tables of values either."""
+    entry, bare = manifest.actions[name], ActionEntry()
+    for field in foreign:
+        if getattr(entry, field) != getattr(bare, field):
+            problem = f"actions.{name}.{field}: the driver `{driver}` has no `{field}`"
+            yield manifest.finding(problem, "actions", name, field)
+    for path, value in fields_of(entry).items():
+        if value.table:
+            problem = f"actions.{name}.fields.{path}: the driver `{driver}` has no table `{value.table}`"
+            yield manifest.finding(problem, "actions", name, "fields", path)
+
+
 def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
     """Return the value of each field of an action; without `fields` each parameter is the field of its name."""
     if not entry.fields:

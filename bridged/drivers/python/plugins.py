@@ -114,43 +114,12 @@ def misfit(function: Function, arguments: Iterable[str]) -> str:
     return ""
 
 
-MAX_FUNCTIONS = 32
-"""Functions that a manifest may name: each has a thread of its own."""
 MAX_SIZE = 10_000
 """Fields, elements or characters of a reading."""
 WHOLE = "data"
 """The field of a reading that is no dict: the value itself."""
-_FOREIGN = ("command", "message", "topic", "service", "frame", "confirm", "latch", "tolerance")
-"""Fields of an action that other drivers have."""
-_BARE = ActionEntry()
 Find = Callable[[str], Function]
 """Finds a function by its name in a manifest. Raises NoFunction."""
-
-
-def check_manifest(manifest: Manifest) -> Iterator[Finding]:
-    """Yield the problems of the driver's percepts and actions, each at its line."""
-    real, twins = Plugins(simulated=False), Plugins(simulated=True)
-
-    def function(name: str) -> Function:
-        plugin = name.partition(".")[0]
-        return (twins if has_plugin(plugin, TWINS) else real).function(name)
-
-    yield from misfits(manifest, function)
-    for name, action in manifest.actions.items():
-        for field in _FOREIGN:
-            if getattr(action, field) != getattr(_BARE, field):
-                text = f"actions.{name}.{field}: the driver `python` has no `{field}`"
-                yield manifest.finding(text, "actions", name, field)
-        if action.cancel == "hold" and manifest.robot.driver == "python" and "hold" not in manifest.orders:
-            text = "the driver `python` cannot hold by itself: expected `hold` in `[orders]`"
-            yield manifest.finding(f"actions.{name}.cancel: {text}", "actions", name, "cancel")
-        for path, value in fields_of(action).items():
-            if value.table:
-                text = f"actions.{name}.fields.{path}: the driver `python` has no table `{value.table}`"
-                yield manifest.finding(text, "actions", name, "fields", path)
-    if len(called := names(manifest)) > MAX_FUNCTIONS:
-        text = f"{len(called)} functions are named, more than the {MAX_FUNCTIONS} that can have a thread each"
-        yield Finding(manifest.file, 0, 0, text)
 
 
 def names(manifest: Manifest) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import zenoh
 
 from bridged.drivers.api import Driver, Order, Setup
-from bridged.drivers.argument_check import fields_of
+from bridged.drivers.argument_check import fields_of, foreign_fields
 from bridged.drivers.zenoh.payload_codecs import CODECS, WHOLE
 from schemas.files.findings import Finding
 from schemas.manifest.loader import ActionEntry, Manifest
@@ -33,7 +33,6 @@ def make_driver(setup: Setup) -> Driver:
 
 _FOREIGN = ("command", "message", "call", "frame", "confirm", "tolerance")
 """Fields of an action that other drivers have."""
-_BARE = ActionEntry()
 
 
 def check_manifest(manifest: Manifest) -> Iterator[Finding]:
@@ -67,9 +66,7 @@ def key_problem(key: str) -> str:
 
 def _check_action(manifest: Manifest, name: str, entry: ActionEntry) -> Iterator[Finding]:
     where = ("actions", name)
-    for field in _FOREIGN:
-        if getattr(entry, field) != getattr(_BARE, field):
-            yield manifest.finding(f"actions.{name}.{field}: the driver `zenoh` has no `{field}`", *where, field)
+    yield from foreign_fields(manifest, name, "zenoh", _FOREIGN)
     for field in ("topic", "service"):
         key = getattr(entry, field)
         if key and (problem := key_problem(key)):
@@ -79,10 +76,6 @@ def _check_action(manifest: Manifest, name: str, entry: ActionEntry) -> Iterator
         yield manifest.finding(f"actions.{name}: {expected}", *where)
     if entry.latch and not entry.topic:
         yield manifest.finding(f"actions.{name}.latch: only a `topic` has it", *where, "latch")
-    for path, value in fields_of(entry).items():
-        if value.table:
-            text = f"actions.{name}.fields.{path}: the driver `zenoh` has no table `{value.table}`"
-            yield manifest.finding(text, *where, "fields", path)
     for problem in _path_problems(list(fields_of(entry))):
         yield manifest.finding(f"actions.{name}.fields: {problem}", *where, "fields" if entry.fields else "params")
 

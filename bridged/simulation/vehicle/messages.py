@@ -9,7 +9,8 @@ from typing import Generic, TypeVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.autopilot import Autopilot
-from bridged.simulation.vehicle.notifications import Event
+from bridged.simulation.vehicle.notifications import Event, ItemReached, ParameterChanged
+from bridged.simulation.vehicle.parameters import Parameter
 
 SHORTEST_INTERVAL_S = 0.02
 """Faster requests are slowed to this, in vehicle seconds."""
@@ -143,8 +144,22 @@ class MessageHandler(ABC, Generic[A]):
         """Return what is sent regularly and is no stream, for all channels."""
 
     @abstractmethod
-    def parameter(self, index: int) -> dialect.MAVLink_message | None:
-        """Return the PARAM_VALUE of a parameter of the list; None past its end."""
+    def value_of(self, parameter: Parameter, *, named: bool = False) -> dialect.MAVLink_message:
+        """Return the PARAM_VALUE of a parameter, which was asked for by its name or is reported unasked (`named`)."""
+
+    def news(self, event: Event) -> Messages:
+        """Return the messages of a notification that all autopilots send alike."""
+        match event:
+            case ParameterChanged(name):
+                found = self.autopilot.parameters.find(name)
+                return [self.value_of(found, named=True)] if found is not None else []
+            case ItemReached(seq):
+                return [dialect.MAVLink_mission_item_reached_message(seq)]
+        return []
+
+    def time_sync(self, message: dialect.MAVLink_message) -> Messages:
+        """Answer a TIMESYNC that asks for the time."""
+        return [dialect.MAVLink_timesync_message(round(self.autopilot.now * 1e9), message.ts1)]
 
     def sends(self, message: int) -> bool:
         """Return whether a stream is sent at all now, by message id."""
@@ -161,10 +176,16 @@ class MessageHandler(ABC, Generic[A]):
             return []
         found: Messages = []
         for index in range(channel.list_at, channel.list_at + PARAMETERS_PER_STEP):
-            value = self.parameter(index)
-            if value is None:
+            parameter = self.autopilot.parameters.at(index)
+            if parameter is None:
                 channel.list_at = None
                 return found
-            found.append(value)
+            found.append(self.value_of(parameter))
         channel.list_at += PARAMETERS_PER_STEP
         return found
+
+
+def parameter_name(message: dialect.MAVLink_message) -> str:
+    """Return the name in a message of the parameter protocol."""
+    name = message.param_id
+    return name.decode(errors="replace") if isinstance(name, bytes) else str(name)

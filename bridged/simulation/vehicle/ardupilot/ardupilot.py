@@ -313,7 +313,8 @@ class ArduPilot(Autopilot):
 
     def _fly_from(self, seq: int) -> None:
         """Fly to the next place of the mission; DO commands before it run on the way."""
-        self._actions, item = self.mission.next_place(seq)
+        between, item = self.mission.next_place(seq)
+        self._actions = [action for action in between if action.command in DO_COMMANDS]
         self._actions_wait_until = self.now
         if item is None:
             self.mission.complete = True

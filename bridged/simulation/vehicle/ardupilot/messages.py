@@ -9,13 +9,11 @@ from bridged.simulation.vehicle.ardupilot.commands import CommandContext, global
 from bridged.simulation.vehicle.ardupilot.mission_protocol import ArduPilotMissions
 from bridged.simulation.vehicle.commands import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
-from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
+from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams, parameter_name
 from bridged.simulation.vehicle.notifications import (
     Event,
     HomeChanged,
-    ItemReached,
     ModeChanged,
-    ParameterChanged,
     Text,
 )
 from bridged.simulation.vehicle.parameters import Parameter
@@ -52,7 +50,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
         if self.autopilot.now < self._next_timesync:
             return []
         self._next_timesync += TIMESYNC_PERIOD_S
-        return [dialect.MAVLink_timesync_message(0, self._nanoseconds())]
+        return [dialect.MAVLink_timesync_message(0, round(self.autopilot.now * 1e9))]
 
     def tell(self, event: Event, channels: list[Channel]) -> None:
         """Send a notification on every channel; STATUSTEXT only where a peer was heard (recorded)."""
@@ -70,12 +68,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
             case HomeChanged():
                 both = (telemetry.BUILDERS[number](self.autopilot) for number in (49, 242))
                 return [message for message in both if message is not None]
-            case ParameterChanged(name):
-                parameter = self.autopilot.parameters.find(name)
-                return [self._value_of(parameter)] if parameter is not None else []
-            case ItemReached(seq):
-                return [dialect.MAVLink_mission_item_reached_message(seq)]
-        return []
+        return self.news(event)
 
     def answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
         """Answer a message of another system."""
@@ -98,7 +91,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
                 group, rate = message.req_stream_id, message.req_message_rate
                 telemetry.request_group(channel.streams, group, rate, copter.now, on=bool(message.start_stop))
             case "TIMESYNC" if message.tc1 == 0:
-                return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
+                return self.time_sync(message)
             case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
                 return self._parameter(message, kind, channel)
             case _ if kind.startswith("MISSION_"):
@@ -121,24 +114,17 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
             channel.list_at = 0
             return []
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
-            found, index = parameters.at(message.param_index), message.param_index
+            found, named = parameters.at(message.param_index), False
         else:
-            name = message.param_id
-            name = name.decode(errors="replace") if isinstance(name, bytes) else str(name)
+            name = parameter_name(message)
             if kind == "PARAM_SET" and name in parameters:
                 parameters.set(name, message.param_value)
-            found, index = parameters.find(name), _NO_INDEX
-        return [self._value_of(found, index)] if found is not None else []
+            found, named = parameters.find(name), True
+        return [self.value_of(found, named=named)] if found is not None else []
 
-    def parameter(self, index: int) -> dialect.MAVLink_message | None:
-        """Return the PARAM_VALUE of a parameter of the list; None past its end."""
-        found = self.autopilot.parameters.at(index)
-        return None if found is None else self._value_of(found, index)
-
-    def _value_of(self, parameter: Parameter, index: int = _NO_INDEX) -> dialect.MAVLink_message:
+    def value_of(self, parameter: Parameter, *, named: bool = False) -> dialect.MAVLink_message:
+        """Return the PARAM_VALUE of a parameter; one that is `named` has no index."""
+        index = _NO_INDEX if named else parameter.index
         return dialect.MAVLink_param_value_message(
             parameter.name.encode(), parameter.value, parameter.kind, len(self.autopilot.parameters), index
         )
-
-    def _nanoseconds(self) -> int:
-        return round(self.autopilot.now * 1e9)

@@ -1,13 +1,13 @@
 """Missions: the items that AUTO mode flies, its progress, and DO commands."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Grip
 from bridged.simulation.vehicle.geodesy import FlatMap, Place
-from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, Item, whole
+from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, Item, StoredMission, whole
 from bridged.simulation.vehicle.motion.copter_flight import Flight
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo, Land, Return, Stage, Stop, TakeOff, Task
@@ -57,76 +57,37 @@ _STAYING = frozenset(
 )
 """Parameter 1 of these is the time in seconds to stay at the place."""
 
-MOST_STEPS = 255
-"""Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
 
-
-class Mission:
+class Mission(StoredMission):
     """The stored items without item 0, which is home, and the progress of AUTO through them."""
 
-    def __init__(self) -> None:
-        self.items: list[Item] = []
-        self.current = 0
-        self.complete = False
-        self._entered_at = 0.0
-        self._jumped: dict[int, int] = {}
-
-    def rewind(self) -> None:
-        """Let the next AUTO begin with the first item."""
-        self.current, self.complete = 0, False
-        self._jumped.clear()
+    FIRST: ClassVar = 1
+    FLOWN: ClassVar = NAV_COMMANDS
 
     def store(self, items: list[Item]) -> None:
         """Replace the items; `items[0]` is home and is not kept."""
         self.items = items[1:]
         self.rewind()
 
-    def item(self, seq: int) -> Item | None:
-        """Return the item of this number, from 1."""
-        return self.items[seq - 1] if 1 <= seq <= len(self.items) else None
-
     @property
     def flyable(self) -> bool:
         """Whether there is anything that AUTO can fly."""
         return any(item.command in NAV_COMMANDS for item in self.items)
 
-    def next_place(self, seq: int) -> tuple[list[Item], Item | None]:
-        """Return what to do from item `seq` (from 1) on, and then the next item to fly; None at the mission's end."""
-        actions: list[Item] = []
-        for _ in range(MOST_STEPS):
-            item = self.item(seq)
-            if item is None or item.command in NAV_COMMANDS:
-                return actions, item
-            if item.command == dialect.MAV_CMD_DO_JUMP:
-                seq = self._jump(item)
-                continue
-            if item.command in DO_COMMANDS:
-                actions.append(item)
-            seq += 1
-        return actions, None
-
-    def _jump(self, item: Item) -> int:
-        """Return where a DO_JUMP leads: to its item as often as it says (for ever if negative), then past it."""
-        times = self._jumped.get(item.seq, 0)
-        if 0 <= item.params[1] <= times or self.item(int(item.params[0])) is None:
-            return item.seq + 1
-        self._jumped[item.seq] = times + 1
-        return int(item.params[0])
-
     def start(self, item: Item, now: float) -> None:
         """Fly this item from `now` (vehicle seconds) on."""
-        self.current, self._entered_at = item.seq, now
+        self.current, self.entered_at = item.seq, now
 
     def done(self, item: Item, flight: Flight, now: float) -> bool:
         """Return whether the item that is flown is over at `now` vehicle seconds."""
         if item.command in _ENDLESS:
             return False
         if item.command == dialect.MAV_CMD_NAV_DELAY:
-            return now - self._entered_at >= item.params[0]
+            return now - self.entered_at >= item.params[0]
         if not flight.reached:
-            self._entered_at = now
+            self.entered_at = now
         stay = item.params[0] if item.command in _STAYING else 0.0
-        return flight.reached and now - self._entered_at >= stay
+        return flight.reached and now - self.entered_at >= stay
 
 
 def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:

@@ -7,13 +7,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport import further_messages
 from bridged.simulation.vehicle.commands import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, ulog
-from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams
+from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams, parameter_name
 from bridged.simulation.vehicle.mission_items import whole
 from bridged.simulation.vehicle.mission_protocol import peer_of
 from bridged.simulation.vehicle.notifications import (
     Done,
     Event,
-    ItemReached,
     MissionChanged,
     Number,
     ParameterChanged,
@@ -121,11 +120,6 @@ class Px4Messages(MessageHandler[Px4]):
     def _messages_of(self, event: Event) -> Messages:
         px4 = self.autopilot
         match event:
-            case ParameterChanged(name):
-                found = px4.parameters.find(name)
-                return [self._value_of(found)] if found is not None else []
-            case ItemReached(seq):
-                return [dialect.MAVLink_mission_item_reached_message(seq)]
             case MissionChanged():
                 return [telemetry.mission_current(px4)]
             case Number(number, levels):
@@ -133,8 +127,8 @@ class Px4Messages(MessageHandler[Px4]):
                 at = round(px4.now * 1000) % 2**32
                 return [further_messages.Event(number, at, self._events, 0, 0, levels, [0] * 40)]
             case Done(command, result, peer):
-                return [dialect.MAVLink_command_ack_message(command, int(result), 0, 0, *peer)]
-        return []
+                return [self._ack(command, int(result), peer)]
+        return self.news(event)
 
     def answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
         """Answer a message of another system."""
@@ -160,7 +154,7 @@ class Px4Messages(MessageHandler[Px4]):
             case "MANUAL_CONTROL" if message.target in (0, int(px4.parameters["MAV_SYS_ID"])):
                 px4.sticks.move(message.x, message.y, message.z, message.r, px4.now)
             case "TIMESYNC" if message.tc1 == 0:
-                return [dialect.MAVLink_timesync_message(round(px4.now * 1e9), message.ts1)]
+                return self.time_sync(message)
             case "PARAM_REQUEST_LIST":
                 channel.list_at = 0
             case "PARAM_REQUEST_READ":
@@ -186,11 +180,11 @@ class Px4Messages(MessageHandler[Px4]):
 
     def _read_parameter(self, message: dialect.MAVLink_message) -> Messages:
         parameters, index = self.autopilot.parameters, message.param_index
-        found = parameters.at(index) if index >= 0 else parameters.find(_name(message))
-        return [self._value_of(found)] if found is not None else [self._error(message, NO_SUCH)]
+        found = parameters.at(index) if index >= 0 else parameters.find(parameter_name(message))
+        return [self.value_of(found)] if found is not None else [self._error(message, NO_SUCH)]
 
     def _set_parameter(self, message: dialect.MAVLink_message) -> Messages:
-        parameters, name = self.autopilot.parameters, _name(message)
+        parameters, name = self.autopilot.parameters, parameter_name(message)
         found = parameters.find(name)
         if found is None:
             return [self._error(message, NO_SUCH)]
@@ -199,23 +193,16 @@ class Px4Messages(MessageHandler[Px4]):
         if parameters.set(name, decoded(message.param_value, message.param_type)):
             self._later.append((self.autopilot.now + _ANNOUNCED_S, ParameterChanged(name)))
         found = parameters.find(name)
-        return [self._value_of(found)] if found is not None else []
+        return [self.value_of(found)] if found is not None else []
 
     def _error(self, message: dialect.MAVLink_message, error: int) -> dialect.MAVLink_message:
-        return dialect.MAVLink_param_error_message(*peer_of(message), _name(message).encode(), _ERROR_INDEX, error)
+        return dialect.MAVLink_param_error_message(
+            *peer_of(message), parameter_name(message).encode(), _ERROR_INDEX, error
+        )
 
-    def parameter(self, index: int) -> dialect.MAVLink_message | None:
-        """Return the PARAM_VALUE of a parameter of the list; None past its end."""
-        found = self.autopilot.parameters.at(index)
-        return None if found is None else self._value_of(found)
-
-    def _value_of(self, parameter: Parameter) -> dialect.MAVLink_message:
+    def value_of(self, parameter: Parameter, *, named: bool = False) -> dialect.MAVLink_message:
+        """Return the PARAM_VALUE of a parameter, always with its index."""
         return dialect.MAVLink_param_value_message(
             parameter.name.encode(), encoded(parameter.value, parameter.kind), int(parameter.kind),
             len(self.autopilot.parameters), parameter.index,
         )  # fmt: skip
-
-
-def _name(message: dialect.MAVLink_message) -> str:
-    name = message.param_id
-    return name.decode(errors="replace") if isinstance(name, bytes) else str(name)

@@ -1,13 +1,12 @@
 """The stored mission of the simulated PX4: its items from 0, whether it can be flown, and its progress."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.mission_items import RELATIVE_FRAMES, Item
+from bridged.simulation.vehicle.mission_items import RELATIVE_FRAMES, Item, StoredMission
 
 WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY = 16, 17, 19, 20, 21, 22, 31, 93
 NAV_COMMANDS = frozenset((WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY))
@@ -22,8 +21,6 @@ KNOWN = NAV_COMMANDS | frozenset((
 
 REPEATS = 10
 """Times that MISSION_ITEM_REACHED is sent again, each second (recorded)."""
-MOST_STEPS = 255
-"""Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
 
 
 class State(IntEnum):
@@ -36,23 +33,22 @@ class State(IntEnum):
     COMPLETE = 5
 
 
-@dataclass(slots=True)
-class Missions:
+class Missions(StoredMission):
     """Items of the mission, and where it is."""
 
-    items: list[Item] = field(default_factory=list)
-    current: int = 0
-    problem: tuple[int, int] | str | None = None
-    """Why it cannot be flown: an EVENT without a text, or a text; None: it can, if there is one."""
-    complete: bool = False
-    reached: int | None = None
-    """The item that was reached last, reported again ..."""
-    repeats: int = 0
-    """... so many times more ..."""
-    next_repeat: float = math.inf
-    """... and next at this time (vehicle seconds)."""
-    entered_at: float = 0.0
-    jumped: dict[int, int] = field(default_factory=dict)
+    FIRST: ClassVar = 0
+    FLOWN: ClassVar = NAV_COMMANDS
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.problem: tuple[int, int] | str | None = None
+        """Why it cannot be flown: an EVENT without a text, or a text; None: it can, if there is one."""
+        self.reached: int | None = None
+        """The item that was reached last, reported again ..."""
+        self.repeats = 0
+        """... so many times more ..."""
+        self.next_repeat = math.inf
+        """... and next at this time (vehicle seconds)."""
 
     @property
     def valid(self) -> bool:
@@ -65,26 +61,6 @@ class Missions:
         self.current = min(self.current, len(items) - 1) if keep_current and items else 0
         self.complete = False
         self.jumped.clear()
-
-    def item(self, seq: int) -> Item | None:
-        """Return the item of this number, from 0."""
-        return self.items[seq] if 0 <= seq < len(self.items) else None
-
-    def next_place(self, seq: int, do: Callable[[Item], None]) -> Item | None:
-        """Return the next item to fly from item `seq` on, after doing what is between; None at the mission's end."""
-        for _ in range(MOST_STEPS):
-            item = self.item(seq)
-            if item is None or item.command in NAV_COMMANDS:
-                return item
-            if item.command == dialect.MAV_CMD_DO_JUMP:
-                times = self.jumped.get(seq, 0)
-                if (item.params[1] < 0 or times < item.params[1]) and self.item(int(item.params[0])) is not None:
-                    self.jumped[seq], seq = times + 1, int(item.params[0])
-                    continue
-            else:
-                do(item)
-            seq += 1
-        return None
 
     @property
     def landing(self) -> int | None:

@@ -138,7 +138,10 @@ class Navigator:
 
     def _fly_from(self, seq: int, after: Item | None = None) -> None:
         px4, mission = self._px4, self._px4.missions
-        item = mission.next_place(seq, self._do)
+        between, item = mission.next_place(seq)
+        for one in between:
+            if one.command == _DO_CHANGE_SPEED and one.params[1] > 0:
+                px4.flight.cruise_speed = one.params[1]
         if item is None or (item.command == missions.RTL and after is not None):
             last = mission.items[-1].seq if item is None else item.seq
             mission.current, mission.complete = last, True
@@ -192,10 +195,6 @@ class Navigator:
             px4.flight.begin(px4.going(Vector(here.north, here.east, goal.up), px4.motion.heading))
         else:
             px4.begin_takeoff(goal.up)
-
-    def _do(self, item: Item) -> None:
-        if item.command == _DO_CHANGE_SPEED and item.params[1] > 0:
-            self._px4.flight.cruise_speed = item.params[1]
 
     def _done(self, item: Item) -> bool:
         px4, mission = self._px4, self._px4.missions
