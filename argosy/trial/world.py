@@ -69,7 +69,7 @@ class Seen:
     @property
     def pilots_mode(self) -> str:
         """Flight mode that the pilot who has it has set; empty: no pilot has it."""
-        switch = self.vehicle.character.switch
+        switch = self.vehicle.vehicle_faults.switch
         return "" if switch is None else str(switch.name)
 
     @property
@@ -80,7 +80,7 @@ class Seen:
     @property
     def landed_by_pilot(self) -> bool:
         """Whether a pilot has landed it in this run."""
-        return bool(self.vehicle.character.landed)
+        return bool(self.vehicle.vehicle_faults.landed)
 
     @property
     def height(self) -> float:

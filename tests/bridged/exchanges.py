@@ -252,7 +252,7 @@ def play_new(name: str, entries: list[Record]) -> Playback:
         if kind in ALIGNED:
             until(at)
             allowed.add(kind)
-            vehicle.channels[0].streams.hurry(ALIGNED[kind], vehicle.autopilot.now)
+            vehicle.channels[0].streams.send_now(ALIGNED[kind], vehicle.autopilot.now)
             keep(vehicle.handler.streamed(vehicle.channels[0], vehicle.autopilot.now))
         if kind == "GLOBAL_POSITION_INT":
             playback.truth[1].append(Said(at, message))

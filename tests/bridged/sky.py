@@ -15,7 +15,7 @@ from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.shared_links import SharedLink
-from bridged.simulation.vehicle.fault_injection import Air, Faults
+from bridged.simulation.vehicle.fault_injection import Faults, LinkFaults
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.vehicle import Vehicle
 from commd.common.clock import Clock
@@ -105,7 +105,7 @@ class Sky:
     ) -> None:
         self.clock = clock or VirtualClock(speed)
         self.vehicle = vehicle or Vehicle(HOME, faults=faults)
-        self.air_up, self.air_down = Air(faults or Faults(), "up"), Air(faults or Faults(), "down")
+        self.air_up, self.air_down = LinkFaults(faults or Faults(), "up"), LinkFaults(faults or Faults(), "down")
         self.percepts: list[tuple[str, Perception]] = []
         self.statuses: list[ActionStatus] = []
         self.sent: list[Message] = []

@@ -7,7 +7,7 @@ import resource
 from collections.abc import Callable
 from pathlib import Path
 
-from bridged.simulation.vehicle.fault_injection import Air, Character, Faults
+from bridged.simulation.vehicle.fault_injection import Faults, LinkFaults, VehicleFaults
 from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.wire.term_text import write
 from schemas.wire.terms import Term
@@ -32,8 +32,8 @@ class BadAir(Sky):
     def faults(self, *texts: str) -> None:
         """Let these faults hold from now on."""
         declared = Faults.parse(texts) if texts else Faults()
-        self.air_up, self.air_down = Air(declared, "up"), Air(declared, "down")
-        self.vehicle.character = Character(declared)
+        self.air_up, self.air_down = LinkFaults(declared, "up"), LinkFaults(declared, "down")
+        self.vehicle.vehicle_faults = VehicleFaults(declared)
 
     def step(self) -> None:
         """Let 20 ms of mission time pass for all."""

@@ -39,7 +39,7 @@ class ControlAuthority:
         self.override = ""
         """The mode that others set while an agent had control, or in which an armed vehicle was first heard; empty once
         an agent has set the mode again, or they have handed the vehicle over."""
-        self._flight, self._runs, self._end = flight, runs, end
+        self._flight, self._vehicle, self._runs, self._end = flight, flight.vehicle, runs, end
         self._by_agent = False
         """Whether an agent set the mode last, for all the bridge knows, or was handed the vehicle over."""
         self._pending: _Override | None = None
@@ -55,18 +55,9 @@ class ControlAuthority:
         """Until when a mode that the vehicle may have started with counts as nobody's."""
 
     @property
-    def overridden(self) -> bool:
-        """Whether others set the present mode of the vehicle."""
-        return self._flight.vehicle.overridden
-
-    @overridden.setter
-    def overridden(self, by_others: bool) -> None:
-        self._flight.vehicle.overridden = by_others
-
-    @property
     def in_doubt(self) -> bool:
         """Whether others set the present mode, unless the vehicle has begun with it: its clock is being asked."""
-        return self.overridden and self._flight.now < self._doubt_until
+        return self._vehicle.overridden and self._flight.now < self._doubt_until
 
     @property
     def pending(self) -> bool:
@@ -78,13 +69,13 @@ class ControlAuthority:
 
         `mode_before`: number of the mode before (custom_mode); -1 = there was no HEARTBEAT yet. `was_armed`: before it.
         """
-        vehicle = self._flight.vehicle
+        vehicle = self._vehicle
         acts, self._failsafe_acted = vehicle.failsafe_acts and not self._failsafe_acted, vehicle.failsafe_acts
         if mode_before < 0 or self._restarted:
             self._restarted = False
-            self.overridden = vehicle.mode not in vehicle.modes.ordered or acts
+            self._vehicle.overridden = vehicle.mode not in vehicle.modes.ordered or acts
             if vehicle.armed and mode_before < 0:  # in use before this bridge, by a pilot or an agent as its mode says
-                if self.overridden:
+                if self._vehicle.overridden:
                     self.override, self._unreported = vehicle.mode_name, True
                     self._report_override()
                 else:
@@ -97,9 +88,9 @@ class ControlAuthority:
             )
             if self._to_judge:
                 return
-            handed_over = self.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided
-            self.overridden = not ours and not handed_over
-            if self.overridden:
+            handed_over = self._vehicle.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided
+            self._vehicle.overridden = not ours and not handed_over
+            if self._vehicle.overridden:
                 self._set_by_others()
             elif handed_over and self.override:
                 self._by_agent = True
@@ -110,7 +101,7 @@ class ControlAuthority:
 
         It does so when its motors stop, and at the end of a takeoff that nobody here began.
         """
-        vehicle = self._flight.vehicle
+        vehicle = self._vehicle
         if vehicle.modes.resting and was_armed and not vehicle.armed:
             return True
         if vehicle.mode not in vehicle.modes.resting:
@@ -124,7 +115,7 @@ class ControlAuthority:
         A pilot's switch changes the mode (number `mode_before`, -1: unknown) alone; a restart changes it
         after a silence, or stops the motors as well.
         """
-        vehicle = self._flight.vehicle
+        vehicle = self._vehicle
         changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
         changed = changed and not self._by_itself(mode_before, was_armed)
         doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
@@ -135,7 +126,7 @@ class ControlAuthority:
     def rebooted(self) -> None:
         """The vehicle was restarted: its mode is the one that it begins with, set by nobody."""
         self._restarted, self._by_agent, self._pending, self._doubt_until = True, False, None, -math.inf
-        self.overridden = False
+        self._vehicle.overridden = False
         self._end_override()
 
     def look(self) -> None:
@@ -162,29 +153,29 @@ class ControlAuthority:
         if self._pending is not None:
             self._pending = replace(self._pending, until=self._flight.now)
             self.look()
-        if run.procedure.make_steps is arm and not self._flight.vehicle.armed:
-            self.overridden = False  # whoever starts the motors answers for the flight
-        if run.by_agent and run.moves and not self.overridden:
+        if run.procedure.make_steps is arm and not self._vehicle.armed:
+            self._vehicle.overridden = False  # whoever starts the motors answers for the flight
+        if run.by_agent and run.moves and not self._vehicle.overridden:
             self._by_agent = True
 
     def ended(self, run: ProcedureRun, outcome: Outcome) -> None:
         """Take in how a run ended: success of one that moves the vehicle or sets its mode proves our control."""
         if self._to_judge and _judges(run):
-            self._to_judge, self.overridden = False, outcome.state != "succeeded"
+            self._to_judge, self._vehicle.overridden = False, outcome.state != "succeeded"
         if outcome.state == "succeeded":
-            self.overridden = self.overridden and not (run.moves or run.procedure.sets_mode)
+            self._vehicle.overridden = self._vehicle.overridden and not (run.moves or run.procedure.sets_mode)
             if run.procedure.takes_control:
                 self._by_agent = True
                 self._end_override()
             elif run.by_agent and run.moves:
                 self._by_agent = True
-        elif self.overridden and (_judges(run) or (run.procedure.sets_mode and self._flight.vehicle.armed)):
+        elif self._vehicle.overridden and (_judges(run) or (run.procedure.sets_mode and self._vehicle.armed)):
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
 
     def _set_by_others(self) -> None:
         """A run that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
-        name, now = self._flight.vehicle.mode_name, self._flight.now
+        name, now = self._vehicle.mode_name, self._flight.now
         for run in [run for run in self._runs if run.yields]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
         if any(run.procedure.sets_mode or _judges(run) for run in self._runs):

@@ -103,10 +103,10 @@ class MavlinkDriver(VehicleSession):
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
         try:
-            action = bind_action(entry, arguments, self.modes)
+            action = bind_action(entry, arguments, self.vehicle.modes)
         except ValueError as error:
             return Execution(name, Outcome("refused", str(error)))
-        if (two := self._two()) and not leads_down(entry, action, self.modes):
+        if (two := self._two()) and not leads_down(entry, action, self.vehicle.modes):
             return Execution(name, Outcome("refused", two))
         procedure = procedure_of(entry, action.number)
         return self.begin(
@@ -114,7 +114,7 @@ class MavlinkDriver(VehicleSession):
                 name,
                 procedure=procedure,
                 action=action,
-                bind=lambda: bind_action(entry, arguments, self.modes),
+                bind=lambda: bind_action(entry, arguments, self.vehicle.modes),
                 moves=entry.motion,
                 by_agent=True,
             )
@@ -168,7 +168,7 @@ class MavlinkDriver(VehicleSession):
     @property
     def airborne(self) -> bool:
         """Armed and off the ground; a rover never is."""
-        return self.vehicle.aloft and not self.modes.ground
+        return self.vehicle.aloft and not self.vehicle.modes.ground
 
     @property
     def under_way(self) -> Order | None:
@@ -179,7 +179,7 @@ class MavlinkDriver(VehicleSession):
     @property
     def overridden(self) -> str:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
-        theirs = self.control.overridden or self.vehicle.not_commanded
+        theirs = self.vehicle.overridden or self.vehicle.not_commanded
         return self.vehicle.mode_name if theirs and self.vehicle.armed else ""
 
     def adopt(self, manifest: Manifest) -> None:

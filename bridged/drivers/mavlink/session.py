@@ -31,7 +31,7 @@ from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
 from bridged.drivers.mavlink.vehicle.derived_readings import derived
-from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
+from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
@@ -166,7 +166,7 @@ class VehicleSession:
         self.flight.message = None
 
     def _hear_payload(self, message: dialect.MAVLink_message) -> None:
-        """Take in a message of a camera or gimbal: nothing that it says is the vehicle's state."""
+        """Take in a message of a camera or gimbal: nothing of it is the vehicle's state."""
         component, name = message.get_srcComponent(), message.get_type()
         if component not in PAYLOAD:
             return
@@ -271,7 +271,7 @@ class VehicleSession:
             self._on_reading(Reading(source, make(message)))
 
     def _ordered(self, order: Order) -> BoundAction:
-        modes = self.modes
+        modes = self.vehicle.modes
         if order == "hold":
             return self.flight.autopilot.hold(modes)
         return mode_action(modes, modes.land if order == "land" else modes.rtl)
@@ -280,7 +280,7 @@ class VehicleSession:
         """Hold the vehicle by its mode until `resume`; runs that are `interrupted`, move it or set its mode end."""
         for run in [run for run in self._runs if run in interrupted or run.moves or run.procedure.sets_mode]:
             self.stop(run, Outcome("cancelled", "paused by the operator", "operator"))
-        hold = self.modes.hold
+        hold = self.vehicle.modes.hold
         if self._commanded or self.vehicle.mode != hold:
             self._mode_before_pause = self.vehicle.mode
             self.flight.interrupted = [run.action for run in interrupted if isinstance(run, ProcedureRun)]
@@ -293,7 +293,7 @@ class VehicleSession:
         before = self._mode_before_pause
 
         def bind() -> BoundAction:
-            modes = self.modes
+            modes = self.vehicle.modes
             by_a_target = before is None or before in modes.also_targets  # modes that only a target of ours began
             return mode_action(modes, modes.guided if before is None or by_a_target else before)
 
@@ -314,13 +314,8 @@ class VehicleSession:
         for command in run.commands:
             self.commands.abandon(command)
         left_ground = self.vehicle.aloft or any(command.sent for command in run.commands)
-        if hold and run.moves and self.vehicle.armed and left_ground and not self.control.overridden:
+        if hold and run.moves and self.vehicle.armed and left_ground and not self.vehicle.overridden:
             self._stay()
-
-    @property
-    def modes(self) -> ModeTable:
-        """The modes of the vehicle as it is."""
-        return self.vehicle.modes
 
     @property
     def silence(self) -> float:
@@ -382,7 +377,7 @@ class VehicleSession:
         if stream is None:
             return
         asked = vehicle.mode == stream.mode or (self.flight.expects(stream.mode) and not stream.leaving)
-        if not asked or not vehicle.armed or self.control.overridden:
+        if not asked or not vehicle.armed or self.vehicle.overridden:
             self.flight.velocity = None
             return
         stream.keep(self.flight.now)
@@ -411,7 +406,7 @@ class VehicleSession:
                 run.action = run.bind()
             except ValueError as error:
                 return Outcome("refused", str(error))
-        if waited and run.by_agent and self.control.overridden and self.vehicle.armed:
+        if waited and run.by_agent and self.vehicle.overridden and self.vehicle.armed:
             reason = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
             return Outcome("failed", f"{reason} (pilot, ground station or failsafe)", "pilot")
         return (yield from run.procedure.make_steps(self.flight, run, run.action))
@@ -452,7 +447,7 @@ class VehicleSession:
 
     def _keep_limits(self) -> None:
         """Stop a vehicle that agents fly where it leaves the mission's limits."""
-        if self.control.overridden or not (left := self._limits.look()):
+        if self.vehicle.overridden or not (left := self._limits.look()):
             return
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
         for run in [run for run in self._runs if run.moves]:
@@ -460,7 +455,9 @@ class VehicleSession:
         self._stay()
 
     def _stay(self) -> None:
-        self.begin(ProcedureRun("stay", procedure=STAY, action=mode_action(self.modes, self.modes.guided)))
+        self.begin(
+            ProcedureRun("stay", procedure=STAY, action=mode_action(self.vehicle.modes, self.vehicle.modes.guided))
+        )
 
     def _lost(self) -> None:
         self.vehicle.connected = False
@@ -503,7 +500,7 @@ class VehicleSession:
     def _autopilot_changed(self) -> None:
         """Speak to the autopilot that the vehicle turns out to have; end what was asked of another one."""
         self.flight.autopilot = AUTOPILOTS.get(self.vehicle.autopilot, ARDUPILOT)
-        self.failsafe.begin(self.flight.now, self.flight.autopilot, self.modes)
+        self.failsafe.begin(self.flight.now, self.flight.autopilot, self.vehicle.modes)
         self.streams.adopt(self._manifest, self.flight.autopilot, self.flight.now)
         if refusal := self.vehicle.not_commanded:
             log.error("system %d: %s", self.identity.vehicle, refusal)
@@ -518,7 +515,7 @@ class VehicleSession:
         """Request all streams of a vehicle that has appeared or restarted."""
         if not self.vehicle.not_commanded:
             self.streams.request(self.flight.now)
-            self.failsafe.begin(self.flight.now, self.flight.autopilot, self.modes)
+            self.failsafe.begin(self.flight.now, self.flight.autopilot, self.vehicle.modes)
 
 
 _HEARTBEAT = (dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)

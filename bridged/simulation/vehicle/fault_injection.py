@@ -69,7 +69,7 @@ class WindFault:
 
 @dataclass(frozen=True, slots=True)
 class GpsFault(Cut):
-    """The GPS has no fix, or says that the vehicle is `metres` elsewhere."""
+    """The GPS has no fix, or reports a place `metres` away."""
 
     metres: float | None = None
 
@@ -249,7 +249,7 @@ TABLE: dict[str, Row] = {
 
 
 @dataclass(slots=True)
-class AirCounters:
+class LinkFaultCounters:
     """Counters of the packets of one direction."""
 
     passed: int = 0  # as they were, in their turn or late
@@ -259,12 +259,12 @@ class AirCounters:
     garbage: int = 0  # times that noise came between packets
 
 
-class Air:
+class LinkFaults:
     """One direction of a link with faults."""
 
     def __init__(self, faults: Faults, direction: str) -> None:
         """`direction` seeds the random sequence of this way."""
-        self.counters = AirCounters()
+        self.counters = LinkFaultCounters()
         self._faults = faults
         self._dice = random.Random(f"{faults.seed} {direction}")
         self._held: bytes | None = None
@@ -320,7 +320,7 @@ class Air:
         return noise if self._dice.random() < 0.5 else bytes([dialect.PROTOCOL_MARKER_V2]) + noise
 
 
-class Character:
+class VehicleFaults:
     """Faults in a vehicle's handling of messages."""
 
     def __init__(
@@ -341,7 +341,7 @@ class Character:
         self.landed = False
         """Whether a pilot has landed it: not where a failsafe did, out of his mode."""
 
-    def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
+    def false_reply(self, message: dialect.MAVLink_message) -> Messages | None:
         """Return a lying vehicle's answer to a message that it ignores; None if it accepts the message."""
         if not self._faults.lie:
             return None
@@ -353,7 +353,7 @@ class Character:
             return [dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_ACCEPTED, 0, 0, *sender)]
         return None
 
-    def says(self, messages: Messages) -> Messages:
+    def applied_to(self, messages: Messages) -> Messages:
         """Return the vehicle's messages with the faults applied."""
         if self._faults.autopilot is not None:
             for message in messages:
@@ -363,7 +363,7 @@ class Character:
             return messages
         return [message for message in messages if message.get_type() not in _ACKNOWLEDGEMENTS]
 
-    def hinders(self, now: float) -> str:
+    def failing_check(self, now: float) -> str:
         """Return the arming check that fails by a fault, in the vehicle's words; empty = none."""
         return next((message for until, message in self._faults.prearm if now < until), "")
 
@@ -412,15 +412,15 @@ class FaultyLink(Link):
         self._faults = faults
         self._now = now
         self._count = 0
-        self._down: list[tuple[Air, Callable[[bytes], bool]]] = []
-        self._up: dict[Peer, tuple[Air, bool]] = {}
+        self._down: list[tuple[LinkFaults, Callable[[bytes], bool]]] = []
+        self._up: dict[Peer, tuple[LinkFaults, bool]] = {}
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """Add a peer whose output passes through the faults; called by endpoints."""
         if not self._faults.on_links:
             return super().add_peer(key, label, write)
         self._count += 1
-        air = Air(self._faults, f"down {self._count}")
+        air = LinkFaults(self._faults, f"down {self._count}")
         self._down.append((air, write))
 
         def through_air(packet: bytes) -> bool:
@@ -428,7 +428,7 @@ class FaultyLink(Link):
             return all(written)
 
         peer = super().add_peer(key, label, through_air)
-        self._up[peer] = (Air(self._faults, f"up {self._count}"), True)
+        self._up[peer] = (LinkFaults(self._faults, f"up {self._count}"), True)
         return peer
 
     def report(self) -> str:
@@ -445,7 +445,7 @@ class FaultyLink(Link):
 
     def drop_peer(self, key: object) -> None:
         """Remove a peer; called by endpoints."""
-        peer = self.find_peer(key)
+        peer = self.peers_by_key.get(key)
         super().drop_peer(key)
         if peer in self._up:
             at = list(self._up).index(peer)

@@ -32,7 +32,7 @@ class VehicleKind:
     messages: Callable[[Any], MessageHandler[Any]]
     """Makes the MAVLink side of that autopilot."""
     battery: Callable[[float], list[tuple[str, float]]]
-    """Parameters of a battery that lasts so many minutes in the air."""
+    """Returns the parameters of a battery that lasts a number of minutes in the air."""
 
     @property
     def name(self) -> str:

@@ -65,7 +65,7 @@ class Streams:
             self._due[message] = now + self.intervals[message]
         return True
 
-    def hurry(self, message: int, now: float) -> None:
+    def send_now(self, message: int, now: float) -> None:
         """Let a message that is streamed be due `now`."""
         if message in self.intervals:
             self._due[message], self._next_due = now, None
@@ -116,7 +116,7 @@ class MessageHandler(ABC, Generic[A]):
         self.autopilot = autopilot
         self.builders = builders
         self.reboots = False
-        """Whether the autopilot has been told to restart."""
+        """Whether a restart of the autopilot has been commanded."""
 
     @abstractmethod
     def streams(self) -> Streams:
@@ -127,7 +127,7 @@ class MessageHandler(ABC, Generic[A]):
         """Answer a message of another system on the channel on which it came."""
 
     @abstractmethod
-    def tell(self, event: Event, channels: list[Channel]) -> None:
+    def notify(self, event: Event, channels: list[Channel]) -> None:
         """Send a notification on the channels that get it."""
 
     @abstractmethod

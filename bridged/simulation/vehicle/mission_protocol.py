@@ -94,7 +94,7 @@ class MissionProtocol(ABC, Generic[A]):
         """MISSION_SET_CURRENT"""
 
     def _partly_stored(self, count: int) -> None:
-        """Note that so many items of an upload have come."""
+        """Note how many items of an upload have arrived."""
 
     def _refused(self) -> None:
         """Report that an item of an upload was refused."""

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.framing import Gate
 from bridged.drivers.mavlink.transport.signing import LATEST, Signing
 from bridged.simulation.vehicle.autopilot import CHARGE_S, STEP_S, Autopilot, BootKind
-from bridged.simulation.vehicle.fault_injection import Character, Faults
+from bridged.simulation.vehicle.fault_injection import Faults, VehicleFaults
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.kinds import COPTER, VehicleKind
 from bridged.simulation.vehicle.messages import Channel, Messages
@@ -115,7 +115,7 @@ class Vehicle:
         self._wind = Wind.of(self._faults)
         self._channel_count = channels
         autopilot = kind.make(start, heading, boot, system, parameters, charge_time)
-        self.character = Character(self._faults, autopilot.PILOTED, autopilot.LANDING, autopilot.GIVEN_BACK)
+        self.vehicle_faults = VehicleFaults(self._faults, autopilot.PILOTED, autopilot.LANDING, autopilot.GIVEN_BACK)
         self._power_on(autopilot)
 
     def _power_on(self, autopilot: Autopilot) -> None:
@@ -132,7 +132,7 @@ class Vehicle:
             return []
         here = self.channels[channel]
         here.heard = True
-        replies = self.character.pretends(message)
+        replies = self.vehicle_faults.false_reply(message)
         if replies is None and message.get_type() == "SETUP_SIGNING":
             self.signing_state.set_up(message, self.autopilot)
             replies = []
@@ -140,7 +140,7 @@ class Vehicle:
         if self.handler.reboots:
             self._reboot_in = REBOOT_SILENCE_S
         self._send_events()
-        return self.character.says(here.take())
+        return self.vehicle_faults.applied_to(here.take())
 
     def advance(self, seconds: float) -> Messages:
         """Advance vehicle time by `seconds`; returns the messages sent meanwhile on the first channel."""
@@ -162,7 +162,7 @@ class Vehicle:
 
     def waiting(self, channel: int = 0) -> Messages:
         """Return the messages on a channel since the last call."""
-        return self.character.says(self.channels[channel].take())
+        return self.vehicle_faults.applied_to(self.channels[channel].take())
 
     def seconds_until_due(self) -> float:
         """Return the vehicle time until a message is due; events in flight may come earlier."""
@@ -177,17 +177,17 @@ class Vehicle:
         if self._reboot_in is not None:
             self._wait_for_power(dt)
             return
-        if self.character.restarts(self.age):
+        if self.vehicle_faults.restarts(self.age):
             self._reboot_in = REBOOT_SILENCE_S
             autopilot.flight.disarm()
             return
         if self._faults.prearm:
-            autopilot.hindrance = self.character.hinders(self.age)
+            autopilot.hindrance = self.vehicle_faults.failing_check(self.age)
         if self._wind is not None or self._faults.gps:
             air = self._wind.step(dt) if self._wind is not None else Vector()
             autopilot.feel(air, self._faults.gps_error(self.age), dt)
         if self._faults.pilots:
-            mode = self.character.switched_mode(self.age, autopilot.mode, airborne=autopilot.flight.airborne)
+            mode = self.vehicle_faults.switched_mode(self.age, autopilot.mode, airborne=autopilot.flight.airborne)
             if mode is not None:
                 autopilot.pilot_sets(mode)
         autopilot.step(dt)
@@ -228,4 +228,4 @@ class Vehicle:
     def _send_events(self) -> None:
         events, self.autopilot.events = self.autopilot.events, []
         for event in events:
-            self.handler.tell(event, self.channels)
+            self.handler.notify(event, self.channels)

@@ -89,7 +89,7 @@ class Run:
         self.pilot: SimpleNamespace = SimpleNamespace(switch=None, landed=False)
         self.kind = SimpleNamespace(name="copter")
         self.world.vehicles = {
-            name: Seen(SimpleNamespace(autopilot=one, character=self.pilot, kind=self.kind))
+            name: Seen(SimpleNamespace(autopilot=one, vehicle_faults=self.pilot, kind=self.kind))
             for name, one in self.copters.items()
         }
         self.served = True

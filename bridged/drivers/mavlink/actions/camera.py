@@ -152,7 +152,7 @@ class _Pictures:
         self._before = None if status is None else status.image_count
 
     def __call__(self) -> bool:
-        """Look at the present message. Raises Ended if the camera says that it failed."""
+        """Look at the present message. Raises Ended if the camera reports a failure."""
         if self._before is not None:
             self._poll()
         message = self._flight.message

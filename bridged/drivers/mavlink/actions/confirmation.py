@@ -41,7 +41,7 @@ class Poll:
         every: tuple[float, float] = ASK_EVERY,
         component: int = 0,
     ) -> None:
-        """`component`: whom it is requested of; 0 = the autopilot."""
+        """`component` is asked for it; 0 = the autopilot."""
         self._flight, self._run, self._every = flight, run, every
         parameters = (float(message_number(name)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._request = BoundAction(dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE, component=component)

@@ -191,7 +191,7 @@ class ProcedureContext:
         """The velocity that is being streamed."""
         self.commands = commands
         self.addressee = commands.identity.addressee
-        """System and component of the vehicle's autopilot, whom messages are for."""
+        """System and component of the vehicle's autopilot, the target of messages."""
         self.autopilot_component = commands.identity.autopilot
         self.texts = texts
         self.limits = limits

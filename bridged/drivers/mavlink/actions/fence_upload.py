@@ -19,7 +19,7 @@ Corner = tuple[float, float]
 def upload_fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`fence_upload`: the corners are acknowledged and counted back; what the fence does is the vehicle's parameter.
 
-    A fence around another place would be broken at once, so home and the vehicle must be inside.
+    A fence around another place would be breached immediately, so home and the vehicle must be inside.
     """
     try:
         corners = _corners(action.arguments["points"])

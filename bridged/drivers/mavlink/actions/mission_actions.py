@@ -1,7 +1,7 @@
 """The mission protocol from our side (MAVLink devguide, mission.md): items sent, read back and cleared.
 
-The vehicle leads an upload: it asks for each item, and asks again. Everything is bounded, and what an upload that did
-not end has left is said.
+The vehicle leads an upload: it asks for each item, and asks again. Everything is bounded, and what
+remains of an interrupted upload is reported.
 """
 
 from __future__ import annotations

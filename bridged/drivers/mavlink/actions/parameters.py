@@ -25,7 +25,7 @@ from bridged.drivers.mavlink.actions.context import (
 )
 
 READ_TRIES, SET_TRIES, PULL_TRIES = 6, 3, 3
-AT_ONCE = 50
+REQUESTED_TOGETHER = 50
 """Missing parameters of a list that are requested together, one by one."""
 READ_EVERY, PULL_EVERY = (0.5, 0.5), (1.0, 1.0)
 """Mission and wall seconds. With a loss of 20 % each way, six tries take one known name in 500 for unknown."""
@@ -71,7 +71,7 @@ class Parameter(NamedTuple):
 def read_parameter(flight: ProcedureContext, run: ProcedureRun, name: str) -> Generator[None, None, Parameter | None]:
     """Request a parameter, under each spelling of its name. Returns it, None if the vehicle has none.
 
-    A vehicle that reports errors is believed at once; of another, silence is the only sign of an unknown name.
+    An error (PARAM_ERROR) ends the search; of a vehicle that reports none, silence is the only sign of an unknown name.
     """
     names = set(spellings(name))
     for _ in range(READ_TRIES):
@@ -140,7 +140,7 @@ def pull(flight: ProcedureContext, run: ProcedureRun, take: Callable[[str, float
         tries += 1
         if not count:
             flight.send(dialect.MAVLink_param_request_list_message(*flight.addressee))
-        for index in sorted(set(range(count)) - indices)[:AT_ONCE]:
+        for index in sorted(set(range(count)) - indices)[:REQUESTED_TOGETHER]:
             flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, b"", index))
         until = flight.now + flight.wait(*PULL_EVERY)
         while flight.now <= until:

@@ -207,7 +207,7 @@ class UdpSocket(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         for left in range(BURST - 1, -1, -1):
             key: object = addr if self._listens else "remote"
-            peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
+            peer = self._link.peers_by_key.get(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
             self._link.received(peer, data, datagram=True)
             if self._socket is None or not left:
                 return
@@ -254,7 +254,7 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def _add_peer(self, key: object, label: str, addr: tuple[str, int] | None) -> Peer:
         if len(self._peers) > MAX_REMEMBERED:
-            self._peers = {key for key in self._peers if self._link.find_peer(key) is not None}
+            self._peers = self._peers & self._link.peers_by_key.keys()
         self._peers.add(key)
         if len(self._peers) % ROOM_STEP == 0 and self._transport is not None:
             wire: socket.socket = self._transport.get_extra_info("socket")

@@ -18,16 +18,7 @@ from math import inf
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress
-from bridged.drivers.mavlink.transport.framing import (
-    AUTOPILOT,
-    HEADER_1,
-    HEADER_2,
-    MAGIC_1,
-    UNWANTED,
-    Gate,
-    component,
-    source,
-)  # fmt: skip
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, HEADER_1, HEADER_2, MAGIC_1, UNWANTED, Gate, ids_of
 from bridged.drivers.mavlink.transport.link import Link, LinkError, Peer, open_link
 from schemas.wire.records import Note
 
@@ -102,7 +93,8 @@ class GroundStation:
         """Send a vehicle's packet to the station."""
         if self._link is not None:
             now = asyncio.get_running_loop().time()
-            self._parts[source(packet), component(packet)] = now
+            system, component, _ = ids_of(packet)
+            self._parts[system, component] = now
             since = now - LISTENS_FOR
             peers = (peer for peer in self._link.peers if not peer.heard or peer.heard_at > since)
             sent = self._link.pass_on(peers, packet)
@@ -144,7 +136,7 @@ class GroundStation:
 
         `system` is its sender's id (1..255), `number` its message id.
         """
-        part, now = component(packet), asyncio.get_running_loop().time()
+        (_, part, _), now = ids_of(packet), asyncio.get_running_loop().time()
         if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
             self.counters.echoes += 1
             if part == AUTOPILOT:

@@ -118,11 +118,11 @@ class Framer:
             if length is None or at + length > len(pending):
                 break
             packet = pending[at : at + length]
-            number = message_id(packet)
+            system, _, number = ids_of(packet)
             if number not in dialect.mavlink_map:
                 if at + length == len(pending) and not ends_here:
                     break
-                skip = self._pass_over(packet, pending[at + length : at + length + 1])
+                skip = self._pass_over(packet, system, number, pending[at + length : at + length + 1])
                 false_starts += skip == 1
                 at += skip
             elif not _checksum_agrees(packet, number):
@@ -132,23 +132,22 @@ class Framer:
                 at += 1
             else:
                 at += length
-                if (message := self._read(packet, number)) is not None:
+                if (message := self._read(packet, system, number)) is not None:
                     messages.append(message)
         del pending[:at]
         return messages
 
-    def _pass_over(self, packet: bytearray, following: bytearray) -> int:
+    def _pass_over(self, packet: bytearray, system: int, number: int, following: bytearray) -> int:
         """Return how much to skip of what cannot be checked: a packet only if another one, or nothing, follows it."""
         if not following or following[0] in _MAGIC:
             self.counters.unknown_packets += 1
-            self._gate.copy(packet, source(packet), message_id(packet))
+            self._gate.copy(packet, system, number)
             return len(packet)
         self.counters.skipped_bytes += 1
         return 1
 
-    def _read(self, packet: bytearray, number: int) -> dialect.MAVLink_message | None:
+    def _read(self, packet: bytearray, system: int, number: int) -> dialect.MAVLink_message | None:
         """Return the message in a packet with a right checksum, None if it is not wanted or refused."""
-        system = source(packet)
         self._gate.copy(packet, system, number)
         if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
             self.counters.unreadable_packets += 1
@@ -217,21 +216,11 @@ def check_ids(system: int, component: int) -> None:
         raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
 
 
-def source(packet: bytes | bytearray) -> int:
-    """Return the system id of a packet's sender."""
-    return packet[3] if packet[0] == MAGIC_1 else packet[5]
-
-
-def component(packet: bytes | bytearray) -> int:
-    """Return the component id of a packet's sender."""
-    return packet[4] if packet[0] == MAGIC_1 else packet[6]
-
-
-def message_id(packet: bytes | bytearray) -> int:
-    """Return the message id of a packet."""
+def ids_of(packet: bytes | bytearray) -> tuple[int, int, int]:
+    """Return the system and component id of a packet's sender, and the message id."""
     if packet[0] == MAGIC_1:
-        return packet[5]
-    return packet[7] | packet[8] << 8 | packet[9] << 16
+        return packet[3], packet[4], packet[5]
+    return packet[5], packet[6], packet[7] | packet[8] << 8 | packet[9] << 16
 
 
 def _packet_length(data: bytearray, at: int) -> int | None:
@@ -260,5 +249,5 @@ def _starts_whole(data: bytes) -> bool:
     if length is None or length > len(packet):
         return False
     packet = packet[:length]
-    number = message_id(packet)
+    _, _, number = ids_of(packet)
     return number in dialect.mavlink_map and _checksum_agrees(packet, number)

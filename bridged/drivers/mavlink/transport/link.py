@@ -68,7 +68,8 @@ class Link:
         self._on_packet = on_packet
         self._on_state = on_state
         self._make_gate = make_gate or (lambda peer: SignedGate(lambda: self.signing))
-        self._peers: dict[object, Peer] = {}
+        self.peers_by_key: dict[object, Peer] = {}
+        """For endpoints: the other ends by the key under which they were added."""
         self._routes: dict[int, Peer] = {}
         self._autopilots: set[int] = set()
         """Systems whose route is where their autopilot speaks."""
@@ -77,7 +78,7 @@ class Link:
     @property
     def peers(self) -> list[Peer]:
         """The other ends that packets can be sent to now."""
-        return [peer for peer in self._peers.values() if peer.heard or not self.address.kind.endswith("in")]
+        return [peer for peer in self.peers_by_key.values() if peer.heard or not self.address.kind.endswith("in")]
 
     def peer_of(self, sysid: int) -> Peer | None:
         """Return where the system's autopilot was heard last; if it never was, any part of the system."""
@@ -162,26 +163,22 @@ class Link:
         if endpoint is not None:
             await endpoint.close()
             self.set_state(False, "closed")
-        self._peers.clear()
+        self.peers_by_key.clear()
         self._routes.clear()
         self._autopilots.clear()
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """For endpoints: another end came up, or its first bytes came in."""
-        while len(self._peers) >= MAX_PEERS:
-            self.drop_peer(min(self._peers, key=lambda other: self._peers[other].heard_at))
+        while len(self.peers_by_key) >= MAX_PEERS:
+            self.drop_peer(min(self.peers_by_key, key=lambda other: self.peers_by_key[other].heard_at))
         peer = Peer(label, write)
         peer.framer = Framer(self.counters, gate=self._make_gate(peer))
-        self._peers[key] = peer
+        self.peers_by_key[key] = peer
         return peer
-
-    def find_peer(self, key: object) -> Peer | None:
-        """For endpoints: the peer that `add_peer` made under this key."""
-        return self._peers.get(key)
 
     def drop_peer(self, key: object) -> None:
         """For endpoints: another end went away."""
-        peer = self._peers.pop(key, None)
+        peer = self.peers_by_key.pop(key, None)
         if peer is not None:
             self._routes = {sysid: route for sysid, route in self._routes.items() if route is not peer}
             self._autopilots &= self._routes.keys()

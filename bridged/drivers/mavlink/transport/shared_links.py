@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.endpoint import MAX_FOREIGN_BYTES
 from bridged.drivers.mavlink.transport.forwarding import GroundStation
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, SIGNED, UNWANTED, Gate, component
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, SIGNED, UNWANTED, Gate, ids_of
 from bridged.drivers.mavlink.transport.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
 from bridged.drivers.mavlink.transport.signing import OUTDATED, SignedStreams, Signing, SigningError, Timestamps
 from bridged.drivers.mavlink.transport.vehicle_address import VehicleAddress
@@ -357,8 +357,9 @@ class _ClientGate(Gate):
         if link_client.signing is not None and system not in peer.systems:
             return
         now = asyncio.get_running_loop().time()
-        speaker = (system, component(packet))
-        if speaker[1] == AUTOPILOT:
+        _, component, _ = ids_of(packet)
+        speaker = (system, component)
+        if component == AUTOPILOT:
             if link_client.address.peer is not None and str(link_client.address.peer) != str(peer):
                 return
         else:

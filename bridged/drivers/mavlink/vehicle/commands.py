@@ -35,7 +35,7 @@ class Identity:
 
     @property
     def addressee(self) -> tuple[int, int]:
-        """System and component of the vehicle's autopilot, whom our messages are for."""
+        """System and component of the vehicle's autopilot, the target of our messages."""
         return self.vehicle, self.autopilot
 
     def is_addressed(self, message: dialect.MAVLink_message) -> bool:

@@ -24,7 +24,7 @@ CHECK = "Preflight Fail: "
 
 
 class Event(NamedTuple):
-    """One event in words."""
+    """One event as text."""
 
     severity: int
     """MAV_SEVERITY."""

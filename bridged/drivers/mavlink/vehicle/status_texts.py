@@ -91,7 +91,7 @@ class Texts:
         return whole
 
     def receive_event(self, event: Event, now: float) -> list[StatusText]:
-        """Take in an event in words, unless the vehicle sends texts and so will say the same."""
+        """Take in an event as text, unless the vehicle sends texts and so will report the same."""
         return [] if self._spoken and not event.alone else self._keep(event.severity, event.text, now)
 
     def since(self, when: float) -> str:

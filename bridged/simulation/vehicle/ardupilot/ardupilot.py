@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.battery import Battery
 from bridged.simulation.vehicle.ardupilot.boot import FIRST_HEARTBEAT_S, Boot, Milestone, Script
-from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationLink, StationWatch, watch_over
+from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationLink, StationWatch, check_failsafes
 from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do
 from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
@@ -26,7 +26,7 @@ from bridged.simulation.vehicle.payload import Payload
 UNASKED_S = dict.fromkeys((0, 1, 2, 24, 30, 32, 33, 36, 42, 62, 65, 74, 87, 125, 147, 152, 193, 241), 1.0)
 """Intervals of the streams that come unasked from the recorded plane and rover, by message id."""
 HOME_FOLLOWS_S, _MOVED = 1.0, 0.2
-"""Seconds at which home follows a vehicle that is disarmed, if it has moved by so many metres."""
+"""Period in seconds in which home follows a disarmed vehicle, and metres that it must have moved."""
 Texts = Sequence[tuple[str, Severity]]
 
 
@@ -258,7 +258,7 @@ class ArduPilot(Autopilot):
                 self._reach(milestone, texts)
 
     def _guard(self, dt: float) -> None:
-        watch_over(self, dt)
+        check_failsafes(self, dt)
         if self.HOME_FOLLOWS and not self.armed and self.home is not None and self.now >= self._home_at:
             self._home_at = self.now + HOME_FOLLOWS_S
             if self.motion.position.distance(self.home_on_chart) > _MOVED:

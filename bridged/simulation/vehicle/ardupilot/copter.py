@@ -252,7 +252,7 @@ class Copter(ArduPilot):
         self.send_text(change.value, Severity.WARNING)
 
     def on_position_lost(self) -> None:
-        """Land, or do what FS_EKF_ACTION says."""
+        """Land, or act by FS_EKF_ACTION."""
         action = int(self.parameters["FS_EKF_ACTION"])
         if action and (self.mode.needs_position or action == _EVEN_MANUAL) and self.mode is not Mode.LAND:
             mode = Mode.ALT_HOLD if action == _ALT_HOLD else Mode.LAND

@@ -72,7 +72,7 @@ class StationWatch:
     timeout: str
     """... and the one of the seconds of silence, ..."""
     extra: float
-    """... to which so many are added."""
+    """... to which these seconds are added."""
     heard_at: float | None = None
     lost: bool = False
 
@@ -109,7 +109,7 @@ _TERMINATE = 5
 """Value of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT: motors off."""
 
 
-def watch_over(copter: "ArduPilot", dt: float) -> None:
+def check_failsafes(copter: "ArduPilot", dt: float) -> None:
     """Check all failsafes; the last check was `dt` vehicle seconds ago."""
     _pilot(copter)
     _station(copter)

@@ -52,7 +52,7 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
         self._next_timesync += TIMESYNC_PERIOD_S
         return [dialect.MAVLink_timesync_message(0, round(self.autopilot.now * 1e9))]
 
-    def tell(self, event: Event, channels: list[Channel]) -> None:
+    def notify(self, event: Event, channels: list[Channel]) -> None:
         """Send a notification on every channel; STATUSTEXT only where a peer was heard (recorded)."""
         messages = self._messages_of(event)
         for channel in channels:

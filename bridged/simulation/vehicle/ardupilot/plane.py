@@ -84,7 +84,7 @@ class Plane(ArduPilot):
     motion: PlaneMotion
 
     _started_at: float | None = None
-    _said: frozenset[str] = frozenset()
+    _sent: frozenset[str] = frozenset()
     """Texts of the present takeoff or landing that have been sent."""
     _takeoff_course: float | None = None
     """radians"""
@@ -166,7 +166,7 @@ class Plane(ArduPilot):
         self._begin_takeoff(self.home_on_chart.up + self.parameters["TKOFF_ALT"])
 
     def _begin_takeoff(self, up: float) -> None:
-        self._started_at, self._said = self.now, frozenset()
+        self._started_at, self._sent = self.now, frozenset()
         self.send_text("Armed AUTO, xaccel = 0.0 m/s/s, waiting 0.2 sec")
         self.flight.begin(TakeOff(up))
 
@@ -241,7 +241,7 @@ class Plane(ArduPilot):
             self.set_mode(PlaneMode.RTL)
 
     def on_station(self, change: StationLink) -> None:
-        """Do what FS_LONG_ACTN says when the ground station is lost."""
+        """Act by FS_LONG_ACTN when the ground station is lost."""
         if change is StationLink.FOUND:
             self.send_text("GCS Failsafe Off", Severity.WARNING)
         elif self.flight.airborne and self.parameters["FS_LONG_ACTN"] == 1:
@@ -287,7 +287,7 @@ class Plane(ArduPilot):
             elif self.armed:
                 self._begin_takeoff(self.home_on_chart.up + item_now.z)
         elif item_now.command == dialect.MAV_CMD_NAV_LAND and self.flight.airborne:
-            self._said = frozenset()
+            self._sent = frozenset()
             self.send_text(f"Landing approach start at {self.flight.height:.1f}m")
 
     def _takeoff_item_over(self, item: Item) -> None:
@@ -332,30 +332,30 @@ class Plane(ArduPilot):
             self.events.append(ItemReached(0))
         self._disarm_after_landing()
 
-    def _say_once(self, text: str, key: str) -> None:
-        if key not in self._said:
-            self._said |= {key}
+    def _send_once(self, text: str, key: str) -> None:
+        if key not in self._sent:
+            self._sent |= {key}
             self.send_text(text)
 
     def _report_takeoff(self, since: float) -> None:
         flight, passed = self.flight, self.now - since
         course = math.degrees(self.motion.heading)
         if passed >= _TRIGGERED_S:
-            self._say_once("Triggered AUTO. GPS speed = 0.0", "triggered")
+            self._send_once("Triggered AUTO. GPS speed = 0.0", "triggered")
         if not flight.airborne and flight.rolls and self.motion.airspeed > _ROLLING:
             flight.landed = Landed.TAKEOFF
         if passed >= _ANNOUNCED_S:
             distance, up = self.parameters["TKOFF_DIST"], flight.task.up if isinstance(flight.task, TakeOff) else 0.0
             above = up - self.home_on_chart.up
-            self._say_once(f"Takeoff to {above:.0f}m for {distance:.1f}m heading {course:.1f} deg", "course")
+            self._send_once(f"Takeoff to {above:.0f}m for {distance:.1f}m heading {course:.1f} deg", "course")
         if passed >= _ANNOUNCED_S + 0.3 and self._takeoff_course is None:
             self._takeoff_course = self.motion.heading
-            self._say_once(f"Autoland direction= {course:.0f}", "autoland")
+            self._send_once(f"Autoland direction= {course:.0f}", "autoland")
         if not isinstance(flight.task, TakeOff):
             return
         left = flight.task.up - self.motion.up.position
         if flight.airborne and left < _LEVEL_OFF and self.mode is PlaneMode.TAKEOFF:
-            self._say_once(f"Takeoff level-off starting at {left:.0f}m", "level")
+            self._send_once(f"Takeoff level-off starting at {left:.0f}m", "level")
         if flight.reached:
             self._started_at = None
             if self.mode is PlaneMode.TAKEOFF:
@@ -370,12 +370,12 @@ class Plane(ArduPilot):
             return
         if flight.airborne and flight.height < 0.5 * (approach.up - approach.goal.up):
             slope = math.degrees(math.atan2(approach.up - approach.goal.up, approach.length))
-            self._say_once(f"Landing glide slope {slope:.1f} degrees", "slope")
+            self._send_once(f"Landing glide slope {slope:.1f} degrees", "slope")
         if flight.flaring:
             away = self.motion.position.distance(approach.goal)
             sink = -self.motion.up.velocity
             speed = self.motion.airspeed
-            self._say_once(f"Flare {flight.height:.1f}m sink={sink:.2f} speed={speed:.1f} dist={away:.1f}", "flare")
+            self._send_once(f"Flare {flight.height:.1f}m sink={sink:.2f} speed={speed:.1f} dist={away:.1f}", "flare")
 
     def _disarm_after_landing(self) -> None:
         delay = self.parameters["LAND_DISARMDELAY"]

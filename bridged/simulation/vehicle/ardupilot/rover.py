@@ -141,13 +141,13 @@ class Rover(ArduPilot):
             self._begin_item(self.mission.item(max(1, self.mission.current)))
 
     def has_disarmed(self) -> None:
-        """Begin the mission anew the next time, unless AUTO drives it."""
+        """Let the mission begin with its first item the next time, unless AUTO drives it."""
         if self.mode is not RoverMode.AUTO:
             self.mission.rewind()
         self.send_text("Throttle disarmed")
 
     def bring_home(self) -> None:
-        """Do what FS_ACTION says."""
+        """Act by FS_ACTION."""
         mode = _FAILSAFE_ACTIONS.get(int(self.parameters["FS_ACTION"]))
         if mode is not None:
             self.set_mode(mode)

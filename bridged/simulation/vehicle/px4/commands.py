@@ -31,7 +31,7 @@ class CommandContext:
     streams: Streams
     ahead: Messages = field(default_factory=list)
     later: list[tuple[float, Done]] = field(default_factory=list)
-    """What is done after so many seconds."""
+    """Commands that are done later: after how many seconds, and their acknowledgement."""
 
     def carry_out(self, command: Command) -> Result:
         """Carry out a command."""

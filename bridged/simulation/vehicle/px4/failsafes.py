@@ -75,7 +75,7 @@ _ACTIONS = {
     Cause.EMERGENCY_BATTERY: ("COM_LOW_BAT_ACT", {2: Mode.LAND, 3: Mode.LAND}),
 }
 """Parameter of each cause, and what its values do; others do nothing."""
-_AT_ONCE = frozenset((Cause.SETPOINTS, Cause.POSITION))
+_WITHOUT_HOLD = frozenset((Cause.SETPOINTS, Cause.POSITION))
 """Causes for which no pilot is waited for in AUTO.LOITER."""
 
 
@@ -134,7 +134,7 @@ class Failsafes:
         waits = self._wanted is not None
         already = self.acting is not None
         self.acting = cause
-        if cause in _AT_ONCE or action is Mode.LOITER or (already and not waits):
+        if cause in _WITHOUT_HOLD or action is Mode.LOITER or (already and not waits):
             self._act(action)
             return
         self._wanted = action

@@ -78,7 +78,7 @@ class Px4Messages(MessageHandler[Px4]):
         """Return nothing: all that PX4 sends regularly is a stream."""
         return []
 
-    def tell(self, event: Event, channels: list[Channel]) -> None:
+    def notify(self, event: Event, channels: list[Channel]) -> None:
         """Send a notification on every channel; STATUSTEXT only where a ground station is heard."""
         if isinstance(event, Text):
             for channel in channels:

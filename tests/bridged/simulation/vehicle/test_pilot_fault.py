@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.fault_injection import Character, Faults
+from bridged.simulation.vehicle.fault_injection import Faults, VehicleFaults
 
 
 def switched(fault: str, *times: float, airborne: bool = True) -> list[Mode]:
     """Return the mode at each time of a vehicle that begins in GUIDED."""
-    character, mode, found = Character(Faults.parse([fault])), Mode.GUIDED, []
+    vehicle_faults, mode, found = VehicleFaults(Faults.parse([fault])), Mode.GUIDED, []
     for now in times:
-        mode = Mode(character.switched_mode(now, mode, airborne=airborne) or mode)
+        mode = Mode(vehicle_faults.switched_mode(now, mode, airborne=airborne) or mode)
         found.append(mode)
     return found
 
@@ -31,12 +31,12 @@ def test_a_pilot_leaves_a_vehicle_on_the_ground() -> None:
 
 def test_a_vehicle_that_a_failsafe_puts_down_was_not_landed_by_the_pilot_who_had_it() -> None:
     for flies_to_the_end in (True, False):
-        character = Character(Faults.parse(["pilot=5+10:lands"]))
-        character.switched_mode(6, Mode.GUIDED, airborne=True)
-        character.switched_mode(16, Mode.LAND, airborne=flies_to_the_end)
-        character.switched_mode(26, Mode.LAND, airborne=False)
-        assert character.switch is None
-        assert character.landed is flies_to_the_end
+        vehicle_faults = VehicleFaults(Faults.parse(["pilot=5+10:lands"]))
+        vehicle_faults.switched_mode(6, Mode.GUIDED, airborne=True)
+        vehicle_faults.switched_mode(16, Mode.LAND, airborne=flies_to_the_end)
+        vehicle_faults.switched_mode(26, Mode.LAND, airborne=False)
+        assert vehicle_faults.switch is None
+        assert vehicle_faults.landed is flies_to_the_end
 
 
 @pytest.mark.parametrize("fault", ["pilot=5", "pilot=5+x", "pilot=5+3:crashes"])

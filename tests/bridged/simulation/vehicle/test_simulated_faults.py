@@ -9,16 +9,16 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.simulation.vehicle.fault_injection import HELD_S, TABLE, Air, Character, Cut, Faults
+from bridged.simulation.vehicle.fault_injection import HELD_S, TABLE, Cut, Faults, LinkFaults, VehicleFaults
 
 PACKETS = 4000
 
 
-def air(text: str) -> Air:
-    return Air(Faults.parse([text]), "down")
+def air(text: str) -> LinkFaults:
+    return LinkFaults(Faults.parse([text]), "down")
 
 
-def carried(air: Air, count: int = PACKETS, step: float = 0.1) -> list[int]:
+def carried(air: LinkFaults, count: int = PACKETS, step: float = 0.1) -> list[int]:
     """The numbers of the packets that come out, in their order."""
     out = [packet for number in range(count) for packet in air.carry(b"%d" % number, number * step)]
     return [int(packet) for packet in out + air.due(count * step + HELD_S)]
@@ -26,7 +26,7 @@ def carried(air: Air, count: int = PACKETS, step: float = 0.1) -> list[int]:
 
 def test_nothing_is_wrong_if_nothing_is_said() -> None:
     assert Faults.parse([]) == Faults()
-    assert carried(Air(Faults(), "up")) == list(range(PACKETS))
+    assert carried(LinkFaults(Faults(), "up")) == list(range(PACKETS))
 
 
 def test_faults_are_read_from_one_text_or_several() -> None:
@@ -59,7 +59,7 @@ def test_lost_packets_are_as_many_as_asked_for_and_the_same_ones_each_time() -> 
     assert abs(len(first) - 0.8 * PACKETS) < 0.03 * PACKETS
     assert carried(air("loss=0.2")) == first
     assert carried(air("loss=0.2,seed=2")) != first
-    assert carried(Air(Faults(loss=0.2), "up")) != first
+    assert carried(LinkFaults(Faults(loss=0.2), "up")) != first
 
 
 def test_duplicates_come_one_after_the_other() -> None:
@@ -110,22 +110,22 @@ def command(number: int) -> dialect.MAVLink_message:
 
 
 def test_a_liar_acknowledges_orders_and_still_tells_what_it_is_asked() -> None:
-    liar = Character(Faults(lie=True))
-    (ack,) = liar.pretends(command(400)) or []
+    liar = VehicleFaults(Faults(lie=True))
+    (ack,) = liar.false_reply(command(400)) or []
     assert (ack.command, ack.result, ack.target_system, ack.target_component) == (400, 0, 255, 190)
-    assert liar.pretends(command(511)) is None
-    assert Character(Faults()).pretends(command(400)) is None
+    assert liar.false_reply(command(511)) is None
+    assert VehicleFaults(Faults()).false_reply(command(400)) is None
 
 
 def test_a_mute_vehicle_says_all_but_acknowledgements() -> None:
     ack = dialect.MAVLink_command_ack_message(400, 0)
     text = dialect.MAVLink_statustext_message(6, b"Arming motors")
-    assert Character(Faults(mute_acks=True)).says([text, ack]) == [text]
-    assert Character(Faults()).says([text, ack]) == [text, ack]
+    assert VehicleFaults(Faults(mute_acks=True)).applied_to([text, ack]) == [text]
+    assert VehicleFaults(Faults()).applied_to([text, ack]) == [text, ack]
 
 
 def test_a_vehicle_restarts_once_at_each_time() -> None:
-    vehicle = Character(Faults(reboots=(1.0, 5.0)))
+    vehicle = VehicleFaults(Faults(reboots=(1.0, 5.0)))
     assert [second for second in range(10) if vehicle.restarts(second)] == [1, 5]
 
 
