@@ -12,7 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.mission import do
-from bridged.simulation.vehicle.commands import FORCE, Command, heading_of, turn_rate_of, wants_place, wants_velocity
+from bridged.simulation.vehicle.command_messages import (
+    FORCE,
+    Command,
+    heading_of,
+    turn_rate_of,
+    wants_place,
+    wants_velocity,
+)
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.messages import Streams
 from bridged.simulation.vehicle.mission_items import GLOBAL_FRAMES, RELATIVE_FRAMES, whole

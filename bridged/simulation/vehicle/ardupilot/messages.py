@@ -7,7 +7,7 @@ from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.boot import Milestone
 from bridged.simulation.vehicle.ardupilot.commands import CommandContext, global_setpoint, local_setpoint
 from bridged.simulation.vehicle.ardupilot.mission_protocol import ArduPilotMissions
-from bridged.simulation.vehicle.commands import Command
+from bridged.simulation.vehicle.command_messages import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, dataflash_log
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams, parameter_name
 from bridged.simulation.vehicle.notifications import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.commands import FORCE, Command
+from bridged.simulation.vehicle.command_messages import FORCE, Command
 from bridged.simulation.vehicle.messages import Messages, Streams
 from bridged.simulation.vehicle.mission_items import whole
 from bridged.simulation.vehicle.motion.dynamics import Vector

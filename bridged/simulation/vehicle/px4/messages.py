@@ -5,7 +5,7 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport import further_messages
-from bridged.simulation.vehicle.commands import Command
+from bridged.simulation.vehicle.command_messages import Command
 from bridged.simulation.vehicle.log_transfer import LOG_MESSAGES, LogTransfer, ulog
 from bridged.simulation.vehicle.messages import Channel, MessageHandler, Messages, Streams, parameter_name
 from bridged.simulation.vehicle.mission_items import whole

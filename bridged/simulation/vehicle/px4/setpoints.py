@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.commands import heading_of, turn_rate_of, wants_place, wants_velocity
+from bridged.simulation.vehicle.command_messages import heading_of, turn_rate_of, wants_place, wants_velocity
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo
 from bridged.simulation.vehicle.px4.px4 import Px4
