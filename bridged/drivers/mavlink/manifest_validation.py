@@ -18,7 +18,7 @@ from bridged.drivers.mavlink.action_binding import (
     REPOSITION,
 )
 from bridged.drivers.mavlink.actions.context import Procedure
-from bridged.drivers.mavlink.vehicle import derived_readings
+from bridged.drivers.mavlink.vehicle import readings
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from schemas.files.findings import Finding
 from schemas.manifest.loader import ActionEntry, FieldValue, Manifest, PerceptEntry
@@ -33,7 +33,7 @@ OWN_FIELDS: Mapping[str, tuple[str, ...]] = {
         "seq", "command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4", "count",
     ),
     "MISSION_LIST": ("count", "waypoints"),
-    **derived_readings.FIELDS,
+    **readings.FIELDS,
 }  # fmt: skip
 """Sources that the driver reads itself: the mode's name, a mode set by others, the link as the atom up or down, a
 parameter that was asked for, a warning of the vehicle, and the items of the mission that was sent or read last."""

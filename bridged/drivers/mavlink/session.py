@@ -30,11 +30,11 @@ from bridged.drivers.mavlink.autopilots.ardupilot import ArduPilot
 from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import derived
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
+from bridged.drivers.mavlink.vehicle.readings import derived
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams

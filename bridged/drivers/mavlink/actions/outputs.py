@@ -12,7 +12,7 @@ from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ende
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters, write_parameter
-from bridged.drivers.mavlink.vehicle.derived_readings import NO_OUTPUT, OUTPUTS
+from bridged.drivers.mavlink.vehicle.readings import NO_OUTPUT, OUTPUTS
 
 PWM_NEAR = 1
 """Microseconds."""

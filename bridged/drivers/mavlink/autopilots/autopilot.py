@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
+from bridged.drivers.mavlink.vehicle.readings import BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE
 
 if TYPE_CHECKING:
     from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, ProcedureContext, ProcedureRun

@@ -30,9 +30,9 @@ from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import NO_OUTPUT, OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
 from bridged.drivers.mavlink.vehicle.px4_events import CHECK
+from bridged.drivers.mavlink.vehicle.readings import NO_OUTPUT, OUTPUTS, WIND_ESTIMATE
 from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 
 NO_MISSION = 65535

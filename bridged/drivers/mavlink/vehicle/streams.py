@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand
-from bridged.drivers.mavlink.vehicle.derived_readings import derived
+from bridged.drivers.mavlink.vehicle.readings import derived
 from schemas.manifest.loader import Manifest, Retry
 from schemas.wire.records import Note
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.vehicle.derived_readings import DERIVED
+from bridged.drivers.mavlink.vehicle.readings import DERIVED
 from bridged.drivers.mavlink.vehicle.streams import unread
 from bridged.simulation.vehicle.fault_injection import Faults
 from bridged.simulation.vehicle.kinds import KINDS, AutopilotName
