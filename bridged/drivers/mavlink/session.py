@@ -34,10 +34,10 @@ from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
-from bridged.drivers.mavlink.vehicle.readings import derived
+from bridged.drivers.mavlink.vehicle.readings import LinkState, MessageFields, derived
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
-from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams
+from bridged.drivers.mavlink.vehicle.streams import Streams
 from commd.common.clock import Clock
 from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry
@@ -65,7 +65,6 @@ NO_LIMITS = Limits()
 AUTOPILOTS = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPilot(), dialect.MAV_AUTOPILOT_PX4: Px4()}
 """Those that are commanded, by MAV_AUTOPILOT; the first as long as a vehicle has not been heard."""
 ARDUPILOT = AUTOPILOTS[dialect.MAV_AUTOPILOT_ARDUPILOTMEGA]
-_ATOMS = {True: Atom("up"), False: Atom("down")}
 log = logging.getLogger("mavlink")
 
 
@@ -520,37 +519,3 @@ class VehicleSession:
 
 _HEARTBEAT = (dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
 """What follows the type in ours."""
-
-
-class LinkState:
-    """The percept of the link: `up` while the vehicle is heard over a transport that carries, `down` otherwise.
-
-    Each change is reported once. A vehicle that was not heard yet is neither up nor down until it has been silent for
-    the time of a link loss: a program need not distinguish the start of a flight from a loss. Times are in mission s.
-    """
-
-    def __init__(self, on_reading: OnReading) -> None:
-        self._on_reading = on_reading
-        self._reported: bool | None = None
-        self._begun = math.inf
-        self._carries = True
-        self._carries_since = -math.inf
-
-    def carry(self, up: bool, now: float) -> None:
-        """Take in that the transport (a socket, a device) came up or went down at `now` (mission seconds)."""
-        if up and not self._carries:
-            self._carries_since = now
-        self._carries = up
-
-    def look(self, connected: bool, heard_at: float, now: float, patience: float) -> None:
-        """Report a change of `connected`; `heard_at`, the last packet, and `now` are in mission seconds.
-
-        `patience`: mission seconds of silence that are a link loss. After the transport was down the link is up when
-        the vehicle is heard again, not before.
-        """
-        self._begun = min(self._begun, now)
-        up = self._carries and connected and heard_at >= self._carries_since
-        if up is self._reported or (not up and self._reported is None and now - self._begun <= patience):
-            return
-        self._reported = up
-        self._on_reading(Reading("LINK", {"state": _ATOMS[up]}))

@@ -1,11 +1,14 @@
-"""Readings that the driver makes of messages, so that a percept means the same whichever autopilot flies."""
+"""Readings: of a message as it is, of the link, and those that mean the same whichever autopilot flies."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import OnReading, Reading
+from schemas.wire.terms import Atom
 
 Make = Callable[[dialect.MAVLink_message], Mapping[str, object]]
 
@@ -85,3 +88,59 @@ def derived(sources: Iterable[str]) -> dict[str, tuple[str, Make]]:
         for message, (source, make) in DERIVED.items()
         if source in wanted
     }
+
+
+class MessageFields(Mapping[str, object]):
+    """The fields of a message by name; texts are strings. Fields are converted when they are read."""
+
+    def __init__(self, message: dialect.MAVLink_message) -> None:
+        self._message = message
+
+    def __getitem__(self, name: str) -> object:
+        if name not in self._message.fieldnames:
+            raise KeyError(name)
+        value: object = getattr(self._message, name)
+        return self._message.format_attr(name) if type(value) is bytes else value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._message.fieldnames)
+
+    def __len__(self) -> int:
+        return len(self._message.fieldnames)
+
+
+_ATOMS = {True: Atom("up"), False: Atom("down")}
+
+
+class LinkState:
+    """The percept of the link: `up` while the vehicle is heard over a transport that carries, `down` otherwise.
+
+    Each change is reported once. A vehicle that was not heard yet is neither up nor down until it has been silent for
+    the time of a link loss: a program need not distinguish the start of a flight from a loss. Times are in mission s.
+    """
+
+    def __init__(self, on_reading: OnReading) -> None:
+        self._on_reading = on_reading
+        self._reported: bool | None = None
+        self._begun = math.inf
+        self._carries = True
+        self._carries_since = -math.inf
+
+    def carry(self, up: bool, now: float) -> None:
+        """Take in that the transport (a socket, a device) came up or went down at `now` (mission seconds)."""
+        if up and not self._carries:
+            self._carries_since = now
+        self._carries = up
+
+    def look(self, connected: bool, heard_at: float, now: float, patience: float) -> None:
+        """Report a change of `connected`; `heard_at`, the last packet, and `now` are in mission seconds.
+
+        `patience`: mission seconds of silence that are a link loss. After the transport was down the link is up when
+        the vehicle is heard again, not before.
+        """
+        self._begun = min(self._begun, now)
+        up = self._carries and connected and heard_at >= self._carries_since
+        if up is self._reported or (not up and self._reported is None and now - self._begun <= patience):
+            return
+        self._reported = up
+        self._on_reading(Reading("LINK", {"state": _ATOMS[up]}))

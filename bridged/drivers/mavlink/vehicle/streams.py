@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -220,22 +220,3 @@ def unread(manifest: Manifest) -> frozenset[int]:
     sources = {percept.source for percept in manifest.percepts.values()}
     sources |= derived(sources).keys()
     return frozenset(getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in FOR_PERCEPTS_ONLY if name not in sources)
-
-
-class MessageFields(Mapping[str, object]):
-    """The fields of a message by name; texts are strings. Fields are converted when they are read."""
-
-    def __init__(self, message: dialect.MAVLink_message) -> None:
-        self._message = message
-
-    def __getitem__(self, name: str) -> object:
-        if name not in self._message.fieldnames:
-            raise KeyError(name)
-        value: object = getattr(self._message, name)
-        return self._message.format_attr(name) if type(value) is bytes else value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._message.fieldnames)
-
-    def __len__(self) -> int:
-        return len(self._message.fieldnames)

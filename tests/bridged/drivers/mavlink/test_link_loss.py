@@ -9,12 +9,12 @@ import pty
 from pathlib import Path
 
 from bridged.drivers.api import Reading
-from bridged.drivers.mavlink.session import LinkState
 from bridged.drivers.mavlink.transport import endpoint
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.endpoint import UdpSocket
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import Link, open_link
+from bridged.drivers.mavlink.vehicle.readings import LinkState
 from schemas.manifest.loader import read_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding

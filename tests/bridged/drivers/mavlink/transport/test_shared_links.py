@@ -15,7 +15,8 @@ from bridged.drivers.mavlink.registration import check_robot
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import LinkError
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
-from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY, MessageFields
+from bridged.drivers.mavlink.vehicle.readings import MessageFields
+from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY
 from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
