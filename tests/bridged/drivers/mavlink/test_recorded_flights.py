@@ -64,7 +64,7 @@ class Replay:
             while waiting and waiting[0][0] <= packet.at:
                 _, name, arguments = waiting.pop(0)
                 entry = MANIFEST.actions[name]
-                action = bind_action(entry, arguments, self.talk.modes)
+                action = bind_action(entry, arguments, self.talk.vehicle.modes)
                 procedure = procedure_of(entry, action.number)
                 run = ProcedureRun(name, procedure=procedure, action=action, moves=entry.motion, by_agent=True)
                 running.append(self.talk.begin(run))
