@@ -125,7 +125,6 @@ class ActionLog:
     def keep(self) -> None:
         """Sync the records soon, so that they outlive a power loss. Raises OSError."""
         if self._unsynced:
-            self._unsynced = False
             self._keep_through_power_loss()
 
     def finish(self, agent: str, status: ActionStatus) -> None:
@@ -209,6 +208,7 @@ class ActionLog:
 
     def _keep_through_power_loss(self) -> None:
         """Sync what has been written, unless a sync that has not begun yet will do that."""
+        self._unsynced = False
         waits = self._sync is not None and not self._sync.running() and not self._sync.done()
         if not waits:
             self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))

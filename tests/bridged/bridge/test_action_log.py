@@ -323,3 +323,17 @@ def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> Non
     well = ActionLog(path)
     assert well.note is None
     well.close()
+
+
+def test_the_sync_of_an_end_is_that_of_its_beginning_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced = Mock()
+    monkeypatch.setattr("bridged.bridge.action_log._sync", lambda file: (os.close(file), synced()))
+    action_log = ActionLog(tmp_path / "uav1.actions")
+    for number in range(3):
+        action_log.begin(begun(f"a{number}"))
+        action_log.finish("uav", ended(f"a{number}"))
+        soon(lambda so_far=number + 1: synced.call_count == so_far, "a sync")  # type: ignore[misc]
+        action_log.keep()
+    action_log.close()
+    action_log._syncer.shutdown()
+    assert synced.call_count == 3
