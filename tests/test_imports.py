@@ -38,10 +38,12 @@ LINK: Final = {"fastcrc", "hmac", "pymavlink", "termios", "tty"}
 REASONING: Final = {"bisect", "encodings", "random", "zlib"}
 """`zlib` packs the grammar's tables and what is told of a mind; a program may begin with a byte order mark."""
 
-DAEMON: Final = COMMAND_LINE | MISSION | THREADS | {"gc"}
+CALLBACKS: Final = {"_ctypes", "ctypes"}
+"""Keeps the interpreter's state of Zenoh's threads."""
+DAEMON: Final = COMMAND_LINE | MISSION | THREADS | CALLBACKS | {"gc"}
 """`gc` looks for garbage seldom, and not in what the start has made."""
 ALLOWED: Final[dict[str, set[str]]] = {
-    "client": MISSION | DIGESTS | {"commd", "concurrent", "queue", "schemas"},
+    "client": MISSION | DIGESTS | CALLBACKS | {"commd", "concurrent", "queue", "schemas"},
     "commd": DAEMON | CHECKSUMS | DIGESTS | KEPT | {"commd", "schemas"},
     "bridged": DAEMON | CHECKSUMS | DIGESTS | LINK | {"bridged", "commd", "schemas"},
     "agentd": DAEMON | DIGESTS | KEPT | REASONING | {"agentd", "commd", "schemas"},

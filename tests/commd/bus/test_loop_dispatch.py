@@ -8,9 +8,11 @@ from collections import Counter
 from typing import Any
 
 import pytest
+import zenoh
 
 from commd.bus import loop_dispatch as module
 from commd.bus.loop_dispatch import AT_ONCE, TURN, LoopDispatch
+from tests.support.buses import Connect, bus_test, until
 
 
 def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
@@ -124,3 +126,22 @@ def test_what_comes_after_a_loop_that_was_called_and_has_ended_is_counted() -> N
     for _ in range(10):
         handover.put(print, "lost")
     assert counters == {"dropped": 11}
+
+
+@bus_test
+async def test_a_thread_of_zenohs_has_one_state_in_the_interpreter_for_all_its_calls(connect: Connect) -> None:
+    here, there = await connect("a"), await connect("b")
+    of_thread, calls = threading.local(), list[int]()
+
+    def arrived(sample: zenoh.Sample) -> None:
+        of_thread.calls = getattr(of_thread, "calls", 0) + 1  # goes with the state
+        here._dispatch.put(calls.append, of_thread.calls)
+
+    here.raw.tap("x/y", arrived)
+    publisher = there.raw.publisher("x/y")
+    await until(lambda: publisher.matching, "the subscriber is known")
+    for number in range(50):
+        publisher.put(b"", "text/plain")
+        await until(lambda so_far=number: len(calls) > so_far, "it has arrived")  # type: ignore[misc]
+    assert max(calls) >= 50 / module.KEPT
+    assert len(module._kept) <= module.KEPT
