@@ -3,7 +3,11 @@
 
 { include("relay.asl") }
 
-+!departed : altitude(A) & A > 5 & state(_, _, true) <- set_mode("GUIDED").     // a takeoff was interrupted
+// In the air already: a takeoff was cut short, and goes on. A plane's is not ended near the ground.
++!departed : state("TAKEOFF", _, true) & height(Height) <- takeoff(Height).
++!departed : state(_, _, true) & altitude(A) & A > 2 & height(Height) & A < Height - 5
+  <- set_mode("GUIDED"); takeoff(Height).
++!departed : state(_, _, true) & altitude(A) & A > 2 <- set_mode("GUIDED").
 +!departed : height(Height)
   <- !in_hand;
      arm_motors(true);

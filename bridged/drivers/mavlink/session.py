@@ -15,6 +15,7 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Execution, OnReading, Order, Outcome, Reading
+from bridged.drivers.mavlink.actions.confirmation import HOME_REPORTED
 from bridged.drivers.mavlink.actions.context import (
     NOBODYS_FAILSAFE,
     BoundAction,
@@ -400,6 +401,10 @@ class VehicleSession:
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
+        until = self.flight.connected_since + self.flight.wait(*HOME_REPORTED)
+        while run.moves and self.vehicle.armed and not self.vehicle.located and self.flight.now <= until:
+            waited, run.waits_for = True, "the vehicle to report whether and where it flies"
+            yield
         if waited and run.bind is not None:
             try:
                 run.action = run.bind()

@@ -111,7 +111,7 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
 def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes).
 
-    An autopilot with a command for it is given that one.
+    An autopilot with a command for it is given that one. One that is under way goes on, as after a death of its agent.
     """
     vehicle, wanted = flight.vehicle, action.arguments["altitude"]
     mode = vehicle.modes.takeoff
@@ -119,12 +119,22 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
         return Outcome("refused", f"a vehicle of this kind has no mode to take off by: {vehicle.modes.vehicle}")
     if broken := flight.too_high(float(wanted)):
         return Outcome("refused", broken, "limits")
-    if not vehicle.armed or (vehicle.aloft and not flight.goes_on(action)):
-        return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_text()}")
-    near = action.tolerance or 5.0
+    if not vehicle.armed:
+        return Outcome("refused", f"a takeoff begins armed; {flight.state_text()}")
+    near, asked = action.tolerance or 5.0, flight.now
+    parameters = (0.0,) * 6 + (float(wanted),)
+    command = BoundAction(
+        dialect.MAV_CMD_NAV_TAKEOFF, parameters, retry=action.retry, tolerance=near, yaw=action.yaw, by_int=True
+    )
+    if vehicle.aloft and not flight.goes_on(action):
+        if vehicle.mode != mode:
+            return (yield from _climb_on(flight, run, command, near))
+        run.judges_mode = flight.autopilot.settles > 0
+        known = None if flight.autopilot.settles else (yield from read_parameter(flight, run, "TKOFF_ALT"))
+        if known is not None and abs(known.value - wanted) > near:
+            return Outcome("refused", f"a takeoff to {known.value:g} m is under way; {flight.state_text()}")
+        return (yield from _climb(flight, run, float(wanted), near, "the takeoff under way", asked))
     if flight.autopilot.settles:
-        parameters = (0.0,) * 6 + (float(wanted),)
-        command = BoundAction(dialect.MAV_CMD_NAV_TAKEOFF, parameters, retry=action.retry, tolerance=near)
         return (yield from take_off(flight, run, command))
     yield from write_parameter(flight, run, "TKOFF_ALT", float(wanted))
     asked = flight.now

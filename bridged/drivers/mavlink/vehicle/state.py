@@ -134,6 +134,11 @@ class Vehicle:
         return self.landed_state == ON_GROUND and not self._stale(self.landed_at)
 
     @property
+    def located(self) -> bool:
+        """Whether it has reported where it is, and whether it flies, since it was heard first."""
+        return self.position is not None and self.landed_at > -math.inf
+
+    @property
     def placed(self) -> bool:
         """Whether its position is not stale."""
         return self.position is not None and not self._stale(self.position_at)

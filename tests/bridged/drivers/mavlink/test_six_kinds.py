@@ -30,11 +30,10 @@ ORDERED = {
 """The mode that each order means for each kind."""
 
 
-def sky_of(tmp_path: Path, vehicle: str, autopilot: str) -> Sky:
+def sky_of(tmp_path: Path, vehicle: str, autopilot: str, flown: Vehicle | None = None) -> Sky:
     mission = MISSION.replace("manifest: copter", f"manifest: {vehicle}")
-    return Sky(
-        tmp_path, vehicle=Vehicle(HOME, KINDS[vehicle, autopilot]), manifest=load_manifest(vehicle), mission=mission
-    )
+    flown = flown or Vehicle(HOME, KINDS[vehicle, autopilot])
+    return Sky(tmp_path, vehicle=flown, manifest=load_manifest(vehicle), mission=mission)
 
 
 def done(sky: Sky, name: str, *arguments: object) -> None:
@@ -108,6 +107,33 @@ def test_a_stored_mission_is_flown_to_its_end(tmp_path: Path, vehicle: str, auto
     done(sky, "start_mission")
     done(sky, "return_to_launch")
     assert sky.belief("override") is None
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_what_is_asked_of_a_bridge_that_was_started_again_in_flight_waits_for_the_vehicles_reports(
+    tmp_path: Path, vehicle: str, autopilot: str
+) -> None:
+    before = sky_of(tmp_path / "before", vehicle, autopilot)
+    under_way(before, vehicle)
+    after = sky_of(tmp_path / "after", vehicle, autopilot, before.vehicle)
+    done(after, "goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_planes_takeoff_that_is_under_way_is_joined_and_goes_on_from_any_height(
+    tmp_path: Path, autopilot: str
+) -> None:
+    before = sky_of(tmp_path / "before", "plane", autopilot)
+    done(before, "set_mode", "GUIDED")
+    done(before, "arm_motors", True)
+    before.begin("takeoff", 40)
+    before.forward(lambda: before.driver.vehicle.aloft, "the takeoff", 20)
+    after = sky_of(tmp_path / "after", "plane", autopilot, before.vehicle)
+    done(after, "takeoff", 40)
+    done(after, "set_mode", "GUIDED")
+    done(after, "takeoff", 70)
+    assert after.driver.vehicle.position is not None
+    assert after.driver.vehicle.position.altitude == pytest.approx(70, abs=10)
 
 
 LANDING = [

@@ -177,10 +177,11 @@ def test_a_plane_whose_motion_is_cancelled_circles(plane: Sky) -> None:
     plane.forward(lambda: plane.belief("state") == ("LOITER", True, True), "LOITER", 5)
 
 
-def test_a_takeoff_by_mode_is_refused_in_the_air_and_to_vehicles_without_one(plane: Sky, tmp_path: Path) -> None:
+def test_a_takeoff_by_mode_to_another_height_is_refused_while_one_is_under_way(plane: Sky) -> None:
+    assert plane.do("takeoff", 30).reason.startswith("a takeoff begins armed; the vehicle is not armed")
     plane.do("arm_motors", True)
     plane.do("takeoff", 30)
-    assert plane.do("takeoff", 60).reason.startswith("a takeoff begins armed on the ground; the vehicle is armed, in f")
+    assert plane.do("takeoff", 60).reason.startswith("a takeoff to 30 m is under way; the vehicle is armed, in flight")
 
 
 def test_limits_hold_for_planes_too(tmp_path: Path) -> None:
