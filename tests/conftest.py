@@ -125,17 +125,24 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def loggers_as_they_were() -> Iterator[None]:
-    """Undo what a command that was run in this process has said of loggers: it would silence them for other tests."""
+    """Undo what a command that was run in this process has said of loggers, and take away the handlers that it has left.
 
-    def all_of_them() -> dict[logging.Logger, int]:
+    Its levels would silence them for other tests; its handlers would write to a stream that ended with its test.
+    """
+
+    def all_of_them() -> dict[logging.Logger, tuple[int, list[logging.Handler]]]:
         found = (one for one in logging.root.manager.loggerDict.values() if isinstance(one, logging.Logger))
-        return {one: one.level for one in (logging.root, *found)}
+        return {one: (one.level, one.handlers[:]) for one in (logging.root, *found)}
 
     before = all_of_them()
     yield
-    for logger, level in all_of_them().items():
-        if (was := before.get(logger, logging.NOTSET)) != level:
+    for logger, (level, handlers) in all_of_them().items():
+        was, had = before.get(logger, (logging.NOTSET, []))
+        if was != level:
             logger.setLevel(was)
+        for handler in handlers:
+            if handler not in had and not type(handler).__module__.startswith("_pytest"):
+                logger.removeHandler(handler)
 
 
 @pytest.fixture(autouse=True)

@@ -10,6 +10,8 @@ from tests.support.amount import some_of
 
 DEPTH = some_of(10_000)
 """Of nested sources and terms: beyond what the interpreter recurses, 1,000."""
+TOO_DEEP = 10_000
+"""Beyond what commands let it recurse."""
 FACTS = " ".join(f"p{n}({n})." for n in range(50))
 CONTEXT = " & ".join(f"p{n}(X{n})" for n in range(50))
 PATTERN = ",".join(f"X{n}" for n in range(100))
@@ -123,10 +125,10 @@ def test_source_nested_deep_works(program: str) -> None:
 @pytest.mark.parametrize(
     "program",
     [
-        f"a. !s. +!s : {_nested('b', 'not (')} <- .print(no).",
-        f"a. !s. +!s <- !nest({DEPTH},a,T); ?T; .print(no). "
+        f"a. !s. +!s : {_nested('b', 'not (', depth=TOO_DEEP)} <- .print(no).",
+        f"a. !s. +!s <- !nest({TOO_DEEP},a,T); ?T; .print(no). "
         "+!nest(0,T,T). +!nest(N,A,T) <- B = (a & A); !nest(N-1,B,T).",
-        f"!s. +!s <- !nest({DEPTH},a,T); +b(T); .print(no). "
+        f"!s. +!s <- !nest({TOO_DEEP},a,T); +b(T); .print(no). "
         "+!nest(0,T,T). +!nest(N,A,T) <- B = { !g(A) }; !nest(N-1,B,T).",
         "r(N) :- r(N+1). !s. +!s <- .wait(r(1)).",
         '{ register_function("f.a",1,"fa") } fa(N,R) :- R = f.a(N+1). !s. +!s <- X = f.a(1); .print(no).',
