@@ -125,7 +125,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def loggers_as_they_were() -> Iterator[None]:
-    """Undo what a command that was run in this process has said of loggers, and take away the handlers that it has left.
+    """Undo what a command that was run in this process has said of loggers, and remove the handlers that it has left.
 
     Its levels would silence them for other tests; its handlers would write to a stream that ended with its test.
     """
