@@ -90,9 +90,9 @@ def test_a_port_that_is_taken_is_one_line(endpoint: str, capsys: pytest.CaptureF
     ],
 )
 def test_what_cannot_be_is_said_and_nothing_is_served(
-    arguments: list[str], code: int, words: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], code: int, words: str, endpoint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["ui", *arguments]) == code
+    assert main(["ui", "--router", endpoint, *arguments]) == code
     out, err = capsys.readouterr()
     assert words in err
     assert out == ""
