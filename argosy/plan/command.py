@@ -59,6 +59,9 @@ def show_plan(args: Namespace) -> int:
     put_out(
         "\n".join(map(printable, columns([_HEAD, *map(_row, range(1, len(plan.items) + 1), plan.items)], {0, 2, 3})))
     )
+    for items, what in ((plan.fence, "fence"), (plan.rally, "rally points")):
+        if items:
+            put_out(f"{what}: {count(len(items), 'item')}")
     if plan.remark:
         note(f"{args.file}: {plan.remark}")
     return EXIT_DONE

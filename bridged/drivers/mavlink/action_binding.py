@@ -148,7 +148,7 @@ CALLS: Mapping[str, CallForm] = MappingProxyType({
     "mission_upload": CallForm(
         ("items", "home_first"), Procedure(mission_actions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
     ),
-    "plan_upload": CallForm(("file",), Procedure(mission_actions.upload_plan, _ITEMS), ("file",)),
+    "plan_upload": CallForm(("file",), Procedure(fence_upload.upload_plan, _ITEMS), ("file",)),
     "mission_download": CallForm((), Procedure(mission_actions.download_mission, _ITEMS)),
     "mission_start": CallForm(
         (),

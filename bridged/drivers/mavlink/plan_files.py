@@ -17,8 +17,8 @@ from typing import Any, Literal
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions.mission_items import FRAMES, LAST_NAV, MAX_ITEMS, Item
+from bridged.drivers.mavlink.plan_fence import MAX_ALTITUDE, fence_items, rally_items
 from schemas.files.text_files import read_bounded
-from schemas.humanize import count, joined
 
 QUOTES = "'\""
 MAX_BYTES = 2 * 2**20
@@ -27,8 +27,6 @@ SUFFIXES = (".plan", ".waypoints")
 WPL = "QGC WPL 110"
 """First line of a list of waypoints; item 0 is home."""
 COLUMNS = 12
-MAX_ALTITUDE = 1e5
-"""Metres, up or down."""
 MAX_NUMBER = 3.4e38
 """Of 32 bits."""
 MAX_TEXT = 60
@@ -47,12 +45,14 @@ class BadPlan(ValueError):
 
 @dataclass(frozen=True)
 class PlanFile:
-    """The mission of a plan file."""
+    """The mission of a plan file, its fence and its rally points."""
 
     items: tuple[Item, ...]
     """Without home."""
+    fence: tuple[Item, ...] = ()
+    rally: tuple[Item, ...] = ()
     not_taken: tuple[str, ...] = ()
-    """Parts of the file that are no items of the mission, for people: `a geofence of 1 polygon`."""
+    """Parts of the file that no list of a vehicle takes, for people."""
 
     @property
     def remark(self) -> str:
@@ -193,7 +193,14 @@ def _read_json(text: str) -> PlanFile:
             jumps.setdefault(jump, len(items))
         if len(items) > MAX_ITEMS:
             raise BadPlan(f"{place}: a mission has {MAX_ITEMS} items at most")
-    return PlanFile(tuple(_jumping(items, jumps)), tuple(_other_parts(plan)))
+    fence, rally = (part if isinstance(part := plan.get(name), dict) else {} for name in ("geoFence", "rallyPoints"))
+    try:
+        lists = tuple(fence_items(fence)), tuple(rally_items(rally))
+    except ValueError as error:
+        raise BadPlan(str(error)) from None
+    return PlanFile(
+        tuple(_jumping(items, jumps)), *lists, ("the breach return point",) if fence.get("breachReturn") else ()
+    )
 
 
 def _no_constant(name: str) -> None:
@@ -260,21 +267,6 @@ def _jumping(items: Sequence[Item], jumps: Mapping[int, int]) -> Iterator[Item]:
         if target not in jumps:
             raise BadPlan(f"item {seq} of the mission: it jumps to item {target:g}, which the file does not have")
         yield replace(item, parameters=(float(jumps[int(target)]), times, three, four))
-
-
-def _other_parts(plan: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the parts of a plan that are no mission, as far as they hold anything."""
-    fence, rally = plan.get("geoFence"), plan.get("rallyPoints")
-    if isinstance(fence, dict):
-        parts = [
-            count(len(shapes), noun)
-            for noun, key in (("polygon", "polygons"), ("circle", "circles"))
-            if isinstance(shapes := fence.get(key), list) and shapes
-        ]
-        if parts or fence.get("breachReturn"):
-            yield f"a geofence of {joined(parts or ['a breach return point'])}"
-    if isinstance(rally, dict) and isinstance(points := rally.get("points"), list) and points:
-        yield count(len(points), "rally point")
 
 
 def _table(value: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -14,6 +14,8 @@ from bridged.simulation.vehicle.mission_items import Item
 
 MISSION, FENCE, RALLY = 0, 1, 2
 """mission_type (MAV_MISSION_TYPE)."""
+FENCE_COMMANDS, RALLY_COMMANDS = frozenset((5000, 5001, 5002, 5003, 5004)), frozenset((5100,))
+"""Commands of their items."""
 Peer = tuple[int, int]
 """System and component."""
 

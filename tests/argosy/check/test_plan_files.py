@@ -74,10 +74,10 @@ def test_a_plan_that_can_be_used_and_a_name_that_only_the_run_knows_are_fine(fol
 
 
 def test_a_fence_in_a_plan_is_told_to_be_not_taken(folder: Path) -> None:
-    (folder / "plans" / "a.plan").write_text(plan(THERE, geoFence={"circles": [{}], "polygons": [], "version": 2}))
+    (folder / "plans" / "a.plan").write_text(plan(THERE, geoFence={"breachReturn": [-27.6, -48.5, 20]}))
     ((line, severity, message),) = said(folder, "survey")
     assert (line, severity) == (3, "warning")
-    assert message.endswith("plans/a.plan: not taken from the file: a geofence of 1 circle")
+    assert message.endswith("plans/a.plan: not taken from the file: the breach return point")
 
 
 def test_the_board_of_the_robot_gets_the_plans_that_programs_name(folder: Path) -> None:

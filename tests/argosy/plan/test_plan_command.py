@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from tests.bridged.drivers.mavlink.test_plan_files import HOME, TAKEOFF, THERE, plan
+from tests.bridged.drivers.mavlink.test_plan_files import HOME, RALLY, TAKEOFF, THERE, plan
 
 
 def test_the_items_of_a_plan_are_listed_and_what_is_not_taken_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "field.plan"
-    path.write_text(plan(TAKEOFF, THERE, HOME, geoFence={"circles": [{}], "polygons": [], "version": 2}))
+    path.write_text(plan(TAKEOFF, THERE, HOME, geoFence={"breachReturn": [-27.6, -48.5, 20]}, rallyPoints=RALLY))
     assert main(["plan", "show", str(path)]) == 0
     printed = capsys.readouterr()
     assert printed.out.splitlines() == [
@@ -23,8 +23,9 @@ def test_the_items_of_a_plan_are_listed_and_what_is_not_taken_is_named(
         "   1  takeoff   -27.6040330  -48.5183630  10 m above home",
         "   2  waypoint  -27.6036830  -48.5180520  20 m above home",
         "   3  rtl",
+        "rally points: 1 item",
     ]
-    assert printed.err == f"note: {path}: not taken from the file: a geofence of 1 circle\n"
+    assert printed.err == f"note: {path}: not taken from the file: the breach return point\n"
 
 
 def test_a_file_that_cannot_be_taken_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

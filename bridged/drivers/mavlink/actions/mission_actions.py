@@ -26,7 +26,6 @@ from bridged.drivers.mavlink.actions.context import (
     Steps,
 )
 from bridged.drivers.mavlink.actions.mission_items import AMSL, MAX_ITEMS, RELATIVE, Item, item_of, read_items
-from bridged.drivers.mavlink.plan_files import BadPlan, find_plan, read_plan
 from bridged.drivers.mavlink.vehicle.state import Place
 
 TRIES = 6
@@ -52,7 +51,11 @@ RESULTS = {
     dialect.MAV_MISSION_OPERATION_CANCELLED: "it gave up waiting for items",
 }
 """Texts of MISSION_ACK.type."""
-MISSION, FENCE = dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_FENCE
+MISSION, FENCE, RALLY = (
+    dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY,
+)  # fmt: skip
+LISTS = {MISSION: "mission", FENCE: "fence", RALLY: "list of rally points"}
+"""Names of the lists for people."""
 log = logging.getLogger("mavlink")
 
 
@@ -97,7 +100,7 @@ def send_items(
     `begun` is called with how many have been sent, and sets `run.leaves`. Raises Ended if the vehicle refuses them, or
     falls silent before it has requested the last.
     """
-    what, first = ("fence", 0) if kind == FENCE else ("mission", 1)  # home is no item to people
+    what, first = LISTS[kind], int(kind == MISSION)  # home is no item to people
     count, sent, tries = len(items), 0, 0
     again_at = quiet_since = flight.now
     while True:
@@ -229,26 +232,12 @@ def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAct
         items = read_items(given, AMSL if action.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
-    return (yield from _upload_within_limits(flight, run, items))
+    return (yield from upload_within_limits(flight, run, items))
 
 
-def upload_plan(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    """`plan_upload`: as `mission_upload`, the items of a plan file in the mission's folder; says what is not taken."""
-    name = action.arguments["file"]
-    try:
-        if not isinstance(name, str):
-            raise BadPlan(f"expected the name of a plan file, got {name!r}")
-        plan = read_plan(find_plan(flight.files.mission, name), name)
-    except BadPlan as error:
-        return Outcome("refused", str(error), "request")
-    outcome = yield from _upload_within_limits(flight, run, plan.items)
-    if plan.remark:
-        log.warning("robot=%s %s: %s", flight.files.robot, name, plan.remark)
-    return replace(outcome, reason="; ".join(filter(None, (outcome.reason, plan.remark))))
-
-
-def _upload_within_limits(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Steps:
-    if flown := _flown_now(flight):
+def upload_within_limits(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Steps:
+    """Store the items of a mission, without home, if each is within the limits."""
+    if flown := flown_now(flight):
         return Outcome("refused", flown)
     if flight.limited:
         yield from home_reported(flight, run)
@@ -300,7 +289,7 @@ def download_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundA
 
 def clear_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_clear`: the vehicle counts no items but home."""
-    if flown := _flown_now(flight):
+    if flown := flown_now(flight):
         return Outcome("refused", flown)
     with mission_protocol(flight, run):
         yield from clear(flight, run)
@@ -342,7 +331,7 @@ def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Part
     raise Ended("failed", f"the vehicle did not go to item {wanted}; does its mission have that many items?")
 
 
-def _flown_now(flight: ProcedureContext) -> str:
+def flown_now(flight: ProcedureContext) -> str:
     """Return that the vehicle flies its mission, which must not change meanwhile, for people; empty = it does not."""
     vehicle = flight.vehicle
     if flight.plan.flown_by:

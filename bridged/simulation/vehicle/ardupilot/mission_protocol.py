@@ -10,7 +10,18 @@ from bridged.simulation.vehicle.ardupilot.ardupilot import ArduPilot
 from bridged.simulation.vehicle.ardupilot.mission import KNOWN, goal_of
 from bridged.simulation.vehicle.messages import Messages
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.mission_protocol import MISSION, Ack, MissionProtocol, Peer, ack, peer_of
+from bridged.simulation.vehicle.mission_protocol import (
+    FENCE,
+    FENCE_COMMANDS,
+    MISSION,
+    RALLY,
+    RALLY_COMMANDS,
+    Ack,
+    MissionProtocol,
+    Peer,
+    ack,
+    peer_of,
+)
 from bridged.simulation.vehicle.motion.tasks import GoTo
 from bridged.simulation.vehicle.notifications import Severity
 
@@ -19,15 +30,20 @@ _GUIDED_ITEM = 2
 
 
 class ArduPilotMissions(MissionProtocol[ArduPilot]):
-    """Missions of which item 0 is home; fences and rally points are not stored."""
+    """Missions of which item 0 is home; fences and rally points are stored, and have no effect."""
 
     REPEAT_S: ClassVar = 1.0
     GIVE_UP_S: ClassVar = 8.0
     MAX_ITEMS: ClassVar = 700
-    LISTS: ClassVar = frozenset({MISSION})
+    LISTS: ClassVar = frozenset({MISSION, FENCE, RALLY})
     BUSY: ClassVar = Ack.UNSUPPORTED
     NOT_STORED: ClassVar = Ack.UNSUPPORTED
     REQUEST: ClassVar = dialect.MAVLink_mission_request_message
+
+    def __init__(self, autopilot: ArduPilot) -> None:
+        super().__init__(autopilot)
+        self._others: dict[int, list[Item]] = {}
+        """Fence and rally points, by mission_type."""
 
     def receive(self, message: dialect.MAVLink_message) -> Messages:
         """Answer one message of the mission protocol, or one goal for GUIDED."""
@@ -36,9 +52,13 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
         return super().receive(message)
 
     def _count(self, kind: int) -> int:
-        return len(self.autopilot.mission.items) + (self.autopilot.home is not None) if kind == MISSION else 0
+        if kind != MISSION:
+            return len(self._others.get(kind, ()))
+        return len(self.autopilot.mission.items) + (self.autopilot.home is not None)
 
     def _item(self, seq: int, kind: int) -> tuple[Item, bool] | None:
+        if kind != MISSION:
+            return next(((item, False) for item in self._others.get(kind, ()) if item.seq == seq), None)
         mission, home = self.autopilot.mission, self.autopilot.home
         if seq == 0 and home is not None:
             where = (home.lat_e7, home.lon_e7, home.alt)
@@ -48,6 +68,7 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
 
     def _store(self, items: list[Item], kind: int) -> None:
         if kind != MISSION:
+            self._others[kind] = items
             return
         self.autopilot.mission.store(items)
         if items:
@@ -74,7 +95,7 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
             x, y = round(x * 1e7), round(y * 1e7)
         if not math.isfinite(message.z) or abs(message.z) > 100_000:
             return Ack.INVALID
-        if message.command not in KNOWN:
+        if message.command not in {FENCE: FENCE_COMMANDS, RALLY: RALLY_COMMANDS}.get(message.mission_type, KNOWN):
             return Ack.UNSUPPORTED
         given = (message.param1, message.param2, message.param3)
         first, second, third = (value if math.isfinite(value) else 0.0 for value in given)

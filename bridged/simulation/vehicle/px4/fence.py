@@ -10,7 +10,6 @@ from schemas.geo import is_inside
 
 POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5001, 5002, 5003, 5004
 """Commands of fence items (MAV_CMD_NAV_FENCE_...)."""
-COMMANDS = frozenset((5000, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT))
 
 
 class Fence:

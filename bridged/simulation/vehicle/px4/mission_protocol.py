@@ -7,9 +7,18 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.messages import Messages
 from bridged.simulation.vehicle.mission_items import Item
-from bridged.simulation.vehicle.mission_protocol import FENCE, MISSION, Ack, MissionProtocol, Peer
+from bridged.simulation.vehicle.mission_protocol import (
+    FENCE,
+    FENCE_COMMANDS,
+    MISSION,
+    RALLY,
+    RALLY_COMMANDS,
+    Ack,
+    MissionProtocol,
+    Peer,
+)
 from bridged.simulation.vehicle.notifications import MissionChanged
-from bridged.simulation.vehicle.px4 import fence, missions
+from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
@@ -18,22 +27,26 @@ _FRAMES = frozenset((0, 2, 3, 5, 6))
 
 
 class Px4Missions(MissionProtocol[Px4]):
-    """Missions whose items count from 0, without home, and fences; rally points are not stored."""
+    """Missions whose items count from 0, without home, fences, and rally points, which have no effect."""
 
     REPEAT_S: ClassVar = 0.25
     GIVE_UP_S: ClassVar = 5.06
     MAX_ITEMS: ClassVar = 500
-    LISTS: ClassVar = frozenset({MISSION, FENCE})
+    LISTS: ClassVar = frozenset({MISSION, FENCE, RALLY})
     BUSY: ClassVar = Ack.DENIED
     NOT_STORED: ClassVar = Ack.BAD_SEQUENCE
     REQUEST: ClassVar = dialect.MAVLink_mission_request_int_message
+
+    def __init__(self, autopilot: Px4) -> None:
+        super().__init__(autopilot)
+        self._rally: list[Item] = []
 
     def receive(self, message: dialect.MAVLink_message) -> Messages:
         """Answer one message of the mission protocol; those in degrees are ignored."""
         return [] if message.get_type() in ("MISSION_ITEM", "MISSION_REQUEST") else super().receive(message)
 
     def _items(self, kind: int) -> list[Item]:
-        return {MISSION: self.autopilot.missions.items, FENCE: self.autopilot.fence.items}.get(kind, [])
+        return {MISSION: self.autopilot.missions.items, FENCE: self.autopilot.fence.items}.get(kind, self._rally)
 
     def _count(self, kind: int) -> int:
         return len(self._items(kind))
@@ -46,6 +59,8 @@ class Px4Missions(MissionProtocol[Px4]):
         px4 = self.autopilot
         if kind == FENCE:
             px4.fence.items = items
+        elif kind == RALLY:
+            self._rally = items
         elif kind == MISSION:
             px4.missions.store(items, keep_current=px4.flight.airborne)
         px4.navigator.judge()
@@ -67,9 +82,10 @@ class Px4Missions(MissionProtocol[Px4]):
 
     def _read(self, message: dialect.MAVLink_message) -> Item | Ack:
         fenced = message.mission_type == FENCE
+        known = {MISSION: missions.KNOWN, FENCE: FENCE_COMMANDS}.get(message.mission_type, RALLY_COMMANDS)
         if message.frame not in _FRAMES:
             return Ack.BAD_FRAME
-        if message.command not in (fence.COMMANDS if fenced else missions.KNOWN):
+        if message.command not in known:
             return Ack.UNSUPPORTED
         if not math.isfinite(message.z) or abs(message.z) >= 100_000:
             return Ack.ERROR

@@ -17,6 +17,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions.mission_items import MAX_ITEMS, Item
 from bridged.drivers.mavlink.plan_files import BadPlan, find_plan, parse_plan, read_plan, write_plan
+from bridged.simulation.vehicle.kinds import KINDS, AutopilotName
+from bridged.simulation.vehicle.vehicle import Vehicle
+from tests.bridged.sky import HOME as START
 from tests.bridged.sky import MISSION, Sky
 from tests.support.amount import some_of
 
@@ -109,11 +112,44 @@ def test_a_jump_names_its_target_by_id_and_gets_the_number_that_the_target_has_i
     assert items[4].parameters == (4.0, 3.0, 0.0, 0.0)
 
 
-def test_fence_and_rally_points_are_named_as_not_taken() -> None:
-    fence = {"polygons": [{"polygon": []}], "circles": [{}, {}], "version": 2}
-    read = parse_plan(plan(THERE, geoFence=fence, rallyPoints={"points": [[1, 2, 3]], "version": 2}))
-    assert read.remark == "not taken from the file: a geofence of 1 polygon and 2 circles; 1 rally point"
-    assert parse_plan(plan(THERE)).remark == ""
+FIELD = [[-27.6, -48.52], [-27.6, -48.515], [-27.61, -48.515], [-27.61, -48.52]]
+POND = {"inclusion": False, "circle": {"center": [-27.6055, -48.5184], "radius": 30.5}, "version": 1}
+FENCE = {
+    "polygons": [{"inclusion": True, "polygon": FIELD, "version": 1}],
+    "circles": [POND],
+    "breachReturn": [-27.604, -48.518, 20],
+    "version": 2,
+}
+RALLY = {"points": [[-27.6041, -48.5185, 25]], "version": 2}
+
+
+def test_fence_and_rally_points_are_items_of_lists_of_their_own() -> None:
+    read = parse_plan(plan(THERE, geoFence=FENCE, rallyPoints=RALLY))
+    assert [item.command for item in read.fence] == [5001] * 4 + [5004]
+    assert (read.fence[0].parameters[0], read.fence[0].x, read.fence[0].y) == (4.0, -276000000, -485200000)
+    assert (read.fence[4].parameters[0], read.fence[4].x) == (30.5, -276055000)
+    assert [(item.command, item.x, item.z, item.frame) for item in read.rally] == [(5100, -276041000, 25.0, 3)]
+    assert read.remark == "not taken from the file: the breach return point"
+    assert parse_plan(plan(THERE)) == parse_plan(plan(THERE, geoFence={"circles": [], "polygons": []}))
+
+
+@pytest.mark.parametrize(
+    ("fence", "said"),
+    [
+        ({"polygons": [{"inclusion": True, "polygon": FIELD[:2]}]}, "polygon 1 of the fence: expected `polygon`, a"),
+        ({"polygons": [{"polygon": FIELD}]}, "polygon 1 of the fence: expected `inclusion`, true or false"),
+        ({"circles": [POND, {}]}, "circle 2 of the fence: expected `circle` with `center` and `radius`"),
+        (
+            {"polygons": [{"inclusion": True, "polygon": [[-95, 0], *FIELD]}]},
+            "polygon 1 of the fence: a corner: expected 2 numbers, -90 to 90 and -180 to 180, got [-95, 0]",
+        ),
+        ({"circles": {}}, "the fence: expected `circles`, a list of objects"),
+    ],
+)
+def test_a_fence_that_cannot_be_understood_is_refused_by_its_place(fence: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadPlan) as bad:
+        parse_plan(plan(THERE, geoFence=fence))
+    assert str(bad.value).startswith(said)
 
 
 SCAN, LANDING = ({"type": "ComplexItem", "complexItemType": kind} for kind in ("StructureScan", "fwLandingPattern"))
@@ -229,18 +265,38 @@ def test_what_is_written_in_either_format_is_read_again_as_the_same_items(tmp_pa
     assert (written["mission"]["firmwareType"], written["mission"]["vehicleType"]) == (12, 1)
 
 
-def test_an_agent_uploads_a_plan_beside_the_mission_and_is_told_what_is_not_taken(
-    sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_agent_uploads_a_plan_with_its_fence_and_rally_points_and_is_told_what_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: AutopilotName
 ) -> None:
     monkeypatch.chdir(tmp_path)  # the folder of the mission file
-    fence = {"polygons": [], "circles": [{}], "version": 2}
+    sky = Sky(tmp_path, vehicle=Vehicle(START, KINDS["copter", autopilot]))
     (tmp_path / "plans").mkdir()
-    (tmp_path / "plans" / "field.plan").write_text(plan(TAKEOFF, survey(THERE), HOME, geoFence=fence))
+    text = plan(TAKEOFF, survey(THERE), HOME, geoFence=FENCE, rallyPoints=RALLY)
+    (tmp_path / "plans" / "field.plan").write_text(text)
     status = sky.do("upload_plan", "plans/field.plan")
-    assert (status.state, status.reason) == ("succeeded", "not taken from the file: a geofence of 1 circle")
-    assert [item.command for item in sky.vehicle.autopilot.mission.items] == [22, 16, 20]
+    assert (status.state, status.reason) == ("succeeded", "not taken from the file: the breach return point")
+    assert [held(sky, kind) for kind in (1, 2)] == [5, 1]
+    assert held(sky, 0) == 3 + (autopilot == "ardupilot"), "home is an item there"
     missing = sky.do("upload_plan", "plans/other.plan")
     assert (missing.state, missing.cause) == ("refused", "request")
+
+
+def test_a_plan_whose_fence_is_elsewhere_is_stored_without_it_and_that_is_a_failure(
+    sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    around_home = {"inclusion": False, "circle": {"center": [START.lat, START.lon], "radius": 10}}
+    (tmp_path / "a.plan").write_text(plan(TAKEOFF, THERE, HOME, geoFence={"circles": [around_home]}))
+    status = sky.do("upload_plan", "a.plan")
+    assert (status.state, status.reason) == ("failed", "the mission is stored, but home is outside of the fence")
+    assert held(sky, 1) == 0
+
+
+def held(sky: Sky, kind: int) -> int:
+    """How many items of a list (MAV_MISSION_TYPE) the vehicle holds."""
+    (reply,) = sky.vehicle.receive(dialect.MAVLink_mission_request_list_message(1, 1, kind))
+    return int(reply.count)
 
 
 def test_a_plan_is_flown_to_its_end(sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
