@@ -147,8 +147,14 @@ def loggers_as_they_were() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def state_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let daemons that are told of no folder keep their state where no other test has kept any."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / "state" / str(next(_tests))))
+    """Let daemons that are told of no folder keep their state where no other test has kept any.
+
+    Commands that are told of no router look for the runs of this process' tests alone, not of all on this machine.
+    """
+    base = tmp_path_factory.getbasetemp()
+    monkeypatch.setenv("XDG_STATE_HOME", str(base / "state" / str(next(_tests))))
+    (base / "runtime").mkdir(mode=0o700, exist_ok=True)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base / "runtime"))
 
 
 @pytest.fixture(autouse=True)
