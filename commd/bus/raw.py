@@ -26,8 +26,6 @@ LARGEST = 65_536
 """Bytes of the largest payload that is accepted."""
 ROOM = 256 * LARGEST
 """Bytes of all payloads that may wait."""
-BATCH = 64
-"""Samples that are handed over in one pass of the event loop."""
 QUERY_AT_MOST = 3600.0
 """Wall seconds after which Zenoh ends a query; the asker has a shorter bound of its own."""
 REPLIES = 16
@@ -231,24 +229,25 @@ class RawBus:
 
 
 class _Queue:
-    """Samples between Zenoh's threads and the event loop, which is woken once for all that wait."""
+    """Samples between Zenoh's threads and the event loop."""
 
     def __init__(self, dispatch: LoopDispatch, handler: Callable[[Sample], None]) -> None:
-        self._loop, self._counters, self._handler = dispatch.loop, dispatch.counters, handler
+        self._dispatch, self._handler = dispatch, handler
         self._waiting: deque[Sample] = deque()
         self._bytes = 0
         """Of all payloads that wait."""
         self._lock = Lock()
-        self._called = False
-        """Whether the event loop is going to run `_drain`."""
+        self._calls = 0
+        """How often the event loop is going to call `_next`: as often as samples wait at least, `BACKLOG` at most."""
         self.closed = False
         self.dropped = self.too_large = 0
 
     def push(self, sample: zenoh.Sample) -> None:
         """Accept a sample, on a thread of Zenoh's."""
+        counters = self._dispatch.counters
         if len(sample.payload) > LARGEST:
             self.too_large += 1
-            self._counters["bad_input"] += 1
+            counters["bad_input"] += 1
             return
         read = _read_sample(sample)
         with self._lock:
@@ -256,28 +255,21 @@ class _Queue:
             while len(self._waiting) >= BACKLOG or (self._waiting and self._bytes > ROOM):
                 self._bytes -= len(self._waiting.popleft().payload)
                 self.dropped += 1
-                self._counters["dropped"] += 1
+                counters["dropped"] += 1
             self._waiting.append(read)
-            called, self._called = self._called, True
-        if not called:
-            try:
-                self._loop.call_soon_threadsafe(self._drain)
-            except RuntimeError:  # the loop has ended
-                self.closed = True
+            if self._calls >= len(self._waiting):
+                return
+            self._calls += 1
+        self._dispatch.put(self._next, None)
 
-    def _drain(self) -> None:
-        for _ in range(BATCH):
-            with self._lock:
-                if self.closed or not self._waiting:
-                    self._called = False
-                    return
-                sample = self._waiting.popleft()
-                self._bytes -= len(sample.payload)
-            try:
-                self._handler(sample)
-            except Exception as error:  # one sample must not stop those after it
-                self._loop.call_exception_handler({"message": f"a sample on {sample.key}", "exception": error})
-        self._loop.call_soon(self._drain)
+    def _next(self, _: None) -> None:
+        with self._lock:
+            self._calls -= 1
+            if self.closed or not self._waiting:
+                return
+            sample = self._waiting.popleft()
+            self._bytes -= len(sample.payload)
+        self._handler(sample)
 
 
 def refuse_busy(query: zenoh.Query) -> None:

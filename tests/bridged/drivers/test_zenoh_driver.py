@@ -334,7 +334,7 @@ async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch:
     for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
         for sample in some:
             queue.push(cast(zenoh.Sample, sample))
-        await until(lambda: not queue._called, "what is kept is handled")
+        await until(lambda: not queue._calls, "what is kept is handled")
         assert queue.dropped == dropped
     assert told == samples[1:]
 
