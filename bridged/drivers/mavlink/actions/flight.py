@@ -95,6 +95,9 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
     not_above = vehicle.position is not None and vehicle.placed and vehicle.position.altitude <= wanted + near
     if (flight.goes_on(action) or not_above) and vehicle.aloft:
         return (yield from _climb_on(flight, run, action, near))
+    if vehicle.aloft and vehicle.placed and vehicle.position is not None:
+        reason = f"a takeoff to {wanted:g} m does not lead down from {vehicle.position.altitude:.1f} m"
+        return Outcome("refused", f"{reason}; {flight.state_text()}")
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 

@@ -305,6 +305,14 @@ def test_a_takeoff_whose_end_is_seen_late_is_judged_by_a_position_after_it(sky: 
     assert mode(sky) == "GUIDED"
 
 
+def test_a_takeoff_to_below_is_refused_where_px4_would_acknowledge_it_and_stay(sky: Sky) -> None:
+    sky.flying(20)
+    status = sky.do("takeoff", 10)
+    assert status.state == "refused"
+    assert status.reason.startswith("a takeoff to 10 m does not lead down from 19.")
+    assert sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)[-1].param7 > 30, "it was not sent"
+
+
 def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
     sky.wait(10)
     done(sky, "arm_motors", True)
