@@ -155,7 +155,7 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
     """
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
-    shows = action.number != dialect.MAV_CMD_DO_REPOSITION or before != mode
+    shows = action.number not in (dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_DO_ORBIT) or before != mode
 
     def shown() -> bool:
         return vehicle.mode == mode

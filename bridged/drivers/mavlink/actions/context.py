@@ -16,13 +16,12 @@ from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, P
 from bridged.drivers.mavlink.vehicle.payload_components import PayloadComponents
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
-from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 from schemas.manifest.loader import Retry
 from schemas.mission.model import Failsafe, Limits
 from schemas.wire.records import Cause
 
 if TYPE_CHECKING:
-    from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
+    from bridged.drivers.mavlink.autopilots.autopilot import Autopilot, VelocityStream
 
 Steps = Generator[None, None, Outcome]
 """Steps of a procedure: it reads the flight's state, yields until a change, and returns its outcome."""

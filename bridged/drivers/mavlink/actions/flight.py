@@ -233,21 +233,14 @@ def reposition_and_arrive(flight: ProcedureContext, run: ProcedureRun, action: B
 
 def orbit(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_ORBIT: the circle is within the limits, and the mode that flies it shows; another mode or target ends it."""
-    modes, asked = flight.vehicle.modes, flight.now
+    modes = flight.vehicle.modes
     if modes.orbit is None:
         return Outcome("refused", f"{flight.autopilot.name} has no command by which a {modes.vehicle} flies a circle")
     yield from home_reported_for_limits(flight, run, action)
     check_guided_aloft(flight, "circles")
     check_limits(flight, action, around=abs(action.parameters[0]))
-    flight.expect_mode(modes.orbit)
-    command = flight.submit(run, flight.autopilot.reposition(flight, action), in_frame=True)
-    yield from acknowledged(flight, run, command, lambda: False)
-    flight.expect_mode(modes.orbit)
-    run.waits_for = f"two HEARTBEATs in {modes.name(modes.orbit)}"
-    if (yield from steady(flight, lambda: flight.vehicle.mode == modes.orbit)):
-        return SUCCEEDED
-    reason = f"{command.name} was acknowledged, but the vehicle is in {flight.vehicle.mode_name}"
-    return Outcome("failed", flight.with_texts(reason, asked))
+    yield from enter(flight, run, flight.autopilot.reposition(flight, action), modes.orbit)
+    return SUCCEEDED
 
 
 def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

@@ -6,8 +6,10 @@ home, items of a mission from 1, and parameters are numbers.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -18,6 +20,31 @@ from bridged.drivers.mavlink.vehicle.readings import BATTERY, RC_INPUT, SERVO_OU
 
 if TYPE_CHECKING:
     from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, ProcedureContext, ProcedureRun
+
+SETPOINT_EVERY = 0.2
+"""Mission seconds between two setpoints: PX4 needs two a second, and takes 1 s without any for a loss."""
+
+
+@dataclass(eq=False)
+class VelocityStream:
+    """One velocity, from its first setpoint until the vehicle has left the mode that needs them."""
+
+    send: Callable[[], None]
+    mode: int
+    """The mode (custom_mode) that flies setpoints."""
+    until: float = math.inf
+    """Mission seconds at which the motion ends."""
+    leaving: bool = False
+    """Another action or order ends it: the stream lasts until the mode has changed."""
+    sent: int = 0
+    _next_at: float = -math.inf
+
+    def keep(self, now: float) -> None:
+        """Send a setpoint if one is due now (mission seconds)."""
+        if now >= self._next_at:
+            self._next_at = now + SETPOINT_EVERY
+            self.sent += 1
+            self.send()
 
 
 class Autopilot(ABC):

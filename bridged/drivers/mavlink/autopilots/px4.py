@@ -27,13 +27,12 @@ from bridged.drivers.mavlink.actions.context import (
 from bridged.drivers.mavlink.actions.flight import mode_action
 from bridged.drivers.mavlink.actions.parameters import read_parameters
 from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
-from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot, VelocityStream
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
 from bridged.drivers.mavlink.vehicle.px4_events import CHECK
 from bridged.drivers.mavlink.vehicle.readings import NO_OUTPUT, OUTPUTS, WIND_ESTIMATE
-from bridged.drivers.mavlink.vehicle.velocity_stream import VelocityStream
 
 NO_MISSION = 65535
 """MISSION_CURRENT.total of a vehicle that stores no mission."""
