@@ -21,11 +21,11 @@ from bridged.simulation.vehicle.notifications import (
 from bridged.simulation.vehicle.parameters import Kind, Parameter
 from bridged.simulation.vehicle.px4 import telemetry
 from bridged.simulation.vehicle.px4.commands import CommandContext, set_mode
-from bridged.simulation.vehicle.px4.failsafes import HEARTBEAT_TIMEOUT_S
 from bridged.simulation.vehicle.px4.mission_protocol import Px4Missions
 from bridged.simulation.vehicle.px4.parameters import NO_SUCH, WRONG_TYPE, decoded, encoded
 from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.px4.setpoints import global_setpoint, local_setpoint
+from bridged.simulation.vehicle.px4.state import HEARTBEAT_TIMEOUT_S
 
 TEXT_KEPT_S = 4.0
 """Vehicle seconds that a text waits for a ground station on a link (recorded: 2.1 were waited, 6 were not)."""
