@@ -6,7 +6,7 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, cast, get_args
 
@@ -104,7 +104,8 @@ class SafetyOrders:
         self._sequence: asyncio.Task[None] | None = None
         self._make_sequence: Callable[[], Coroutine[Any, Any, None]] | None = None
         """Makes the sequence under way: it begins again after a pause."""
-        self._restoring: asyncio.Task[None] | None = None
+        self._insisting: asyncio.Task[None] | None = None
+        """Gives the operator's order or pause again, until the robot has answered."""
         self._execution: Execution | None = None
         """The present order of a sequence."""
         self._lost: tuple[str, Sequence[Step]] | None = None
@@ -195,8 +196,10 @@ class SafetyOrders:
     async def operator(self, order: Order) -> Outcome:
         """Carry out the operator's order: every action ends, and no agent acts until `release`.
 
-        The sequence for a lost agent begins again on `release`, unless the robot is left by then.
+        An order that the robot cannot hear is given again when it is heard. The sequence for a lost agent begins again
+        on `release`, unless the robot is left by then.
         """
+        self._stop_insisting()
         if not self._stopping:
             self._keep_order(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
@@ -204,7 +207,7 @@ class SafetyOrders:
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
             self._back_at = back_at
             self._begin_loss(*self._lost)
-        return await self.carry_out(order, by_operator(order), block=True, insist=True)
+        return self._insists_on(await self.carry_out(order, by_operator(order), block=True, insist=True))
 
     def release(self) -> Outcome:
         """Let the agents act again, but not while the bridge leaves the robot."""
@@ -212,6 +215,8 @@ class SafetyOrders:
             return Outcome("refused", "the bridge stops: it accepts no more actions")
         self._server.blocked = None
         self._keep_order(None)
+        if not self._server.paused:
+            self._stop_insisting()
         released = RobotReleased(robot=self._robot)
         log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
@@ -225,7 +230,8 @@ class SafetyOrders:
         if self._sequence is not None and self._make_sequence is not None:
             self._sequence.cancel()
             self._begin(self._make_sequence)
-        return await self._confirmed(self._server.pause())
+        self._stop_insisting()
+        return self._insists_on(await self._confirmed(self._server.pause()))
 
     async def resume(self) -> Outcome:
         """Continue after a pause: bring the robot back into its mode, then begin its actions again.
@@ -238,8 +244,9 @@ class SafetyOrders:
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._server.paused:
             return Outcome("succeeded", "it was not paused")
+        self._stop_insisting()
         if order := self._action_log.ordered:
-            return await self.carry_out(order, by_operator(order), block=True, insist=True)
+            return self._insists_on(await self.carry_out(order, by_operator(order), block=True, insist=True))
         outcome = await self._confirmed(self._driver.resume())
         if outcome.state == "succeeded" and self._server.paused:
             self._server.go_on()
@@ -248,18 +255,38 @@ class SafetyOrders:
     def restore(self) -> None:
         """Pause or order a robot again, when it is heard, as the operator did in a former run of the bridge."""
         if self._server.paused or self._action_log.ordered:
-            self._restoring = asyncio.create_task(self._restore())
+            self._insisting = asyncio.create_task(self._insist())
 
-    async def _restore(self) -> None:
-        server, driver = self._server, self._driver
-        while (server.paused or self._action_log.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
-            await asyncio.sleep(LOOK)
-        if self._stopping or driver.overridden:
-            return
-        if server.paused:
-            await self._confirmed(server.pause())
-        elif (order := self._action_log.ordered) and driver.active:
-            await self.carry_out(order, by_operator(order), block=True)
+    def _insists_on(self, outcome: Outcome) -> Outcome:
+        """Give the operator's order or pause again, if the robot was not heard. Returns its outcome, which says so."""
+        if outcome.state == "succeeded" or self._driver.heard or self._stopping:
+            return outcome
+        self.restore()
+        return replace(outcome, reason=f"{outcome.reason}; it is given again when the robot is heard")
+
+    def _stop_insisting(self) -> None:
+        if self._insisting is not None:
+            self._insisting.cancel()
+            self._insisting = None
+
+    async def _insist(self) -> None:
+        """Give the operator's order or pause when the robot is heard, until it answers; a pilot keeps the robot."""
+        server, driver, again = self._server, self._driver, False
+        while (server.paused or self._action_log.ordered) and not self._stopping:
+            if not driver.heard:
+                await asyncio.sleep(LOOK)
+                continue
+            if driver.overridden:
+                return
+            if server.paused:
+                outcome = await self._confirmed(server.pause())
+            elif (order := self._action_log.ordered) and driver.active:
+                outcome = await self.carry_out(order, by_operator(order), block=True)
+            else:
+                return
+            if driver.heard and (again or outcome.state != "timed_out"):
+                return
+            again = driver.heard
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Carry out the mission's steps, until an agent takes control or the operator or the bridge's end overrides.
