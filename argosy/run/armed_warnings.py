@@ -49,7 +49,7 @@ def _line(status: Status, robot: FleetRobot) -> str:
     elif name in status.killed:
         how = "its bridge did not leave and was killed, no order was confirmed"
     else:
-        how = "its bridge is dead, no order was confirmed"
+        how = "its bridge reports nothing, no order was confirmed"
     if name not in status.setup.real:
         return f"{name} WAS STILL {where}: {how}; it is simulated and ended with the run"
     if left is not None and left.state == "piloted" and not seen.lost:

@@ -312,7 +312,9 @@ class MissionRunner:
             order = self._mission.robots[robot].on_shutdown
             self._journal.add(robot, f"{state}: its bridge is to order {order} (on_shutdown)", "warning")
         else:
-            self._journal.add(robot, f"{state} and its bridge is dead: {last_line(self.status, robot)}", "error")
+            self._journal.add(
+                robot, f"{state} and its bridge reports nothing: {last_line(self.status, robot)}", "error"
+            )
 
     async def _stop(self, children: list[Child], patience: float) -> None:
         for late in await self._supervisor.leave(children, patience, self._recovery.hurry):

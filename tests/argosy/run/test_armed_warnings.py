@@ -47,7 +47,7 @@ def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> No
     [
         (SILENT, False, "its bridge reports: armed, and it has not confirmed rtl: no answer"),
         (None, True, "its bridge did not leave and was killed, no order was confirmed"),
-        (None, False, "its bridge is dead, no order was confirmed"),
+        (None, False, "its bridge reports nothing, no order was confirmed"),
     ],
 )
 def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(

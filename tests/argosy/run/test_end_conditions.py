@@ -200,6 +200,27 @@ def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again(
         assert looked.look() == (None if restart else told)
 
 
+@pytest.mark.parametrize(("gone", "router_up"), [(False, True), (True, True), (False, False)])
+def test_a_bridge_that_hangs_ends_the_run_while_the_router_answers(gone: bool, router_up: bool) -> None:
+    for restart in (False, True):
+        recording, looked = watching(restart)
+        token = keys.alive("single-uav", "uav1", "bridged", "b2")
+        recording.model.token(token, alive=True)
+        recording.health("uav1", "bridged")
+        recording.model.tick()
+        if gone:
+            recording.model.token(token, alive=False)
+            recording.model.tick()
+        recording.at += 4.0
+        recording.model.tick()
+        assert looked.look() is None
+        recording.at += 2.0
+        recording.model.tick()
+        recording.model.router_up, recording.model.router_since = router_up, recording.model.now()
+        told = Ending(1, "failed: the bridge of uav1 has published nothing for 5 s")
+        assert looked.look() == (told if router_up and not restart else None)
+
+
 def test_a_run_that_is_late_names_only_what_does_not_hold_and_robots_that_are_left_to_others() -> None:
     recording = in_flight()
     mission = recording.status.setup.mission
