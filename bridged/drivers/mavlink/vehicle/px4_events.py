@@ -31,6 +31,8 @@ class Event(NamedTuple):
     text: str
     alone: bool = False
     """PX4 sends no text for it, to anybody."""
+    check: bool = False
+    """It is a failed arming check."""
 
 
 EVENTS: Mapping[int, Event] = MappingProxyType({
@@ -48,10 +50,10 @@ EVENTS: Mapping[int, Event] = MappingProxyType({
     0x102089D: Event(_CRITICAL, "arming denied: a check of the vehicle's health fails"),
     0x11C8F61: Event(_CRITICAL, "arming denied: the mode cannot take off", alone=True),
     0x18AB9B5: Event(_CRITICAL, "disarming denied: the vehicle has not landed"),
-    0x1CCDEF5: Event(_WARNING, f"{CHECK}the heading is not known"),
-    0x1D31BB9: Event(_WARNING, f"{CHECK}the local position is not known"),
-    0x198C273: Event(_WARNING, f"{CHECK}the global position is not known"),
-    0x167C97B: Event(_WARNING, f"{CHECK}no ground station is heard"),
+    0x1CCDEF5: Event(_WARNING, f"{CHECK}the heading is not known", check=True),
+    0x1D31BB9: Event(_WARNING, f"{CHECK}the local position is not known", check=True),
+    0x198C273: Event(_WARNING, f"{CHECK}the global position is not known", check=True),
+    0x167C97B: Event(_WARNING, f"{CHECK}no ground station is heard", check=True),
     0x14D0DA4: Event(_WARNING, "battery low"),
     0x128180B: Event(_CRITICAL, "battery critical"),
     0x1AD1B07: Event(_CRITICAL, "battery at the emergency level"),
@@ -71,4 +73,4 @@ def event_of(number: int, levels: int) -> Event | None:
     """
     event = EVENTS.get(number)
     hinders = levels & 0xF <= _WARNING
-    return None if event is None or (event.text.startswith(CHECK) and not hinders) else event
+    return None if event is None or (event.check and not hinders) else event
