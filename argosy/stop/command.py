@@ -109,7 +109,8 @@ def _absent(where: Where, wanted: list[str], known: list[str], there: list[str])
         print(f"{robot}: its bridge is not on the bus at {where.router}{others}", file=sys.stderr)
     if not (there or known or wanted):
         what = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-        print(f"error: no robot of {what} is on the bus at {where.router}", file=sys.stderr)
+        why = f"no bridge of {what} is on the bus at {where.router}: nothing was ordered"
+        print(f"error: {why}; if a robot moves, its pilot has to take over", file=sys.stderr)
     return absent
 
 

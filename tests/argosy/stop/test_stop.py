@@ -127,7 +127,9 @@ def test_a_robot_that_is_not_there_is_named(endpoint: str, capsys: pytest.Captur
 def test_nobody_there_is_said(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
     with fleet(endpoint):
         assert main(["stop", "rtl", "--fleet", "sar", "--router", endpoint]) == 1
-    assert f"error: no robot of fleet `sar` is on the bus at {endpoint}" in capsys.readouterr().err
+    assert (
+        f"error: no bridge of fleet `sar` is on the bus at {endpoint}: nothing was ordered" in capsys.readouterr().err
+    )
 
 
 def test_a_mission_names_fleet_and_router(endpoint: str, tmp_path: Path) -> None:

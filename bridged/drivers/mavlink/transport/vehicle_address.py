@@ -23,6 +23,8 @@ BACK_WITHIN = 5.0
 HEARD_FOR = 0.5
 """Seconds for which a new address must be heard alone. After this process stood still, packets of before are read in a
 row: the known address then has its turn before a new one counts."""
+FIRST_HEARTBEAT = 3.0
+"""Seconds of packets without a HEARTBEAT after which they are a warning: a vehicle sends one each second."""
 NOTED_FOR = 10.0
 """Seconds for which a packet that did not count, or a change of address, is a warning."""
 MAX_ADDRESSES = 8
@@ -54,6 +56,8 @@ class VehicleAddress:
         self._last = ""
         self._two, self._two_until = "", -math.inf
         self._foreign, self._foreign_until = "", -math.inf
+        self._unknown_since = math.inf
+        """Since when packets have come although no HEARTBEAT has."""
         self._moved, self._moved_until = "", -math.inf
 
     def counts(self, peer: Peer, now: float, *, heartbeat: bool) -> bool:
@@ -64,6 +68,10 @@ class VehicleAddress:
             self.peer = peer
             return True
         self.foreign += 1
+        if self.peer is None:
+            self._unknown_since = min(self._unknown_since, now)
+            if now - self._unknown_since < FIRST_HEARTBEAT:
+                return False
         known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
         warning = f"packets of system {self._system} from {peer} are refused: {known}"
         if now >= self._foreign_until:  # a sender at ever new ports does not fill the log
@@ -101,6 +109,7 @@ class VehicleAddress:
             del self._heard[next(one for one in self._heard if self.peer is None or one != str(self.peer))]
         if self.peer is None:
             self.peer = peer
+            self._foreign_until = -math.inf
         elif address == str(self.peer):
             for other in self._heard.values():
                 other.first = math.inf

@@ -102,6 +102,18 @@ def test_what_another_address_says_without_heartbeats_never_counts_however_long_
     assert sender.address.foreign == 99
 
 
+def test_what_a_vehicle_says_before_its_first_heartbeat_is_a_warning_only_if_that_does_not_come() -> None:
+    vehicle, silent = Sender(), Sender()
+    assert not vehicle.speaks("a", 0.0)
+    assert vehicle.beats("a", 1.0)
+    assert vehicle.codes(1.0) == set()
+    for second in range(4):
+        assert not silent.speaks("a", second)
+    assert silent.codes(3.0) == {"foreign_packets"}
+    assert silent.beats("a", 4.0)
+    assert silent.codes(4.0) == set()
+
+
 def test_after_this_process_stood_still_the_known_address_has_its_turn_first() -> None:
     sender = Sender()
     sender.beats("a", 0.0)
