@@ -328,3 +328,10 @@ def test_parameters_can_be_set_before_the_vehicle_is_switched_on() -> None:
     assert Vehicle(HOME, parameters=[("RTL_ALT", 3000)]).autopilot.parameters["RTL_ALT"] == 3000
     with pytest.raises(ValueError, match="has no parameter 'RTL_HEIGHT'"):
         Vehicle(HOME, parameters=[("RTL_HEIGHT", 3000)])
+
+
+@pytest.mark.parametrize("command", [dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, dialect.MAV_CMD_DO_SET_RELAY])
+def test_a_parameter_of_the_payload_that_is_no_number_does_not_end_the_simulation(command: int) -> None:
+    station, nothing = Station(), float("nan")
+    assert station.command(command, nothing, 0, 0, 0, nothing) in (ACCEPTED, DENIED, FAILED)
+    assert station.command(command, 0, 0, 0, 0, nothing) == ACCEPTED
