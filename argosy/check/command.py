@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
-from agentd.check.finding_kinds import FAILS_WHERE_REACHED
+from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind
 from agentd.check.programs import Surveyed, read_survey
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
@@ -40,6 +40,7 @@ from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
 from schemas.mission.model import Ending, Limits, Mission, load_mission
 
+MISSING_BELIEFS = frozenset((Kind.BELIEF_NEVER_ADDED.label, Kind.UNKNOWN_PERCEPT.label))
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 
 
@@ -135,7 +136,16 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
         of_programs = {name: one.survey for name, one in surveys.items()}
         findings += check_team(mission, of_programs, programs, restarts=restarts)
         findings += _endings(mission, programs, manifests)
-    return mission, sorted(set(findings))
+    return mission, _once(findings)
+
+
+def _once(findings: list[Finding]) -> list[Finding]:
+    """Sort findings; keep one of a belief that is missing for several robots: those differ in the hint alone."""
+    at_places = {
+        (one.file, one.line, one.column, one.kind, "" if one.kind in MISSING_BELIEFS else one.message): one
+        for one in sorted(findings, reverse=True)
+    }
+    return sorted(at_places.values())
 
 
 def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:

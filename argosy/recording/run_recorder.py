@@ -42,6 +42,11 @@ def recording_of(record: Path | None, report: Path | None) -> RunRecording | str
             raise NoRecording(f"--record {record}: the file exists: name another one")
         if not record.absolute().parent.is_dir():
             raise NoRecording(f"--record {record}: folder {record.parent} does not exist")
+        try:
+            record.open("xb").close()
+            record.unlink()
+        except OSError as error:
+            raise NoRecording(f"--record {record}: {error.strerror}") from None
         return RunRecording(record, True)
     assert report is not None
     return RunRecording(report / IN_A_REPORT, False)

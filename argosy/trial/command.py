@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Final
 
 from argosy.check.command import check_mission
@@ -81,6 +82,8 @@ def run(args: Namespace) -> int:
         raise BadInput("--compare: it compares many runs, and --replay is one")
     mission = _mission(args.mission)
     compared = _mission(args.compare) if args.compare is not None else None
+    if args.out is not None:
+        _make_folder(args.out)
     if args.replay is not None:
         return _replay(mission, args)
     _faults(mission, args, args.seed)  # says what is wrong with them before anything starts
@@ -107,6 +110,15 @@ def _mission(path: str) -> Mission:
     if refused := refusals(mission):
         raise Findings(refused)
     return mission
+
+
+def _make_folder(out: Path) -> None:
+    """Make the folder of the results, before the first run. Raises BadInput if it cannot be written."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=out).close()
+    except OSError as error:
+        raise BadInput(f"--out {out}: {error.strerror}") from None
 
 
 def _faults(mission: Mission, args: Namespace, seed: int) -> tuple[Fault, ...]:
@@ -219,10 +231,6 @@ def _recording(args: Namespace) -> str:
         return ""
     if find_spec("mcap") is None:
         raise BadInput(f"--out with --replay writes a recording: it needs `{install_command('record')}`")
-    try:
-        args.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"--out {args.out}: {error.strerror}") from None
     return str((args.out / f"seed-{args.replay}.mcap").resolve())
 
 

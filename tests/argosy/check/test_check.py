@@ -229,3 +229,23 @@ def test_an_action_that_the_simulated_autopilot_does_not_have_is_a_warning(
     (tmp_path / "m.yaml").write_text(f'mission: m\nagents: {agents}\nrobots: {{uav1: {robot}}}\ndone: "uav: done"\n')
     assert main(["check", str(tmp_path / "m.yaml")]) == 0
     assert f"uav.asl:2:8: warning: the action {action.split('(')[0]}: {autopilot} {said}" in capsys.readouterr().err
+
+
+def test_a_shipped_mission_has_no_finding(capsys: pytest.CaptureFixture[str]) -> None:
+    shipped = sorted(map(str, MISSIONS.glob("*.yaml")))
+    assert main(["check", *shipped]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_belief_that_nothing_adds_is_reported_once_for_all_robots_of_a_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "pair.yaml"
+    path.write_text(
+        'mission: pair\nagents: {a: {program: a.asl, robot: r}, b: {program: a.asl, robot: s}}\ndone: "a: x"\n'
+        "robots:\n  r: {manifest: copter, simulate: {vehicle: copter, home: [0, 0, 0]}}\n"
+        "  s: {manifest: plane, simulate: {vehicle: plane, home: [0, 0, 0]}}\n"
+    )
+    (tmp_path / "a.asl").write_text("!go.\n+!go : landing(_) <- +x.\n+!go <- +x.\n")
+    assert main(["check", str(path)]) == 0
+    assert capsys.readouterr().err.count("nothing adds the belief landing/1") == 1

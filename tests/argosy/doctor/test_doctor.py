@@ -238,6 +238,16 @@ def test_links_to_vehicles_are_judged_by_what_comes(
     assert told in only(vehicles(replace(facts, earlier=[before], rows=[after])), level).text
 
 
+def test_a_simulated_vehicle_without_a_link_is_silent_because_of_its_simulator(facts: Facts, tmp_path: Path) -> None:
+    path = tmp_path / "trial.yaml"
+    path.write_text(MISSION.replace('link: "udpin:127.0.0.1:1"', "simulate: {vehicle: copter}"))
+    row_at = {at: row("uav", "bridged", "pi2", uptime=at, counters={"messages": 50.0}) for at in (90.0, 100.0)}
+    silent = Facts(load_mission(path), earlier=[row_at[90.0]], rows=[row_at[100.0]])
+    found = only(vehicles(silent), "error")
+    assert found.text == "uav: nothing is received on the link to its simulator"
+    assert found.do.startswith("does the process of its simulator run?")
+
+
 def test_a_bridge_that_was_started_again_meanwhile_has_no_rate(facts: Facts) -> None:
     before = row("uav", "bridged", counters={"messages": 50.0}, uptime=9.0, header=Header(boot="one"))
     after = row("uav", "bridged", counters={"messages": 5.0}, header=Header(boot="two"))

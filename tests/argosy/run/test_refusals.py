@@ -46,6 +46,7 @@ def edit(mission: Path, pattern: str, new: str) -> None:
         ("--report /proc/nowhere", "--report /proc/nowhere: No such file or directory"),
         ("--record MISSION", "--record MISSION: the file exists: name another one\n"),
         ("--record /no/a.mcap", "--record /no/a.mcap: folder /no does not exist\n"),
+        ("--record /proc/a.mcap", "--record /proc/a.mcap: No such file or directory\n"),
     ],
 )
 def test_options_that_cannot_be(refused: Refused, single_uav: Path, arguments: str, message: str) -> None:

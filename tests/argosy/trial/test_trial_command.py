@@ -45,6 +45,12 @@ def test_runs_without_faults_all_succeed_and_are_reported(tmp_path: Path, capsys
     page_is_whole((out / "report.html").read_text())
 
 
+def test_a_folder_that_cannot_be_written_is_found_before_the_first_run(capsys: pytest.CaptureFixture[str]) -> None:
+    for folder, why in (("/proc", "No such file or directory"), (SINGLE, "File exists")):
+        assert main(["trial", SINGLE, "--runs", "1000000", "--out", folder]) == 2
+        assert f"--out {folder}: {why}" in capsys.readouterr().err
+
+
 def page_is_whole(html: str) -> None:
     """Hold that a page needs nothing outside of it, and closes what it opens."""
     opened: list[str] = []

@@ -189,8 +189,7 @@ def acknowledged(
         if command.refused:
             if (yield from comes_true(flight, TEXT_WINDOW if command.sent == 1 else SETTLE, effect)):
                 return
-            reason = f"the vehicle refused {command.name} ({command.result_name})"
-            raise Ended("refused", flight.with_texts(reason, asked))
+            raise Ended("refused", flight.refusal(command, asked))
         run.waits_for = f"the acknowledgement of {command.name}"
         if command.silent:
             silent_at = min(silent_at, flight.now)
@@ -270,8 +269,7 @@ def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         if (yield from target_shown(flight, run, action, ask=attempt > 0)):
             return
         if command is not None and command.refused:
-            reason = f"the vehicle refused {command.name} ({command.result_name})"
-            raise Ended("refused", flight.with_texts(reason, asked))
+            raise Ended("refused", flight.refusal(command, asked))
         if not flight.vehicle.armed:
             raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
     reason = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"

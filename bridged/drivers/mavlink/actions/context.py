@@ -366,8 +366,22 @@ class ProcedureContext:
 
     def with_texts(self, reason: str, since: float) -> str:
         """Return a reason with the vehicle's texts since then, or with its state if there were none."""
-        texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
+        texts = self._texts_since(since)
         return f"{reason}: {texts}" if texts else f"{reason}; {self.state_text()}"
+
+    def refusal(self, command: MavlinkCommand, since: float) -> str:
+        """Return why the vehicle refused a command, with its texts since then.
+
+        The state of a vehicle explains a refusal, and not that it does not have the command.
+        """
+        reason = f"the vehicle refused {command.name} ({command.result_name})"
+        if command.result != dialect.MAV_RESULT_UNSUPPORTED:
+            return self.with_texts(reason, since)
+        texts = self._texts_since(since)
+        return f"{reason}: it does not support this command" + (f"; {texts}" if texts else "")
+
+    def _texts_since(self, since: float) -> str:
+        return self.texts.since(since - self.wait(*TEXT_WINDOW))
 
     @property
     def others(self) -> str:
