@@ -131,7 +131,8 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
             findings += errors.findings
     else:
         where = ("agents", agent, "program")
-        findings.append(mission.positions.finding(where, f"agents.{agent}.program: there is no file {path}"))
+        why = f"{path} is a folder, not a program" if path.is_dir() else f"there is no file {path}"
+        findings.append(mission.positions.finding(where, f"agents.{agent}.program: {why}"))
     for index, text in enumerate(spec.beliefs):
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
     _restart_goal(mission, agent, findings)
@@ -153,8 +154,9 @@ def _item(
     """Parse one belief or goal of the mission file."""
     try:
         found = read_item(text, mission.positions.file, kind)
-    except SyntaxErrors as errors:
-        findings.append(mission.positions.finding(steps, f"`{text}`: {errors.findings[0].message}"))
+    except SyntaxErrors as errors:  # their lines and columns are those of this text
+        what = "belief" if kind is Belief else "goal"
+        findings.append(mission.positions.finding(steps, f"in the {what} `{text}`: {errors.findings[0].message}"))
         return ()
     if not found:
         what = "belief such as `rescuers(2)`" if kind is Belief else "goal such as `fly_mission`"

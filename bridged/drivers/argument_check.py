@@ -10,6 +10,7 @@ from typing import Any
 from bridged.drivers.api import Value
 from bridged.paper_format.text_values import argument
 from schemas.files.findings import Finding
+from schemas.humanize import count
 from schemas.manifest.loader import ActionEntry, Argument, FieldValue, Manifest, Parameter, ParameterType, Values
 from schemas.wire.term_text import BadTerm, read, write
 from schemas.wire.terms import Atom, Structure, Term, to_float
@@ -36,8 +37,9 @@ def read_arguments(
     """
     allowed = entry.arities
     if len(parameters) not in ((allowed,) if isinstance(allowed, int) else allowed):
-        taken = allowed if isinstance(allowed, int) else f"{allowed.start} to {entry.arity}"
-        raise BadArgument(f"{signature(name, entry)} takes {taken} arguments, got {len(parameters)}")
+        most = count(entry.arity, "argument")
+        taken = most if isinstance(allowed, int) else f"{allowed.start} to {most}"
+        raise BadArgument(f"{signature(name, entry)} takes {taken}, got {len(parameters)}")
     reader = _Reader(name, values)
     given = zip(entry.params, parameters, strict=False)  # those left out have a default
     return {one.name: one.default for one in entry.params if one.default is not None} | {

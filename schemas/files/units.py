@@ -7,6 +7,8 @@ import sys
 from collections.abc import Mapping
 from typing import ClassVar, Final, Self
 
+LINK_FORMS: Final = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE:BAUD"
+"""The forms that a MAVLink link can have, for errors and help texts."""
 _LARGEST: Final = sys.float_info.max
 """A TOML or YAML integer may be larger than any float."""
 _NUMBER: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")

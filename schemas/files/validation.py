@@ -7,6 +7,7 @@ made, under a lock.
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 import types
@@ -67,11 +68,15 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
     elif isinstance(value, list) and array is not None and len(items := _items(array, len(value))) == len(value):
         for index, item in enumerate(value):
             yield from misfits(item, items[index], hook, (*path, index))
+    elif isinstance(value, float) and not math.isfinite(value) and float in options:
+        yield Misfit(path, f"expected a finite number, got `{value}`")
     else:
         try:
             convert(value, model, hook)
         except msgspec.ValidationError as error:
-            yield Misfit(path, _plain(error, value, options))
+            expected = _described(model)
+            got = f"expected {expected}, got `{str(value)[:40]}`"
+            yield Misfit(path, got if expected else _plain(error, value, options))
 
 
 def _items(array: Any, count: int) -> Sequence[Any]:
@@ -103,9 +108,21 @@ def _options(model: Any) -> tuple[Any, ...]:
     origin = get_origin(model)
     if origin is typing.Annotated:
         return _options(get_args(model)[0])
-    if origin in (Union, types.UnionType):
+    if _is_union(model):
         return tuple(option for member in get_args(model) for option in _options(member))
     return (model,)
+
+
+def _is_union(model: Any) -> bool:
+    return get_origin(model) in (Union, types.UnionType)
+
+
+def _described(model: Any) -> str:
+    """Return the description of a type that has one (`msgspec.Meta`): what is expected, for people."""
+    metas = (one for one in get_args(model) if isinstance(one, msgspec.Meta) and one.description)
+    if meta := next(metas, None):
+        return meta.description or ""
+    return next(filter(None, map(_described, get_args(model))), "") if _is_union(model) else ""
 
 
 def is_struct(model: Any) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from ast import literal_eval
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import islice
@@ -61,6 +62,8 @@ S = TypeVar("S", bound=msgspec.Struct)
 Check = Callable[[Manifest], Iterable[Finding]]
 """Check of a manifest by its drivers: `bridged.drivers.check_manifest`."""
 TABLES = ("robot", "percepts", "actions", "orders")
+_TWICE = re.compile(r"Cannot declare (\(.+\)) twice")
+"""tomllib's error of a table that is there twice, with its name as a tuple."""
 _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
@@ -115,8 +118,9 @@ def _syntax_finding(message: str, text: str, file: str) -> Finding:
     place = _SYNTAX_PLACE.search(message)
     if place is None:
         return Finding(file, 0, 0, message)
+    message = _TWICE.sub(lambda found: f"[{'.'.join(literal_eval(found[1]))}] is declared twice", message)
     line, column = (int(place[1]), int(place[2])) if place[1] else (text.count("\n") + 1, 0)
-    return Finding(file, line, column, message[: place.start()])
+    return Finding(file, line, column, _SYNTAX_PLACE.sub("", message))
 
 
 class _Reader:

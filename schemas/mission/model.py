@@ -12,7 +12,7 @@ import msgspec
 from schemas.files.findings import Finding, Findings, did_you_mean, nearest
 from schemas.files.shipped_files import mission_file, shipped_names
 from schemas.files.text_files import read_text
-from schemas.files.units import Distance, Duration, check_endpoint, decode_hook, host_and_port
+from schemas.files.units import LINK_FORMS, Distance, Duration, check_endpoint, decode_hook, host_and_port
 from schemas.files.yaml_positions import Positions, Steps, convert, read_yaml
 from schemas.wire.keys import Sight, check_name
 from schemas.wire.records import Order
@@ -47,6 +47,11 @@ Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
 Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+Home = Annotated[
+    tuple[Latitude, Longitude, float],
+    msgspec.Meta(description="[latitude -90 to 90, longitude -180 to 180, metres above mean sea level]"),
+]
+LinkText = Annotated[str, msgspec.Meta(description=f"a link such as {LINK_FORMS}")]
 
 
 class FileModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -129,7 +134,7 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     """Vehicle of `bridged simulate`: `copter`, `plane`, `rover` or `turtle`."""
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     """The autopilot of a copter, plane or rover."""
-    home: tuple[Latitude, Longitude, float] | None = None
+    home: Home | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
     board: str | None = None
     """The machine that the simulation runs on, as `argosy simulate --board` names it; none = the robot's board."""
@@ -155,7 +160,7 @@ class Robot(FileModel, frozen=True, kw_only=True):
 
     manifest: str | tuple[str, str]
     """The name of a shipped manifest, a path relative to the mission file, or the paper's INI pair."""
-    link: str = ""
+    link: LinkText = ""
     """For MAVLink: `udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
     prefix: str = ""
     """For robots on Zenoh: the prefix of each key in the manifest."""

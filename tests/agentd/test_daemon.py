@@ -58,7 +58,7 @@ def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_pat
         (["c"], TWO, {}, "m.yaml: error: there is no agent `c`; the agents are a, b"),
         (["--board", "pi9"], TWO, {}, "m.yaml: error: board `pi9` has no agents; the agents are a, b"),
         ([], TWO.replace("wait.asl", "wiat.asl"), {}, "m.yaml:4:16: error: agents.b.program: there is no file"),
-        ([], TWO.replace("peer(b)", "peer(b"), {}, "m.yaml:3:36: error: `peer(b`: "),
+        ([], TWO.replace("peer(b)", "peer(b"), {}, "m.yaml:3:36: error: in the belief `peer(b`: "),
         ([], TWO.replace("a: enough", "a: enough &"), {}, "m.yaml:5:7: error: `enough &`: "),
         ([], TWO, {"ping": "!start.\n+!start <- .print(1)\n"}, "ping.asl:"),
     ],

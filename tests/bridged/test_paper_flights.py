@@ -71,7 +71,7 @@ def test_a_truth_value_is_what_its_text_says(sky: Sky, argument: Term, armed: bo
     ("name", "arguments", "reason"),
     [
         ("arm_motors", ("maybe",), 'arm_motors: expected value: boolean, got "maybe"'),
-        ("arm_motors", (), "arm_motors(value: boolean) takes 1 arguments, got 0"),
+        ("arm_motors", (), "arm_motors(value: boolean) takes 1 argument, got 0"),
         ("takeoff", (500,), "takeoff: expected altitude: float 1..120 m, got 500"),
         ("takeoff", (Variable("High"),), "takeoff: expected altitude: float 1..120 m, got High"),
         ("set_mode", (Variable("Mode"),), "no mode 'Mode'; this vehicle has"),

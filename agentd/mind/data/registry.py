@@ -23,6 +23,7 @@ from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import PURE, Computing, TooMuchWork, work
 from agentd.mind.data.formula_failure import Failed
+from schemas.humanize import count
 
 
 class InternalAction:
@@ -219,7 +220,7 @@ def find_action(name: str, arity: int) -> InternalAction | None:
             return action
 
     def wrong(mind: Computing, trail: Trail, *args: Term) -> bool:
-        raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
+        raise Failed("wrong_arguments", f"{name} does not take {count(arity, 'argument')}")
 
     return InternalAction(name, range(arity, arity + 1), wrong)
 

@@ -176,12 +176,12 @@ def _read_json(text: str) -> PlanFile:
     except (ValueError, RecursionError) as error:
         raise BadPlan(f"expected JSON: {error}") from None
     if plan.get("fileType") != "Plan":
-        raise BadPlan(f'expected `"fileType": "Plan"`, got {_shown(plan.get("fileType"))}')
+        raise BadPlan(f'expected `"fileType": "Plan"`, {_got(plan.get("fileType"))}')
     if plan.get("version") != 1:
-        raise BadPlan(f"expected version 1 of a plan, got {_shown(plan.get('version'))}")
+        raise BadPlan(f"expected version 1 of a plan, {_got(plan.get('version'))}")
     mission = _table(plan, "mission")
     if mission.get("version") != 2:
-        raise BadPlan(f"mission: expected version 2, got {_shown(mission.get('version'))}")
+        raise BadPlan(f"mission: expected version 2, {_got(mission.get('version'))}")
     items, jumps = list[Item](), dict[int, int]()
     for place, entry in _simple_items(_list(mission, "items", "mission")):
         try:
@@ -219,7 +219,7 @@ def _simple_items(entries: Sequence[Any]) -> Iterator[tuple[str, Mapping[str, An
                     yield f"{name}: item {inner}", generated
             case _:
                 kind = entry.get("type") if isinstance(entry, dict) else entry
-                raise BadPlan(f"item {index}: expected a SimpleItem or ComplexItem, got {_shown(kind)}")
+                raise BadPlan(f"item {index}: expected a SimpleItem or ComplexItem, {_got(kind)}")
 
 
 def _generated(name: str, entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -239,7 +239,7 @@ def _generated(name: str, entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _item_of(entry: Mapping[str, Any]) -> Item:
     values = entry.get("params")
     if not isinstance(values, list) or len(values) != 7:
-        raise ValueError(f"expected `params`, a list of 7 numbers, got {_shown(values)}")
+        raise ValueError(f"expected `params`, a list of 7 numbers, {_got(values)}")
     numbers = [math.nan if value is None else _number("params", value) for value in values]
     command, frame = (_index(name, entry.get(name)) for name in ("command", "frame"))
     return make_item(command, frame, numbers, int(entry.get("autoContinue") is not False))
@@ -248,13 +248,13 @@ def _item_of(entry: Mapping[str, Any]) -> Item:
 def _index(name: str, value: object) -> int:
     if isinstance(value, int) and not isinstance(value, bool):
         return value
-    raise ValueError(f"expected `{name}`, a whole number, got {_shown(value)}")
+    raise ValueError(f"expected `{name}`, a whole number, {_got(value)}")
 
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER:
         return float(value)
-    raise ValueError(f"expected `{name}`: numbers or null, got {_shown(value)}")
+    raise ValueError(f"expected `{name}`: numbers or null, {_got(value)}")
 
 
 def _jumping(items: Sequence[Item], jumps: Mapping[int, int]) -> Iterator[Item]:
@@ -272,13 +272,13 @@ def _jumping(items: Sequence[Item], jumps: Mapping[int, int]) -> Iterator[Item]:
 def _table(value: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     if isinstance(found := value.get(name), dict):
         return found
-    raise BadPlan(f"expected `{name}`, got {_shown(found)}")
+    raise BadPlan(f"expected `{name}`, {_got(found)}")
 
 
 def _list(value: Mapping[str, Any], name: str, where: str) -> list[object]:
     if isinstance(found := value.get(name), list):
         return found
-    raise BadPlan(f"{where}: expected `{name}`, a list, got {_shown(found)}")
+    raise BadPlan(f"{where}: expected `{name}`, a list, {_got(found)}")
 
 
 # --- items of both ---------------------------------------------------------------------------------------------------
@@ -360,6 +360,10 @@ def _entry(seq: int, item: Item) -> dict[str, object]:
         "frame": item.frame,
         "params": [None if math.isnan(value) else value for value in _values(item)],
     }
+
+
+def _got(value: object) -> str:
+    return "there is none" if value is None else f"got {_shown(value)}"
 
 
 def _shown(value: object) -> str:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bridged.drivers.api import SAFETY, Driver, Order, Setup
-from bridged.drivers.mavlink.transport.address import FORMS, LinkAddress, LinkAddressError, link_strings
+from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError, link_strings
 from schemas.files.findings import Finding
+from schemas.files.units import LINK_FORMS
 from schemas.manifest.loader import Manifest
 from schemas.mission.model import Robot
 
@@ -33,7 +34,7 @@ def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
         except LinkAddressError as error:
             yield "link", str(error)
     elif robot.simulate is None or not robot.simulate.process:  # a simulated vehicle is found a free port
-        yield "link", f"needs the field `link`: {FORMS}"
+        yield "link", f"needs the field `link`: {LINK_FORMS}"
     if problem := id_problem(robot.failsafe, robot.sysid, robot.ids):
         yield "ids", f"ids: {problem}"
     if robot.signing is not None:

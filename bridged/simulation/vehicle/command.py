@@ -223,10 +223,18 @@ def _victims(text: str) -> "list[Victim]":
     from bridged.simulation.vehicle.world import Area, victims_of
 
     try:
-        count, seed, *borders = text.split(",")
-        return victims_of(int(seed), int(count), Area(*map(float, borders)))
-    except (ValueError, TypeError) as error:
-        raise argparse.ArgumentTypeError(f"expected N,SEED,SOUTH,WEST,NORTH,EAST: {error}") from None
+        number, seed, *borders = text.split(",")
+        count, dice = int(number), int(seed)
+        south, west, north, east = map(float, borders)
+    except ValueError:
+        problem = f"expected N,SEED,SOUTH,WEST,NORTH,EAST: two whole numbers and four in degrees, got {text!r}"
+        raise argparse.ArgumentTypeError(problem) from None
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 victim or more, got {count}")
+    try:
+        return victims_of(dice, count, Area(south, west, north, east))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _parameter(text: str) -> tuple[str, float]:
@@ -245,7 +253,8 @@ def _place(text: str) -> Place:
         lat, lon, alt = (float(part) for part in text.split(","))
         return Place(lat, lon, alt)
     except ValueError:
-        problem = f"expected LAT,LON,ALT such as {HOME}, got {text!r}"
+        ranges = "latitude -90 to 90, longitude -180 to 180, altitude in metres"
+        problem = f"expected LAT,LON,ALT such as {HOME} ({ranges}), got {text!r}"
         raise argparse.ArgumentTypeError(problem) from None
 
 

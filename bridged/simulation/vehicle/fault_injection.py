@@ -212,18 +212,24 @@ def _within(value: float, most: float = 1e9) -> float:
 
 
 TABLE: dict[str, Row] = {
-    "loss": Row("loss=SHARE", "share of packets that are lost, both ways", _share("loss")),
-    "duplicate": Row("duplicate=SHARE", "share of packets that arrive twice", _share("duplicate")),
-    "reorder": Row("reorder=SHARE", "share of packets that arrive after the following one", _share("reorder")),
-    "garbage": Row("garbage=SHARE", "share of packets preceded by bytes that are no packet", _share("garbage")),
+    "loss": Row("loss=SHARE", "share (0 to 1) of packets that are lost, both ways", _share("loss")),
+    "duplicate": Row("duplicate=SHARE", "share (0 to 1) of packets that arrive twice", _share("duplicate")),
+    "reorder": Row("reorder=SHARE", "share (0 to 1) of packets that arrive after the following one", _share("reorder")),
+    "garbage": Row(
+        "garbage=SHARE", "share (0 to 1) of packets preceded by bytes that are no packet", _share("garbage")
+    ),
     "mute-acks": Row("mute-acks", "the vehicle acts and never acknowledges", _flag("mute_acks")),
     "lie": Row("lie", "the vehicle acknowledges commands and obeys none; goals it ignores", _flag("lie")),
     "cut": Row("cut=AT+SECONDS", "nothing passes from AT for SECONDS of vehicle time", _cut),
-    "wind": Row("wind=SPEED:FROM[:GUST]", "wind of SPEED m/s from FROM degrees, its gusts deviate by GUST m/s", _wind),
+    "wind": Row(
+        "wind=SPEED:FROM[:GUST]",
+        "wind of SPEED (0 to 40) m/s from FROM (0 to 360) degrees, its gusts deviate by GUST (0 to 20) m/s",
+        _wind,
+    ),
     "gps-loss": Row("gps-loss=AT+SECONDS", "the GPS has no fix from AT for SECONDS", _gps_loss),
     "gps-jump": Row(
         "gps-jump=AT+SECONDS:METRES",
-        "the GPS is wrong by METRES, in a direction by its dice, from AT for SECONDS",
+        "the GPS is wrong by METRES (0 to 10000), in a direction by its dice, from AT for SECONDS",
         _gps_jump,
     ),
     "pilot": Row(
@@ -231,7 +237,9 @@ TABLE: dict[str, Row] = {
         "from AT a pilot has it in LOITER when it is in the air; after SECONDS he gives it back, or lands it",
         _pilot,
     ),
-    "camera": Row("camera=SHARE", "share of the victims within its range that its camera sees", _share("camera")),
+    "camera": Row(
+        "camera=SHARE", "share (0 to 1) of the victims within its range that its camera sees", _share("camera")
+    ),
     "reboot": Row("reboot=AT", "the autopilot restarts at AT; in the air the motors stop", _reboot),
     "prearm": Row(
         "prearm=[UNTIL:]TEXT",
@@ -240,7 +248,7 @@ TABLE: dict[str, Row] = {
     ),
     "autopilot": Row(
         "autopilot=N",
-        "autopilot number in its HEARTBEATs (12: PX4); it behaves as an ArduCopter",
+        "autopilot number (0 to 255) in its HEARTBEATs (12: PX4); it behaves as an ArduCopter",
         lambda f, text: replace(f, autopilot=int(_within(int(text), 255))),
     ),
     "seed": Row("seed=N", f"another row of dice (default {SEED})", lambda f, text: replace(f, seed=int(text))),

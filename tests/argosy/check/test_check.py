@@ -249,3 +249,20 @@ def test_a_belief_that_nothing_adds_is_reported_once_for_all_robots_of_a_program
     (tmp_path / "a.asl").write_text("!go.\n+!go : landing(_) <- +x.\n+!go <- +x.\n")
     assert main(["check", str(path)]) == 0
     assert capsys.readouterr().err.count("nothing adds the belief landing/1") == 1
+
+
+@pytest.mark.parametrize(
+    ("correct", "wrong", "expected"),
+    [
+        ("home: [-27.6, -48.5, 21.0]", "home: [-27.6, -48.5]", "home: expected [latitude -90 to 90, longitude"),
+        ("home: [-27.6, -48.5, 21.0]", "home: [-27.6, -48.5, .nan]", "home.2: expected a finite number, got `nan`"),
+        ("simulate", "limits: {altitude: .inf}\n    simulate", "altitude: expected a finite number, got `inf`"),
+        ("udpin:127.0.0.1:14550", "14550", "link: expected a link such as udpin:HOST:PORT, udpout:HOST:PORT, "),
+    ],
+)
+def test_a_value_that_cannot_be_is_an_error_that_says_what_was_expected(
+    mission: Path, capsys: pytest.CaptureFixture[str], correct: str, wrong: str, expected: str
+) -> None:
+    edit(mission, correct, wrong)
+    assert main(["check", str(mission)]) == 2
+    assert expected in capsys.readouterr().err

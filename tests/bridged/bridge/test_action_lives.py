@@ -525,7 +525,7 @@ def test_a_target_outside_the_missions_limits_is_refused(tmp_path: Path) -> None
     [
         ("takeoff", (500,), "takeoff: expected altitude: float 1..120 m, got 500"),
         ("takeoff", ("high",), 'takeoff: expected altitude: float 1..120 m, got "high"'),
-        ("takeoff", (), "takeoff(altitude: float 1..120 m) takes 1 arguments, got 0"),
+        ("takeoff", (), "takeoff(altitude: float 1..120 m) takes 1 argument, got 0"),
         ("arm_motors", ("True",), 'arm_motors: expected arm: boolean, got "True"'),
         ("set_mode", (4.5,), "set_mode: expected mode: string or int, got 4.5"),
         ("setpoint", (95.0, 0.0, 5.0), "setpoint: expected latitude: float -90..90 deg, got 95"),

@@ -110,7 +110,7 @@ def test_fields_elements_and_whole_entries_change_and_the_version_counts() -> No
         ),
         (
             ManifestChange(set={"actions.go.params": [{"name": "x"}]}),
-            ["orders.hold: go(x: float) takes 1 arguments, got 2"],
+            ["orders.hold: go(x: float) takes 1 argument, got 2"],
         ),
         (ManifestChange(set={"robot.vehicle": "boat", "robot.driver": "mavlink"}, remove=("orders",)), None),
         (ManifestChange(set={"percepts.led": {"source": "blink", "driver": "python"}}), None),

@@ -81,6 +81,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
     [
         (b"x = = 3", "1:5: error: Invalid value"),
         (b"[robot\n", "1:7: error: Expected ']' at the end of a table declaration"),
+        (b"[robot]\n[percepts.battery]\n[percepts.battery]", "3:18: error: [percepts.battery] is declared twice"),
         (b"[robot", "1: error: Expected ']' at the end of a table declaration"),
         (b"[robot]\n\xff\xfe", "2: error: expected UTF-8 text"),
         (b"", ": error: a `[robot]` table with its `driver` is missing"),

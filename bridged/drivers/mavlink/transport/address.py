@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal, Self, cast, get_args
 
-LinkKind = Literal["udpin", "udpout", "tcp", "tcpin", "serial"]
+from schemas.files.units import LINK_FORMS
 
-FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE:BAUD"
-"""The forms that a link string can have, for errors and help texts."""
+LinkKind = Literal["udpin", "udpout", "tcp", "tcpin", "serial"]
 
 BAUD_RATES = (
     1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 576000,
@@ -40,7 +39,7 @@ class LinkAddress:
         """Reads `kind:HOST:PORT` or `serial:DEVICE:BAUD`; IPv6 hosts are in brackets. Raises LinkAddressError."""
         kind, colon, rest = text.partition(":")
         if not colon or kind not in get_args(LinkKind):
-            raise LinkAddressError(text, f"expected {FORMS}")
+            raise LinkAddressError(text, f"expected {LINK_FORMS}")
         host, colon, number = rest.rpartition(":")
         if not colon or not host:
             raise LinkAddressError(text, f"expected {_form(kind)}")

@@ -238,7 +238,13 @@ def test_a_link_that_cannot_be_opened_is_one_clear_line_and_exit_code_2() -> Non
     [
         (["--link", "udp:1"], "error: link 'udp:1': expected udpin:HOST:PORT, udpout:HOST:PORT"),
         (["--link", "udpin:h:1", "--home", "1,2"], "argument --home: expected LAT,LON,ALT such as"),
-        (["--link", "udpin:h:1", "--home", "91,2,3"], "argument --home: expected LAT,LON,ALT such as"),
+        (
+            ["--link", "udpin:h:1", "--home", "91,2,3"],
+            "(latitude -90 to 90, longitude -180 to 180, altitude in metres)",
+        ),
+        (["--link", "udpin:h:1", "--victims", "1,2"], "two whole numbers and four in degrees, got '1,2'"),
+        (["--link", "udpin:h:1", "--victims", "0,2,0,0,1,1"], "argument --victims: expected 1 victim or more, got 0"),
+        (["--link", "udpin:h:1", "--victims", "1,2,1,0,0,1"], "argument --victims: expected an area SOUTH,WEST,"),
         (["--link", "udpin:h:1", "--sysid", "256"], "argument --sysid: expected a system id between 1 and 255"),
         (["--link", "udpin:h:1", "--speed", "fast"], "argument --speed: expected a factor between 0.1 and 100"),
     ],

@@ -158,6 +158,8 @@ MISTAKES = {
     "no json": ('{"fileType": ', "expected JSON"),
     "other file": (plan(THERE, fileType="Mission"), "`\"fileType\": \"Plan\"`, got 'Mission'"),
     "newer plan": (plan(THERE, version=2), "expected version 1 of a plan, got 2"),
+    "no fields": ("{}", 'expected `"fileType": "Plan"`, there is none'),
+    "no list": (plan(mission={"version": 2}), "mission: expected `items`, a list, there is none"),
     "no mission": (plan(THERE, mission=[]), "expected `mission`, got []"),
     "older mission": (plan(mission={"version": 1}), "mission: expected version 2, got 1"),
     "no items": (plan(), "it has no items"),

@@ -41,7 +41,7 @@ def test_faults_are_read_from_one_text_or_several() -> None:
         ("loss", "expected one of loss=SHARE, .*, got 'loss'"),
         ("lie=1", "expected one of .*, got 'lie=1'"),
         ("", "expected one of .*, got ''"),
-        ("loss=2", r"expected loss=SHARE \(share of packets that are lost, both ways\), got 'loss=2'"),
+        ("loss=2", r"expected loss=SHARE \(share \(0 to 1\) of packets that are lost, both ways\), got 'loss=2'"),
         ("loss=nan", "expected loss=SHARE"),
         ("cut=10", r"expected cut=AT\+SECONDS"),
         ("cut=10+x", r"expected cut=AT\+SECONDS"),
