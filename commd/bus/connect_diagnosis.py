@@ -21,6 +21,11 @@ PATIENCE = 2.0
 """Wall seconds for each step of an attempt: the connection, and the handshake."""
 VERDICT = 0.5
 """Wall seconds for the other side to reject our certificate; it sends nothing if it accepts it."""
+EMPTY_FRAME = b"\0\0\r\n\r\n"
+"""A frame of Zenoh (its length in two bytes) without a message, which a router answers by a frame with `CLOSE`; and the
+end of a request in protocols of lines, which is answered, too."""
+LENGTH, MESSAGE_ID, CLOSE = 2, 0x1F, 3
+"""Bytes of a frame's length; the bits of a message's first byte that are its id; that of Zenoh's Close."""
 HANGS_UP = "it hangs up before it says who it is: overloaded, or a router without keys"
 _PLACE = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:/?#]+)):(\d+)")
 _UNIX = "unixsock-stream/"
@@ -88,8 +93,12 @@ def attempt(endpoint: str, tls: Tls | None) -> str:
     try:
         with socket.create_connection((host, port), PATIENCE) as connection:
             if protocol == "tcp" or tls is None:
-                return "it speaks TLS: say `tls/...`, and --keys FOLDER" if _speaks_tls(connection) else ""
-            return _attempt_tls(connection, host, tls)
+                if _speaks_tls(connection):
+                    return "it speaks TLS: say `tls/...`, and --keys FOLDER"
+            else:
+                return _attempt_tls(connection, host, tls)
+        with socket.create_connection((host, port), PATIENCE) as connection:
+            return "what listens there is no Zenoh router" if _speaks_otherwise(connection) else ""
     except socket.gaierror:
         return f"there is no host `{host}` by what the name service says"
     except ConnectionRefusedError:
@@ -123,6 +132,17 @@ def _speaks_tls(connection: socket.socket) -> bool:
             return True
     except OSError:
         return False
+
+
+def _speaks_otherwise(connection: socket.socket) -> bool:
+    """Whether the other side answers what no Zenoh router does. Of one that is silent or hangs up it is not known."""
+    connection.settimeout(VERDICT)
+    try:
+        connection.sendall(EMPTY_FRAME)
+        answer = connection.recv(64)
+    except OSError:
+        return False
+    return bool(answer) and not (len(answer) > LENGTH and answer[LENGTH] & MESSAGE_ID == CLOSE)
 
 
 def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:

@@ -41,7 +41,9 @@ CLOSE_PATIENCE = 2.0
 """Timeout for closing a session, in wall seconds. Zenoh itself waits 10 s for an unresponsive router and then fails."""
 DIAGNOSE_EVERY = 10.0
 """Wall seconds between two diagnoses of a router that is not reached."""
-UNKNOWN = "is commd running? If it is, it takes no more links: its log and its health say so"
+STARTS_WITHIN = 3.0
+"""Wall seconds in which a router that is started together with its clients opens their sessions: nothing is logged."""
+UNKNOWN = "it is reached and opens no session: a commd at its maximum of links (see its log and health), or no router"
 """Why a router that can be reached lets nobody in."""
 MOST_KEYS: Final = 10_000
 """Keys that a session declares, and keys used once that it remembers; further ones are not declared."""
@@ -153,8 +155,8 @@ async def open_client(
 ) -> zenoh.Session:
     """Open a client's session; retry until `stop`, or for `patience` wall seconds. Raises BusClosed that says why."""
     loop = asyncio.get_running_loop()
-    until = loop.time() + patience
-    why, diagnosed = "", -DIAGNOSE_EVERY
+    begun = loop.time()
+    why, logged, diagnose_at = "", "", begun
     waiting = RepeatedLog(
         lambda seconds: log.warning("waiting for the router at %s for=%.0fs: %s", endpoint, seconds, why)
     )
@@ -163,12 +165,14 @@ async def open_client(
             try:
                 return await open_session(config, endpoint, stop)
             except zenoh.ZError:
-                if loop.time() >= diagnosed + DIAGNOSE_EVERY:
-                    before, why = why, await why_not(endpoint, tls) or UNKNOWN
-                    diagnosed = loop.time()
-                    if why != before:
+                if loop.time() >= diagnose_at:
+                    why = await why_not(endpoint, tls) or UNKNOWN
+                    late = loop.time() >= begun + STARTS_WITHIN
+                    diagnose_at = loop.time() + DIAGNOSE_EVERY if late else begun + STARTS_WITHIN
+                    if late and why != logged:
+                        logged = why
                         log.warning("waiting for the router at %s: %s", endpoint, why)
-            if loop.time() >= until or (stop is not None and stop.is_set()):
+            if loop.time() >= begun + patience or (stop is not None and stop.is_set()):
                 raise BusClosed(f"no router at {endpoint}: {why}")
             if not waiting.active:
                 waiting.begin()

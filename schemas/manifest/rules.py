@@ -182,9 +182,7 @@ def _parameters(parameters: tuple[Parameter, ...], where: tuple[str, ...]) -> It
 
 def _range(parameter: Parameter, here: tuple[str, ...]) -> Iterator[Wrong]:
     for bound, figure in (("min", parameter.min), ("max", parameter.max)):
-        if figure is not None and not math.isfinite(figure):
-            yield (*here, bound), f"expected a finite number, got `{figure}`"
-        elif figure is not None and not NUMBERS & set(parameter.types):
+        if figure is not None and not NUMBERS & set(parameter.types):
             yield (*here, bound), f"a range is for numbers; `{parameter.name}` is a {' or '.join(parameter.types)}"
     if parameter.min is not None and parameter.max is not None and parameter.min > parameter.max:
         yield (*here, "min"), f"`{parameter.name}` has min {parameter.min:g} above max {parameter.max:g}"

@@ -324,6 +324,18 @@ async def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: 
             pass
 
 
+@pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
+@async_test
+async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_start(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, starts_within: float, logged: int
+) -> None:
+    monkeypatch.setattr("commd.bus.session.STARTS_WITHIN", starts_within)
+    with pytest.raises(BusClosed):
+        async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.3):
+            pass
+    assert caplog.text.count("waiting for the router") == logged
+
+
 @bus_test
 async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
     connect: Connect, monkeypatch: pytest.MonkeyPatch

@@ -121,6 +121,26 @@ async def test_who_shows_no_certificate_or_speaks_no_tls_does_not_come_in(fleet:
         assert await why_not(plain, None) == "it speaks TLS: say `tls/...`, and --keys FOLDER"
 
 
+@async_test
+async def test_what_answers_as_no_router_does_is_named(free_port: Port) -> None:
+    async def answers(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if await reader.read(64) == connect_diagnosis.EMPTY_FRAME:
+            writer.write(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        writer.close()
+
+    server = await asyncio.start_server(answers, "127.0.0.1", port := free_port())
+    async with server:
+        assert await why_not(f"tcp/127.0.0.1:{port}", None) == "what listens there is no Zenoh router"
+    at = f"tcp/127.0.0.1:{free_port()}"
+    async with open_bus(at, fleet="test", name="pi1", daemon="commd", stamp=time.time_ns, mode="router"):
+        with socket.create_connection(("127.0.0.1", int(at.rpartition(":")[2])), 2) as connection:
+            connection.settimeout(60)
+            connection.sendall(connect_diagnosis.EMPTY_FRAME)
+            answer = await asyncio.to_thread(connection.recv, 64)
+        assert answer[connect_diagnosis.LENGTH] & connect_diagnosis.MESSAGE_ID == connect_diagnosis.CLOSE
+        assert await why_not(at, None) == ""
+
+
 SERVERS: dict[str, tuple[Make, str]] = {
     "of another authority": (
         lambda _, folder: FleetKeys(folder).make("pi1"),
