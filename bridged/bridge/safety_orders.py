@@ -106,6 +106,8 @@ class SafetyOrders:
         """Makes the sequence under way: it begins again after a pause."""
         self._insisting: asyncio.Task[None] | None = None
         """Gives the operator's order or pause again, until the robot has answered."""
+        self._asked = 0
+        """Number of the operator's last order, pause, `continue` or `release`."""
         self._execution: Execution | None = None
         """The present order of a sequence."""
         self._lost: tuple[str, Sequence[Step]] | None = None
@@ -199,7 +201,7 @@ class SafetyOrders:
         An order that the robot cannot hear is given again when it is heard. The sequence for a lost agent begins again
         on `release`, unless the robot is left by then.
         """
-        self._stop_insisting()
+        asked = self._ask()
         if not self._stopping:
             self._keep_order(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
@@ -207,7 +209,7 @@ class SafetyOrders:
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
             self._back_at = back_at
             self._begin_loss(*self._lost)
-        return self._insists_on(await self.carry_out(order, by_operator(order), block=True, insist=True))
+        return self._insists_on(asked, await self.carry_out(order, by_operator(order), block=True, insist=True))
 
     def release(self) -> Outcome:
         """Let the agents act again, but not while the bridge leaves the robot."""
@@ -216,7 +218,7 @@ class SafetyOrders:
         self._server.blocked = None
         self._keep_order(None)
         if not self._server.paused:
-            self._stop_insisting()
+            self._ask()
         released = RobotReleased(robot=self._robot)
         log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
@@ -230,8 +232,8 @@ class SafetyOrders:
         if self._sequence is not None and self._make_sequence is not None:
             self._sequence.cancel()
             self._begin(self._make_sequence)
-        self._stop_insisting()
-        return self._insists_on(await self._confirmed(self._server.pause()))
+        asked = self._ask()
+        return self._insists_on(asked, await self._confirmed(self._server.pause()))
 
     async def resume(self) -> Outcome:
         """Continue after a pause: bring the robot back into its mode, then begin its actions again.
@@ -244,49 +246,60 @@ class SafetyOrders:
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._server.paused:
             return Outcome("succeeded", "it was not paused")
-        self._stop_insisting()
+        asked = self._ask()
         if order := self._action_log.ordered:
-            return self._insists_on(await self.carry_out(order, by_operator(order), block=True, insist=True))
+            return self._insists_on(asked, await self.carry_out(order, by_operator(order), block=True, insist=True))
         outcome = await self._confirmed(self._driver.resume())
         if outcome.state == "succeeded" and self._server.paused:
             self._server.go_on()
-        return outcome
+        return self._insists_on(asked, outcome)
 
     def restore(self) -> None:
         """Pause or order a robot again, when it is heard, as the operator did in a former run of the bridge."""
+        self._ask()
         if self._server.paused or self._action_log.ordered:
             self._insisting = asyncio.create_task(self._insist())
 
-    def _insists_on(self, outcome: Outcome) -> Outcome:
-        """Give the operator's order or pause again, if the robot was not heard. Returns its outcome, which says so."""
-        if outcome.state == "succeeded" or self._driver.heard or self._stopping:
-            return outcome
-        self.restore()
-        return replace(outcome, reason=f"{outcome.reason}; it is given again when the robot is heard")
-
-    def _stop_insisting(self) -> None:
+    def _ask(self) -> int:
+        """Take in that the operator wants something else now. Returns its number."""
         if self._insisting is not None:
             self._insisting.cancel()
             self._insisting = None
+        self._asked += 1
+        return self._asked
+
+    def _insists_on(self, asked: int, outcome: Outcome) -> Outcome:
+        """Give the operator's order or pause again if the robot has not answered, and nothing else was asked since.
+
+        Returns the outcome, which says so.
+        """
+        unanswered = outcome.state == "timed_out" or (outcome.state == "failed" and not self._driver.heard)
+        standing = self._server.paused or self._action_log.ordered
+        if not (unanswered and standing and asked == self._asked) or self._stopping:
+            return outcome
+        self.restore()
+        what = "the pause" if self._server.paused else "it"
+        return replace(outcome, reason=f"{outcome.reason}; {what} is given again when the robot is heard")
 
     async def _insist(self) -> None:
-        """Give the operator's order or pause when the robot is heard, until it answers; a pilot keeps the robot."""
-        server, driver, again = self._server, self._driver, False
+        """Give the operator's order or pause when the robot is heard, until it answers. Others keep the robot."""
+        server, driver, waits = self._server, self._driver, False
         while (server.paused or self._action_log.ordered) and not self._stopping:
-            if not driver.heard:
+            order = self._action_log.ordered
+            if driver.heard and not server.paused and not driver.active:
+                return
+            if not driver.heard or driver.overridden:
+                if driver.heard and not waits:
+                    waits, what = True, "the operator's pause" if server.paused else f"the operator's {order}"
+                    log.warning("robot=%s %s waits: others have set %s", self._robot, what, driver.overridden)
                 await asyncio.sleep(LOOK)
                 continue
-            if driver.overridden:
-                return
             if server.paused:
                 outcome = await self._confirmed(server.pause())
-            elif (order := self._action_log.ordered) and driver.active:
+            elif order:
                 outcome = await self.carry_out(order, by_operator(order), block=True)
-            else:
+            if driver.heard and outcome.state != "timed_out":
                 return
-            if driver.heard and (again or outcome.state != "timed_out"):
-                return
-            again = driver.heard
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Carry out the mission's steps, until an agent takes control or the operator or the bridge's end overrides.

@@ -80,7 +80,7 @@ class ControlAuthority:
                     self._report_override()
                 else:
                     self._by_agent = True
-        elif acts or (vehicle.mode != mode_before and not self._by_itself(mode_before, was_armed)):
+        elif acts or (vehicle.mode != mode_before and not self._by_itself(mode_before, was_armed and not again)):
             asked = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
             ours = asked and not acts
             self._to_judge = (
@@ -102,7 +102,8 @@ class ControlAuthority:
         It does so when its motors stop, and at the end of a takeoff that nobody here began.
         """
         vehicle = self._vehicle
-        if vehicle.modes.resting and was_armed and not vehicle.armed:
+        by_mission = was_armed and vehicle.mode == vehicle.modes.auto  # a way home ends by the landing of the mission
+        if by_mission and vehicle.modes.resting and not vehicle.armed:
             return True
         if vehicle.mode not in vehicle.modes.resting:
             return False
@@ -117,7 +118,7 @@ class ControlAuthority:
         """
         vehicle = self._vehicle
         changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
-        changed = changed and not self._by_itself(mode_before, was_armed)
+        changed = changed and not self._by_itself(mode_before, was_armed and silence <= RESTARTS_WITHIN)
         doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
         if doubts:
             self._doubt_until = self._flight.now + self._flight.wait(*DOUBT)
@@ -165,7 +166,7 @@ class ControlAuthority:
         if outcome.state == "succeeded":
             self._vehicle.overridden = self._vehicle.overridden and not (run.moves or run.procedure.sets_mode)
             if run.procedure.takes_control:
-                self._by_agent = True
+                self._by_agent, self._vehicle.held_by_failsafe_at = True, -math.inf
                 self._end_override()
             elif run.by_agent and run.moves:
                 self._by_agent = True

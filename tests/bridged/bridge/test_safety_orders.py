@@ -271,13 +271,83 @@ async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_giv
     await passing(sky, 8)
     outcome = await (orders.pause() if said == "pause" else orders.operator(said))
     assert outcome.state == "timed_out"
-    assert outcome.reason.endswith("it is given again when the robot is heard")
+    assert outcome.reason.endswith("is given again when the robot is heard")
     assert mode_of(sky) == "GUIDED"
     sky.we_hear = sky.hears_us = lambda message: True
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 10.0)
     for _ in range(20):
         await passing(sky, 0.5)
     assert mode_of(sky) == mode
+
+
+async def silent(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the vehicle be out of reach, and orders be given up soon."""
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
+    sky.we_hear = sky.hears_us = lambda message: False
+    await passing(sky, 8)
+
+
+async def heard_again(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 10.0)
+    sky.we_hear = sky.hears_us = lambda message: True
+    for _ in range(20):
+        await passing(sky, 0.5)
+
+
+@async_test
+async def test_a_robot_that_cannot_be_heard_to_continue_is_paused_when_it_is(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await silent(sky, monkeypatch)
+    await sky.bridge.orders.pause()
+    outcome = await sky.bridge.orders.resume()
+    assert outcome.reason.endswith("the pause is given again when the robot is heard")
+    await heard_again(sky, monkeypatch)
+    assert (mode_of(sky), sky.bridge.action_server.paused) == ("BRAKE", True)
+
+
+@async_test
+async def test_an_order_that_is_not_confirmed_in_time_is_given_again(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
+    await silent(sky, monkeypatch)
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.3)
+    asked = asyncio.ensure_future(sky.bridge.orders.operator("rtl"))
+    sky.we_hear = lambda message: True
+    await passing(sky, 1)
+    assert sky.bridge.driver.heard
+    await asyncio.sleep(0.4)  # the patience is wall time
+    assert (await asked).state == "timed_out"
+    await heard_again(sky, monkeypatch)
+    assert mode_of(sky) == "RTL"
+
+
+@async_test
+async def test_an_order_waits_for_a_failsafe_that_has_acted_meanwhile_and_for_who_hands_the_robot_over(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await silent(sky, monkeypatch)
+    await sky.bridge.orders.operator("land")
+    take_over(sky, LOITER)
+    await heard_again(sky, monkeypatch)
+    assert mode_of(sky) == "LOITER"
+    take_over(sky, GUIDED)
+    await passing(sky, 5)
+    assert mode_of(sky) == "LAND"
+
+
+@async_test
+async def test_a_pause_that_is_continued_before_it_is_given_up_is_not_given_again(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await silent(sky, monkeypatch)
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 10.0)
+    pause = asyncio.ensure_future(sky.bridge.orders.pause())
+    await passing(sky, 0.5)
+    resume = asyncio.ensure_future(sky.bridge.orders.resume())
+    await passing(sky, 0.5)
+    assert "given again" not in (await pause).reason
+    await heard_again(sky, monkeypatch)
+    assert (await resume).state == "succeeded"
+    assert (mode_of(sky), sky.bridge.action_server.paused) == ("GUIDED", False)
 
 
 @async_test

@@ -92,12 +92,8 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
     vehicle, wanted, near = flight.vehicle, action.parameters[6], action.tolerance or 0.3
     if broken := flight.too_high(wanted):
         return Outcome("refused", broken, "limits")
-    not_above = vehicle.position is not None and vehicle.placed and vehicle.position.altitude <= wanted + near
-    if (flight.goes_on(action) or not_above) and vehicle.aloft:
+    if vehicle.aloft and (flight.goes_on(action) or vehicle.placed):
         return (yield from _climb_on(flight, run, action, near))
-    if vehicle.aloft and vehicle.placed and vehicle.position is not None:
-        reason = f"a takeoff to {wanted:g} m does not lead down from {vehicle.position.altitude:.1f} m"
-        return Outcome("refused", f"{reason}; {flight.state_text()}")
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
 
@@ -146,10 +142,13 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
 
 
 def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, near: float) -> Steps:
-    """Continue a takeoff in the air, where NAV_TAKEOFF is refused: by a target above."""
+    """Continue a takeoff in the air, where NAV_TAKEOFF is refused: by a target above. It does not lead down."""
     vehicle, wanted, asked = flight.vehicle, action.parameters[6], flight.now
     if vehicle.position is None:
         return Outcome("refused", "the vehicle has not reported where it is")
+    if vehicle.position.altitude > wanted + near and not flight.goes_on(action):
+        reason = f"a takeoff to {wanted:g} m does not lead down from {vehicle.position.altitude:.1f} m"
+        return Outcome("refused", f"{reason}; {flight.state_text()}")
     above = replace(vehicle.position, altitude=wanted)
     target = replace(action, target=above, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     yield from target_taken(flight, run, target)

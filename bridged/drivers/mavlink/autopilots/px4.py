@@ -65,6 +65,7 @@ class Px4(Autopilot):
         "ESTIMATOR_STATUS": 1.0,
         "EXTENDED_SYS_STATE": 2.0,
         "POSITION_TARGET_GLOBAL_INT": 2.0,
+        "CURRENT_MODE": 0.5,
     }
     unrequestable: ClassVar = frozenset({"MISSION_CURRENT", "RC_CHANNELS"})
     unasked: ClassVar = (

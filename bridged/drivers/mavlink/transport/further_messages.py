@@ -1,6 +1,6 @@
 """Messages of PX4 that pymavlink's dialect `ardupilotmega` does not have, added to it when this module is imported.
 
-EVENT carries reasons for which PX4 sends no text.
+CURRENT_MODE tells a failsafe from a mode that somebody set; EVENT carries reasons for which PX4 sends no text.
 """
 
 from __future__ import annotations

@@ -35,6 +35,9 @@ class Event(NamedTuple):
     """It is a failed arming check."""
 
 
+HOLDS_FIRST = frozenset({0x1D11DF6, 0x144B3E0})
+"""A failsafe holds for COM_FAIL_ACT_T before it acts; the mode may be the one that was set."""
+_HOLDS = Event(_CRITICAL, "a failsafe acts: the vehicle holds first")
 EVENTS: Mapping[int, Event] = MappingProxyType({
     0x1FE4222: Event(_CRITICAL, "mission rejected: the takeoff is not its first item that is flown", alone=True),
     0x148D925: Event(_CRITICAL, "mission rejected: its landing is steeper than FW_LND_ANG", alone=True),
@@ -61,7 +64,7 @@ EVENTS: Mapping[int, Event] = MappingProxyType({
     0x11AA6BE: Event(_INFO, "the pilot took over by the sticks"),
     0x1A4B458: Event(_WARNING, "the ground station is lost"),
     0x194CA8A: Event(_CRITICAL, "a failsafe acts"),
-    0x1D11DF6: Event(_CRITICAL, "a failsafe acts: the vehicle holds first"),
+    **dict.fromkeys(HOLDS_FIRST, _HOLDS),
     0x1DEDBD0: Event(_CRITICAL, "a failsafe acts: the vehicle returns"),
 })  # fmt: skip
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, table_of
+from bridged.drivers.mavlink.vehicle.px4_events import HOLDS_FIRST
 from schemas import geo
 
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -20,6 +21,8 @@ ALOFT = frozenset({
 OFF_GROUND = 0.5
 """Metres above home that are no estimation error."""
 UNKNOWN_HEADING = 65535
+CRITICAL_WITHIN = 1.5
+"""Mission seconds after the report of a failsafe within which a HEARTBEAT, one a second, has the state CRITICAL."""
 REBOOT_MS = 3000
 """`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
 
@@ -65,6 +68,10 @@ class Vehicle:
         self.heard_at = -math.inf
         """Time of the last HEARTBEAT."""
         self.mode = -1
+        self._unwanted_mode = -1
+        """A mode in which a failsafe of its own flies it, as somebody wants another (CURRENT_MODE); -1 = none."""
+        self.held_by_failsafe_at = -math.inf
+        """When a failsafe of its own began to hold it, until that is over or an agent has taken control."""
         self.overridden = False
         """Whether others set the present mode; set by the control authority."""
         self.armed = False
@@ -165,6 +172,14 @@ class Vehicle:
                     self._rebooted()
                 self.base_mode, self.system_status = message.base_mode, message.system_status
                 self.armed = bool(message.base_mode & _ARMED)
+                critical = self.system_status == dialect.MAV_STATE_CRITICAL
+                if not critical and now > self.held_by_failsafe_at + CRITICAL_WITHIN:
+                    self.held_by_failsafe_at = -math.inf
+            case "CURRENT_MODE":
+                wanted = message.intended_custom_mode in (0, message.custom_mode)
+                self._unwanted_mode = -1 if wanted else message.custom_mode
+            case "EVENT" if message.id in HOLDS_FIRST:
+                self.held_by_failsafe_at = now
             case "GLOBAL_POSITION_INT":
                 self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
                 self.amsl = message.alt / 1e3
@@ -226,9 +241,13 @@ class Vehicle:
 
     @property
     def failsafe_acts(self) -> bool:
-        """Whether the vehicle reports that a failsafe of its own flies it: PX4 does, also in the mode that was set."""
-        critical = self.system_status == dialect.MAV_STATE_CRITICAL
-        return critical and self.armed and self.autopilot == dialect.MAV_AUTOPILOT_PX4
+        """Whether the vehicle reports that a failsafe of its own flies it, against what was set or in the same mode.
+
+        CRITICAL alone is no failsafe: PX4 reports it for a warning too, such as a low battery, and flies on.
+        """
+        if self.system_status != dialect.MAV_STATE_CRITICAL or not self.armed:
+            return False
+        return self.mode == self._unwanted_mode or self.held_by_failsafe_at > -math.inf
 
     def state(self) -> dict[str, object]:
         """The content of its last HEARTBEAT; empty while it is not heard."""

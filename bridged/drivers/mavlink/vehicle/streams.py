@@ -27,7 +27,7 @@ UNASKED = frozenset({
 })  # fmt: skip
 """Come by themselves, on request, or are the driver's own."""
 SPORADIC = frozenset({
-    "POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS", "MISSION_CURRENT",
+    "POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS", "MISSION_CURRENT", "CURRENT_MODE",
 })  # fmt: skip
 """Sent only in some states of the vehicle: their silence proves nothing."""
 DEFAULT_RATE = 2.0

@@ -182,3 +182,16 @@ def test_a_px4_plane_does_not_land_without_a_landing(
     assert status.state == "refused"
     assert status.reason == f"a plane of this kind has no mode that lands where it is, {why}"
     assert mode(sky) == "GUIDED"
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_takeoff_of_a_plane_does_not_lead_down(tmp_path: Path, autopilot: str) -> None:
+    sky = sky_of(tmp_path, "plane", autopilot)
+    done(sky, "set_mode", "GUIDED")
+    done(sky, "arm_motors", True)
+    done(sky, "takeoff", 90)
+    done(sky, "set_mode", "GUIDED")
+    sky.wait(5)
+    final = sky.do("takeoff", 30)
+    assert final.state == "refused"
+    assert final.reason.startswith("a takeoff to 30 m does not lead down from ")

@@ -426,6 +426,65 @@ def test_a_bridge_that_is_started_while_its_failsafe_acts_does_not_undo_it(tmp_p
     assert after.do("goto", *GOAL).cause == "pilot"
 
 
+def warned(sky: Sky) -> Sky:
+    """Its HEARTBEATs have the state CRITICAL for something that it warns of and does not act on."""
+
+    def critical(message: Message) -> bool:
+        if message.get_type() == "HEARTBEAT":
+            message.system_status = dialect.MAV_STATE_CRITICAL
+        return True
+
+    sky.we_hear = critical
+    return sky
+
+
+def test_what_it_only_warns_of_leaves_it_to_its_agents(tmp_path: Path) -> None:
+    sky = px4(tmp_path)
+    sky.wait(10)
+    done(sky, "arm_motors", True)
+    warned(sky).wait(3)
+    done(sky, "takeoff", 20)
+    done(sky, "goto", *GOAL)
+    assert sky.belief("override") is None
+    done(sky, "return_to_launch")
+
+
+@async_test
+async def test_what_it_only_warns_of_keeps_no_order_from_it(tmp_path: Path) -> None:
+    sky = warned(px4(tmp_path / "lost").flying(20))
+    sky.bridge.orders.agent_lost("uav", "killed", (Step("hold", 3.0), Step("rtl")))
+    await passing(sky, 15)
+    assert mode(sky) == "RTL"
+    sky = warned(px4(tmp_path / "left").flying(20))
+    await passing(sky, 3)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert (left.state, left.order) == ("ordered", "rtl")
+
+
+@pytest.mark.parametrize("silence", [0.0, 20.0])
+def test_a_pilots_mode_that_shows_with_motors_that_have_stopped_is_the_pilots(tmp_path: Path, silence: float) -> None:
+    sky = px4(tmp_path).flying(2)
+
+    def by_force(arm: int) -> None:
+        parameters = (arm, 21196, 0, 0, 0, 0, 0)
+        request = dialect.MAVLink_command_long_message(1, 1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, *parameters)
+        sky.downlink.extend(sky.vehicle.receive(request))
+
+    beats = sky.driver.vehicle.heartbeats
+    sky.forward(lambda: sky.driver.vehicle.heartbeats > beats, "a HEARTBEAT")
+    sky.we_hear = sky.hears_us = lambda message: not silence
+    sky.wait(silence)
+    by_force(0)
+    station(sky, POSCTL)
+    sky.wait(3)
+    sky.we_hear = sky.hears_us = lambda message: True
+    sky.wait(6)
+    by_force(1)
+    sky.wait(4)
+    assert sky.driver.overridden == "POSCTL"
+    assert sky.belief("override") == ("POSCTL",)
+
+
 def test_the_bridge_is_its_ground_station_and_says_if_its_failsafe_is_off(tmp_path: Path) -> None:
     sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n")
     sky.wait(10)
