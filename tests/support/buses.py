@@ -122,7 +122,8 @@ async def subscribed(bus: Bus, key: str) -> None:
 
 
 async def served(bus: Bus, key: str) -> None:
-    """Wait until what `bus` asks on `key` reaches somebody who serves it."""
+    """Wait until `bus` knows of somebody who serves `key`. Behind a second router a query may not reach it for 0.1 s
+    more, in which that router has no route yet."""
     with bus._session.declare_querier(key) as querier:
         await until(lambda: querier.matching_status.matching, f"somebody serves {key}")
 
