@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from functools import partial
+from typing import Any
 
 import zenoh
 from msgspec.structs import replace
@@ -120,7 +121,7 @@ class Service:
             if asked.intersects(zenoh.KeyExpr(key)):
                 query.reply(perception, key)
 
-    def _act(self, agent: str, query: Query[Action]) -> Awaitable[None] | None:
+    def _act(self, agent: str, query: Query[Action]) -> Coroutine[Any, Any, None] | None:
         """Carry out a valid request on a concrete key; answer any other query with descriptions of actions."""
         if not query.concrete or query.record is None:
             self._describe(agent, query)
@@ -173,7 +174,7 @@ class Service:
         told = self._bridge.live.told(self._robot, problems)
         return replace(told, header=self._bus.header("manifest", self._robot))
 
-    def _stop(self, query: Query[StopOrder]) -> Awaitable[None] | None:
+    def _stop(self, query: Query[StopOrder]) -> Coroutine[Any, Any, None] | None:
         """Block actions and carry the order out; or release them; or pause and continue."""
         asked = query.required('expected an order: {"order": "hold"}, land, rtl, release, pause or continue')
         match asked.order:
@@ -226,7 +227,7 @@ class _Following:
         except Exception as error:  # a status that cannot be sent must not fail its publisher
             self._ended.set_exception(error)
 
-    def to_its_end(self) -> Awaitable[None] | None:
+    def to_its_end(self) -> Coroutine[Any, Any, None] | None:
         """Return the wait for the end of the action, None if it has ended. Raises what was wrong with a status."""
         if self._ended.done():
             self._ended.result()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
+from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, contextmanager
 from functools import partial
@@ -156,7 +156,7 @@ class QuerySession:
         self,
         key: str,
         record: type[R],
-        handler: Callable[[Query[R]], Awaitable[None] | None],
+        handler: Callable[[Query[R]], Coroutine[Any, Any, None] | None],
         *,
         at_most: int = MAX_BYTES,
         urgent: bool = False,
@@ -195,12 +195,14 @@ class QuerySession:
             if rest is None:
                 query.drop()  # type: ignore[no-untyped-call]
             else:
-                tasks.spawn(self._serve(query, ours, rest))
+                tasks.spawn(self._serve(query, ours, rest)).add_done_callback(
+                    lambda _: rest.close()  # the task may be cancelled before it begins
+                )
 
         queryable = self._session.declare_queryable(key, self._dispatch.callback(deliver, refuse_busy))
         return Declaration(queryable, self._declare("queryable", key)).close
 
-    async def _serve(self, query: zenoh.Query, ours: Query[Any], rest: Awaitable[None]) -> None:
+    async def _serve(self, query: zenoh.Query, ours: Query[Any], rest: Coroutine[Any, Any, None]) -> None:
         with query:
             with self._errors_replied(ours):
                 await rest

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from contextlib import AsyncExitStack, aclosing
+from inspect import CORO_CLOSED, getcoroutinestate
 from typing import Any
 from unittest.mock import Mock
 
@@ -102,6 +103,26 @@ async def test_a_query_streams_its_replies_and_ends(connect: Connect) -> None:
         assert reply.record is not None
         states.append(reply.record.state)
     assert states == ["accepted", "running", "succeeded"]
+
+
+@bus_test
+async def test_a_query_that_arrives_as_its_session_closes_leaves_no_coroutine_behind(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
+    served_by: list[Coroutine[Any, Any, None]] = []
+
+    def serve(query: Query[Action]) -> Coroutine[Any, Any, None]:
+        asyncio.get_running_loop().call_soon(server._tasks.cancel)  # before the first step of the task
+        served_by.append(never())
+        return served_by[0]
+
+    async def never() -> None:
+        raise AssertionError("a cancelled task has begun")
+
+    server.serve("argosy/test/uav/action/*", Action, serve)
+    await served(backfill, "argosy/test/uav/action/land")
+    async for reply in backfill.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
+        raise AssertionError(reply.error)
+    assert getcoroutinestate(served_by[0]) == CORO_CLOSED
 
 
 @bus_test
