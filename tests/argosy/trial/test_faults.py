@@ -156,7 +156,7 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
         ("- {kind: battery, robot: uav9, minutes: 1}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
         ("- {kind: operator, robot: uav9, order: hold}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
         ("- {kind: operator, order: fly}", "1:3: Invalid enum value 'fly' - at `$.order`"),
-        ("- {kind: vehicle, robot: uav1, fault: loss=2}", "1:3: expected loss=SHARE (share of packets"),
+        ("- {kind: vehicle, robot: uav1, fault: loss=2}", "1:3: expected loss=SHARE ("),
         ("kill", "1:1: expected a list of faults such as"),
     ],
 )
