@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, Generic
@@ -14,8 +16,10 @@ from bridged.simulation.vehicle.mission_items import Item
 
 MISSION, FENCE, RALLY = 0, 1, 2
 """mission_type (MAV_MISSION_TYPE)."""
-FENCE_COMMANDS, RALLY_COMMANDS = frozenset((5000, 5001, 5002, 5003, 5004)), frozenset((5100,))
-"""Commands of their items."""
+_LISTS = frozenset((MISSION, FENCE, RALLY))
+"""The lists that are stored; others stay empty."""
+_COMMANDS = {FENCE: frozenset((5000, 5001, 5002, 5003, 5004)), RALLY: frozenset((5100,))}
+"""Commands of the items of a fence, and of rally points."""
 Peer = tuple[int, int]
 """System and component."""
 
@@ -57,8 +61,8 @@ class MissionProtocol(ABC, Generic[A]):
     """Period and limit of repeated requests for a missing item, in vehicle seconds (recorded)."""
     MAX_ITEMS: ClassVar[int]
     """Items that the vehicle stores; a longer list is refused."""
-    LISTS: ClassVar[frozenset[int]]
-    """mission_type of the lists that it stores; others stay empty."""
+    COMMANDS: ClassVar[Collection[int]]
+    """Commands of the items of its missions."""
     BUSY: ClassVar[Ack]
     """Result for a second sender while an upload goes on."""
     NOT_STORED: ClassVar[Ack]
@@ -94,6 +98,10 @@ class MissionProtocol(ABC, Generic[A]):
     @abstractmethod
     def _set_current(self, seq: int) -> Messages:
         """MISSION_SET_CURRENT"""
+
+    def _knows(self, message: dialect.MAVLink_message) -> bool:
+        """Return whether the command of an item is one of its list."""
+        return message.command in _COMMANDS.get(message.mission_type, self.COMMANDS)
 
     def _partly_stored(self, count: int) -> None:
         """Note how many items of an upload have arrived."""
@@ -135,7 +143,7 @@ class MissionProtocol(ABC, Generic[A]):
         return [self._ask(upload)] if now - upload.asked >= self.REPEAT_S else []
 
     def _begin(self, count: int, peer: Peer, kind: int) -> dialect.MAVLink_message:
-        if kind not in self.LISTS:
+        if kind not in _LISTS:
             return ack(peer, Ack.UNSUPPORTED, kind)
         if count > self.MAX_ITEMS:
             return ack(peer, Ack.NO_SPACE, kind)
@@ -173,7 +181,7 @@ class MissionProtocol(ABC, Generic[A]):
         return [ack(peer, Ack.ACCEPTED, kind)]
 
     def _answer(self, seq: int, peer: Peer, kind: int, *, as_int: bool) -> dialect.MAVLink_message:
-        if kind not in self.LISTS:
+        if kind not in _LISTS:
             return ack(peer, self.NOT_STORED, kind)
         found = self._item(seq, kind)
         if found is None:
@@ -184,6 +192,14 @@ class MissionProtocol(ABC, Generic[A]):
         return build(
             *peer, seq, item.frame, item.command, int(current), item.autocontinue, *item.params, x, y, item.z, kind
         )
+
+
+def parameters_of(message: dialect.MAVLink_message) -> tuple[float, float, float]:
+    """Return param1 to param3 of an item, 0 for those that are no numbers."""
+    first, second, third = (
+        value if math.isfinite(value) else 0.0 for value in (message.param1, message.param2, message.param3)
+    )
+    return first, second, third
 
 
 def ack(peer: Peer, result: Ack, kind: int = MISSION) -> dialect.MAVLink_message:

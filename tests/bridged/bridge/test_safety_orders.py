@@ -260,26 +260,6 @@ async def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed
         await passing(again, 0.5)
 
 
-@pytest.mark.parametrize(("said", "mode"), [("rtl", "RTL"), ("land", "LAND"), ("pause", "BRAKE")])
-@async_test
-async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_given_again_when_it_is(
-    sky: Sky, monkeypatch: pytest.MonkeyPatch, said: Literal["rtl", "land", "pause"], mode: str
-) -> None:
-    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
-    orders = sky.bridge.orders
-    sky.we_hear = sky.hears_us = lambda message: False
-    await passing(sky, 8)
-    outcome = await (orders.pause() if said == "pause" else orders.operator(said))
-    assert outcome.state == "timed_out"
-    assert outcome.reason.endswith("is given again when the robot is heard")
-    assert mode_of(sky) == "GUIDED"
-    sky.we_hear = sky.hears_us = lambda message: True
-    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 10.0)
-    for _ in range(20):
-        await passing(sky, 0.5)
-    assert mode_of(sky) == mode
-
-
 async def silent(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the vehicle be out of reach, and orders be given up soon."""
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
@@ -292,6 +272,21 @@ async def heard_again(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     sky.we_hear = sky.hears_us = lambda message: True
     for _ in range(20):
         await passing(sky, 0.5)
+
+
+@pytest.mark.parametrize(("said", "mode"), [("rtl", "RTL"), ("land", "LAND"), ("pause", "BRAKE")])
+@async_test
+async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_given_again_when_it_is(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch, said: Literal["rtl", "land", "pause"], mode: str
+) -> None:
+    orders = sky.bridge.orders
+    await silent(sky, monkeypatch)
+    outcome = await (orders.pause() if said == "pause" else orders.operator(said))
+    assert outcome.state == "timed_out"
+    assert outcome.reason.endswith("is given again when the robot is heard")
+    assert mode_of(sky) == "GUIDED"
+    await heard_again(sky, monkeypatch)
+    assert mode_of(sky) == mode
 
 
 @async_test
@@ -354,13 +349,10 @@ async def test_a_pause_that_is_continued_before_it_is_given_up_is_not_given_agai
 async def test_an_order_that_could_not_be_heard_is_not_given_to_a_vehicle_that_is_released_meanwhile(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
-    sky.we_hear = sky.hears_us = lambda message: False
-    await passing(sky, 8)
+    await silent(sky, monkeypatch)
     assert (await sky.bridge.orders.operator("rtl")).state == "timed_out"
     sky.bridge.orders.release()
-    sky.we_hear = sky.hears_us = lambda message: True
-    await passing(sky, 10)
+    await heard_again(sky, monkeypatch)
     assert mode_of(sky) == "GUIDED"
 
 

@@ -11,15 +11,12 @@ from bridged.simulation.vehicle.ardupilot.mission import KNOWN, goal_of
 from bridged.simulation.vehicle.messages import Messages
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.mission_protocol import (
-    FENCE,
-    FENCE_COMMANDS,
     MISSION,
-    RALLY,
-    RALLY_COMMANDS,
     Ack,
     MissionProtocol,
     Peer,
     ack,
+    parameters_of,
     peer_of,
 )
 from bridged.simulation.vehicle.motion.tasks import GoTo
@@ -35,7 +32,7 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
     REPEAT_S: ClassVar = 1.0
     GIVE_UP_S: ClassVar = 8.0
     MAX_ITEMS: ClassVar = 700
-    LISTS: ClassVar = frozenset({MISSION, FENCE, RALLY})
+    COMMANDS: ClassVar = KNOWN
     BUSY: ClassVar = Ack.UNSUPPORTED
     NOT_STORED: ClassVar = Ack.UNSUPPORTED
     REQUEST: ClassVar = dialect.MAVLink_mission_request_message
@@ -95,11 +92,9 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
             x, y = round(x * 1e7), round(y * 1e7)
         if not math.isfinite(message.z) or abs(message.z) > 100_000:
             return Ack.INVALID
-        if message.command not in {FENCE: FENCE_COMMANDS, RALLY: RALLY_COMMANDS}.get(message.mission_type, KNOWN):
+        if not self._knows(message):
             return Ack.UNSUPPORTED
-        given = (message.param1, message.param2, message.param3)
-        first, second, third = (value if math.isfinite(value) else 0.0 for value in given)
-        params = (first, second, third, 0.0)
+        params = (*parameters_of(message), 0.0)
         if message.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:  # stored without a place (recorded)
             return Item(message.seq, 0, message.command, params, 0, 0, 0.0)
         auto = int(bool(message.autocontinue))

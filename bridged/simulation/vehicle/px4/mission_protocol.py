@@ -9,13 +9,12 @@ from bridged.simulation.vehicle.messages import Messages
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.mission_protocol import (
     FENCE,
-    FENCE_COMMANDS,
     MISSION,
     RALLY,
-    RALLY_COMMANDS,
     Ack,
     MissionProtocol,
     Peer,
+    parameters_of,
 )
 from bridged.simulation.vehicle.notifications import MissionChanged
 from bridged.simulation.vehicle.px4 import missions
@@ -32,7 +31,7 @@ class Px4Missions(MissionProtocol[Px4]):
     REPEAT_S: ClassVar = 0.25
     GIVE_UP_S: ClassVar = 5.06
     MAX_ITEMS: ClassVar = 500
-    LISTS: ClassVar = frozenset({MISSION, FENCE, RALLY})
+    COMMANDS: ClassVar = missions.KNOWN
     BUSY: ClassVar = Ack.DENIED
     NOT_STORED: ClassVar = Ack.BAD_SEQUENCE
     REQUEST: ClassVar = dialect.MAVLink_mission_request_int_message
@@ -82,16 +81,13 @@ class Px4Missions(MissionProtocol[Px4]):
 
     def _read(self, message: dialect.MAVLink_message) -> Item | Ack:
         fenced = message.mission_type == FENCE
-        known = {MISSION: missions.KNOWN, FENCE: FENCE_COMMANDS}.get(message.mission_type, RALLY_COMMANDS)
         if message.frame not in _FRAMES:
             return Ack.BAD_FRAME
-        if message.command not in known:
+        if not self._knows(message):
             return Ack.UNSUPPORTED
         if not math.isfinite(message.z) or abs(message.z) >= 100_000:
             return Ack.ERROR
-        given = (message.param1, message.param2, message.param3)
-        first, second, third = (value if math.isfinite(value) else 0.0 for value in given)
         yaw = message.param4 if math.isfinite(message.param4) else math.nan
         frame, auto = (5, 0) if fenced else (message.frame, int(bool(message.autocontinue)))
-        params = (first, second, third, yaw)
+        params = (*parameters_of(message), yaw)
         return Item(message.seq, frame, message.command, params, message.x, message.y, message.z, auto)
