@@ -8,7 +8,6 @@ the note. A turn pays two assignments for this. A hang in C code that keeps the 
 from __future__ import annotations
 
 import logging
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +16,8 @@ from typing import Final
 from weakref import WeakSet
 
 import msgspec
+
+from commd.process.state_dir import replace_file
 
 log = logging.getLogger("keeping")
 
@@ -143,10 +144,8 @@ class PoisonInputs:
 
     def _write(self) -> None:
         """Write the note without forcing it to disk: it is for the end of the process, not for a power cut."""
-        new = self._path.with_name(f".{FILE}.new")
         try:
-            new.write_bytes(msgspec.json.encode(self._note))
-            os.replace(new, self._path)
+            replace_file(self._path, msgspec.json.encode(self._note), private=False, synced=False)
         except OSError as error:
             log.warning("what is in hand is not noted: %s: %s", self._path, error.strerror)
 

@@ -236,12 +236,13 @@ def vehicles(facts: Facts) -> list[Diagnosis]:
         took = after.uptime - before.uptime
         if "messages" not in after.counters or took <= 0 or before.header.boot != after.header.boot:
             continue
-        link = facts.mission.robots[name].link or "the link to its simulator"
+        if link := facts.mission.robots[name].link:
+            do = f"is the vehicle on, and does it send to `{link}`? baud rate, cable, SRn_ parameters of the port"
+        else:
+            link = "the link to its simulator"
+            do = "does the process of its simulator run? see `daemons` and the output of `argosy run`"
         came = (after.counters["messages"] - before.counters.get("messages", 0)) / took
         bad = (after.counters.get("bad_checksums", 0) - before.counters.get("bad_checksums", 0)) / took
-        do = f"is the vehicle on, and does it send to `{link}`? baud rate, cable, SRn_ parameters of the port"
-        if not facts.mission.robots[name].link:
-            do = "does the process of its simulator run? see `daemons` and the output of `argosy run`"
         if came == 0:
             diagnoses.append(Diagnosis("error", "vehicles", f"{name}: nothing is received on {link}", do))
         elif came < FEW:
