@@ -85,6 +85,11 @@ class Autopilot(ABC):
         """When the failsafes are checked next, in vehicle seconds."""
         self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
         """Called with each output and its new pulse in microseconds."""
+        self._assemble(before)
+
+    @abstractmethod
+    def _assemble(self, before: Self | None) -> None:
+        """Make the parts of the autopilot, at power on; `before`: the autopilot before a restart."""
 
     @property
     @abstractmethod

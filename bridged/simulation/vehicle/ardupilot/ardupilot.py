@@ -14,13 +14,11 @@ from bridged.simulation.vehicle.ardupilot.failsafes import Fence, StationLink, S
 from bridged.simulation.vehicle.ardupilot.mission import DO_COMMANDS, NAV_COMMANDS, Mission, do
 from bridged.simulation.vehicle.ardupilot.rc_input import Transmitter
 from bridged.simulation.vehicle.ardupilot.servo_outputs import Outputs
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
-from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.autopilot import Autopilot
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, GoTo, Stop, Task
 from bridged.simulation.vehicle.notifications import ItemReached, ModeChanged, ParameterChanged, Result, Severity
-from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.payload import Payload
 
 UNASKED_S = dict.fromkeys((0, 1, 2, 24, 30, 32, 33, 36, 42, 62, 65, 74, 87, 125, 147, 152, 193, 241), 1.0)
@@ -65,18 +63,9 @@ class ArduPilot(Autopilot):
     LOITER: ClassVar[Any]
     mode: Any
 
-    def __init__(
-        self,
-        start: Place,
-        parameters: Parameters | None = None,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        charge_time: float = CHARGE_S,
-        before: Self | None = None,
-    ) -> None:
-        super().__init__(start, parameters, heading, boot, charge_time, before)
-        self.boot = Boot(boot, start.alt, self.SCRIPT)
-        self.battery = Battery(self.parameters, charge_time)
+    def _assemble(self, before: Self | None) -> None:
+        self.boot = Boot(self.boot_kind, self.chart.origin.alt, self.SCRIPT)
+        self.battery = Battery(self.parameters, self.charge_time)
         self.fence = Fence(self.parameters)
         self.station = StationWatch(self.parameters, *self.STATION)
         self.outputs = Outputs(self.parameters)

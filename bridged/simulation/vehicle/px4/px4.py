@@ -6,13 +6,10 @@ import math
 from abc import abstractmethod
 from typing import ClassVar, Self
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S, BootKind
-from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Limits, Vector
 from bridged.simulation.vehicle.motion.tasks import Circle, GoTo, Landed, Return, Stage, Stop, TakeOff, Task
 from bridged.simulation.vehicle.notifications import Result
-from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
@@ -34,16 +31,8 @@ class Px4(Px4State):
     DETECTED_S: ClassVar[float] = 0.0
     """Seconds before it leaves the ground at which a takeoff is detected."""
 
-    def __init__(
-        self,
-        start: Place,
-        parameters: Parameters | None = None,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        charge_time: float = CHARGE_S,
-        before: Self | None = None,
-    ) -> None:
-        super().__init__(start, parameters, heading, boot, charge_time, before)
+    def _assemble(self, before: Self | None) -> None:
+        super()._assemble(before)
         self.failsafes = Failsafes(self)
         self.navigator = Navigator(self)
         self.outputs = Outputs(self.parameters)

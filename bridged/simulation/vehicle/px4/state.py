@@ -9,11 +9,9 @@ from typing import ClassVar, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S, Autopilot, BootKind
-from bridged.simulation.vehicle.geodesy import Place
+from bridged.simulation.vehicle.autopilot import Autopilot, BootKind
 from bridged.simulation.vehicle.motion.tasks import Task
 from bridged.simulation.vehicle.notifications import Number, Severity, Text
-from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4.battery import Battery
 from bridged.simulation.vehicle.px4.fence import Fence
 from bridged.simulation.vehicle.px4.missions import Missions
@@ -70,20 +68,11 @@ class Px4State(Autopilot):
     FIRST_HEARTBEAT_S: ClassVar = 1.45
     mode: Mode
 
-    def __init__(
-        self,
-        start: Place,
-        parameters: Parameters | None = None,
-        heading: float = 0.0,
-        boot: BootKind = "quick",
-        charge_time: float = CHARGE_S,
-        before: Self | None = None,
-    ) -> None:
-        super().__init__(start, parameters, heading, boot, charge_time, before)
+    def _assemble(self, before: Self | None) -> None:
         self.missions: Missions = Missions() if before is None else before.missions
         self.missions.current, self.missions.complete = 0, False
         self.fence: Fence = Fence(self.parameters) if before is None else before.fence
-        self.battery = Battery(self.parameters, charge_time)
+        self.battery = Battery(self.parameters, self.charge_time)
         self.sticks = Sticks()
         self.links = Links()
         self.mode = self.intended = Mode.LOITER
