@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from commd.router import self_check
 from commd.router.self_check import FILLER, SelfCheck, measure, measure_all, room
 from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup
-from tests.support.buses import FLEET, Connect, async_test, bus_test, served, session
+from tests.support.buses import FLEET, Connect, async_test, bus_test, served, session, until
 from tests.support.ports import free_port
 
 AHEAD = 3600.0
@@ -33,9 +34,18 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
     two.stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
     for bus, name in ((one, "pi1"), (two, "pi2")):
         SelfCheck(bus, name, ["pi1", "pi2"], folder)
-    await served(one, keys.checkup(FLEET, "pi2"))
-    await served(two, keys.checkup(FLEET, "pi1"))
+    for bus, other in ((one, "pi2"), (two, "pi1")):
+        await until(partial(answered, bus, other), f"{other} answers")
     return one, two
+
+
+async def answered(bus: Bus, board: str) -> bool:
+    """Whether a board answers a query of another board."""
+    try:
+        await bus.ask_one(keys.checkup(FLEET, board), Checkup(), BoardReport, 20)
+    except QueryTimeout:  # the router has no route to it yet
+        return False
+    return True
 
 
 @async_test
