@@ -17,15 +17,7 @@ from agentd.check.symbol_table import Survey
 from agentd.language.errors.suggestions import near
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import (
-    Directive,
-    InternalAction,
-    Item,
-    Position,
-    Program,
-    String,
-    Structure,
-)
+from agentd.language.syntax_tree.nodes import Directive, InternalAction, Item, Position, Program, String, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.discovery import LIBRARY, OF_JASON

@@ -19,13 +19,7 @@ from agentd.mind.beliefs.dynamic_formulas import FunctionsOf
 from agentd.mind.beliefs.term_copy import with_source
 from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.checkpoint import (
-    DAMAGED,
-    LifeRow,
-    Outgoing,
-    Saving,
-    Stored,
-)
+from agentd.persistence.checkpoint import DAMAGED, LifeRow, Outgoing, Saving, Stored
 from commd.client.receive_once import Numbered
 from schemas.wire.codec import BadRecord, Codec, R, codec
 from schemas.wire.records import Action, Message, Note

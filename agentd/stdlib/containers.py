@@ -12,6 +12,7 @@ from agentd.mind.beliefs.unification import Trail, alternatives, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
+from agentd.stdlib.lists import SET_OPERATIONS
 
 
 def _held(term: Term, kinds: tuple[str, ...], trail: Trail) -> Any:
@@ -148,16 +149,25 @@ def _members(term: Term) -> list[Term]:
     return found
 
 
-@internal_action(".set.add_all", 2)
-@internal_action(".set.union", 2)
-def set_add_all(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
-    """``.set.add_all(S, L)``, ``.set.union(S, L)``: the members of a list, set or queue too.
+def _set_operation(name: str, operation: str, calls: str, example: str) -> None:
+    """Register an action that changes a set by the members of another collection."""
+    made = SET_OPERATIONS[operation][0]
 
-    ?- .set.add(S, b) & .set.union(S, [c,a]) & .set.to_list(S, L) gives L = [a,b,c]
-    """
-    held = _held(term, _SET, trail)
-    held.content[:] = distinct([*held.content, *[resolve(i) for i in _members(items)]])
-    return True
+    @internal_action(f".set.{name}", 2)
+    def change(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
+        held = _held(term, _SET, trail)
+        held.content[:] = made(held.content, distinct([resolve(item) for item in _members(items)]))
+        return True
+
+    change.__doc__ = f"{calls}.\n\n?- {example}"
+
+
+_UNION = (
+    "``.set.add_all(S, L)``, ``.set.union(S, L)``: the members of a list, set or queue too",
+    ".set.add(S, b) & .set.union(S, [c,a]) & .set.to_list(S, L) gives L = [a,b,c]",
+)
+_set_operation("add_all", "union", *_UNION)
+_set_operation("union", "union", *_UNION)
 
 
 @internal_action(".set.remove", 2)
@@ -169,26 +179,12 @@ def set_remove(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     return True
 
 
-@internal_action(".set.intersection", 2)
-def set_intersection(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
-    """``.set.intersection(S, L)``: keeps only the members that are in L too.
-
-    ?- .set.add_all(S, [a,b,c]) & .set.intersection(S, [b,d]) & .set.to_list(S, L) gives L = [b]
-    """
-    held, others = _held(term, _SET, trail), distinct(_members(items))
-    held.content[:] = [m for m in held.content if is_in(others, m)]
-    return True
-
-
-@internal_action(".set.difference", 2)
-def set_difference(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
-    """``.set.difference(S, L)``: removes the members that are in L.
-
-    ?- .set.add_all(S, [a,b,c]) & .set.difference(S, [b,d]) & .set.to_list(S, L) gives L = [a,c]
-    """
-    held, others = _held(term, _SET, trail), distinct(_members(items))
-    held.content[:] = [m for m in held.content if not is_in(others, m)]
-    return True
+for _name, _calls, _members_left in (
+    ("intersection", "keeps only the members that are in L too", "[b]"),
+    ("difference", "removes the members that are in L", "[a,c]"),
+):
+    _example = f".set.add_all(S, [a,b,c]) & .set.{_name}(S, [b,d]) & .set.to_list(S, L) gives L = {_members_left}"
+    _set_operation(_name, _name, f"``.set.{_name}(S, L)``: {_calls}", _example)
 
 
 @internal_action(".queue.create", (1, 2))

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Final
 
 from agentd.language.terms.format import text
 from agentd.language.terms.numbers import java_int
 from agentd.language.terms.order import distinct, is_in, ordered
-from agentd.language.terms.terms import (
-    Collection,
-    List,
-    Term,
-    Var,
-    deref,
-    make_list,
-    proper,
-    spans,
-)
+from agentd.language.terms.terms import Collection, List, Term, Var, deref, make_list, proper, spans
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
 from agentd.mind.beliefs.work_limit import work
@@ -142,109 +133,77 @@ def sort(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     return unify(result, make_list(ordered(members_of(items, ".sort"))), trail)
 
 
-@internal_action(".min", 2, pure=True)
-def minimum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
-    """``.min(L, X)``: the least member; fails for an empty list.
+def _extreme(name: str, place: int, what: str, example: str) -> None:
+    @internal_action(name, 2, pure=True)
+    def extreme(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
+        members = ordered(members_of(items, name))
+        return bool(members) and unify(result, members[place], trail)
 
-    ?- .min([3,1,2], X) gives X = 1
-    """
-    members = ordered(members_of(items, ".min"))
-    return bool(members) and unify(result, members[0], trail)
-
-
-@internal_action(".max", 2, pure=True)
-def maximum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
-    """``.max(L, X)``: the greatest member; fails for an empty list.
-
-    ?- .max([3,1,2], X) gives X = 3
-    """
-    members = ordered(members_of(items, ".max"))
-    return bool(members) and unify(result, members[-1], trail)
+    extreme.__doc__ = (
+        f"``{name}(L, X)``: the {what} member; fails for an empty list.\n\n?- {name}([3,1,2], X) {example}"
+    )
 
 
-def _sets(what: str, left: Term, right: Term, result: Term) -> tuple[list[Term], list[Term]]:
-    if type(deref(result)) not in (Var, List):
-        wrong_arguments(f"the result of {what} is a list")
-    return distinct(members_of(left, what)), distinct(members_of(right, what))
+_extreme(".min", 0, "least", "gives X = 1")
+_extreme(".max", -1, "greatest", "gives X = 3")
+
+SET_OPERATIONS: Final[dict[str, tuple[Callable[[list[Any], list[Any]], list[Any]], str, str]]] = {
+    "union": (lambda a, b: distinct(a + b), "the members of both, each once, in order", "[a,b,c]"),
+    "intersection": (lambda a, b: [x for x in a if is_in(b, x)], "the members that both have", "[a]"),
+    "difference": (lambda a, b: [x for x in a if not is_in(b, x)], "the members of A that B has not", "[b]"),
+}
+"""What is made of two lists in standard order without duplicates, what that is, and what it is of [b,a] and [c,a]."""
 
 
-@internal_action(".union", 3, pure=True)
-def union(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
-    """``.union(A, B, R)``: the members of both, each once, in order.
+def _set_operation(name: str, made: Callable[[list[Any], list[Any]], list[Any]], what: str, example: str) -> None:
+    @internal_action(name, 3, pure=True)
+    def operation(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
+        if type(deref(result)) not in (Var, List):
+            wrong_arguments(f"the result of {name} is a list")
+        members = distinct(members_of(left, name)), distinct(members_of(right, name))
+        return unify(result, make_list(made(*members)), trail)
 
-    ?- .union([b,a], [c,a], R) gives R = [a,b,c]
-    """
-    a, b = _sets(".union", left, right, result)
-    return unify(result, make_list(distinct(a + b)), trail)
-
-
-@internal_action(".intersection", 3, pure=True)
-def intersection(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
-    """``.intersection(A, B, R)``: the members that both have.
-
-    ?- .intersection([b,a], [c,a], R) gives R = [a]
-    """
-    a, b = _sets(".intersection", left, right, result)
-    return unify(result, make_list([x for x in a if is_in(b, x)]), trail)
+    operation.__doc__ = f"``{name}(A, B, R)``: {what}.\n\n?- {name}([b,a], [c,a], R) gives R = {example}"
 
 
-@internal_action(".difference", 3, pure=True)
-def difference(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
-    """``.difference(A, B, R)``: the members of A that B has not.
-
-    ?- .difference([b,a], [c,a], R) gives R = [b]
-    """
-    a, b = _sets(".difference", left, right, result)
-    return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
+for _name, _operation in SET_OPERATIONS.items():
+    _set_operation(f".{_name}", *_operation)
 
 
-def _parts(mind: MindState, what: str, pattern: Term, whole: Term, cuts: Any, trail: Trail) -> Iterator[None]:
-    whole, wanted = deref(whole), deref(pattern)
-    members: Any = whole if type(whole) is str else members_of(whole, what)
-    if type(wanted) is not Var and type(wanted) is not type(whole):
-        wrong_arguments(f"both arguments of {what} are lists, or both strings")
+def _parts(name: str, cuts: Callable[[int], Iterable[tuple[int, int]]], what: str, example: str) -> None:
+    """Register an action that finds parts of a list or string; ``cuts`` gives their places for its length."""
 
-    def parts() -> Iterator[Any]:
-        for start, end in cuts(len(members)):
-            work(mind, end - start + 1)
-            part = members[start:end]
-            yield part if type(part) is str else make_list(part)
+    @internal_action(name, 2, backtracks=True, counts=True, pure=True)
+    def parts(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
+        whole, wanted = deref(whole), deref(pattern)
+        members: Any = whole if type(whole) is str else members_of(whole, name)
+        if type(wanted) is not Var and type(wanted) is not type(whole):
+            wrong_arguments(f"both arguments of {name} are lists, or both strings")
 
-    yield from alternatives(pattern, parts(), trail)
+        def found() -> Iterator[Any]:
+            for start, end in cuts(len(members)):
+                work(mind, end - start + 1)
+                part = members[start:end]
+                yield part if type(part) is str else make_list(part)
 
+        yield from alternatives(pattern, found(), trail)
 
-@internal_action(".prefix", 2, backtracks=True, counts=True, pure=True)
-def prefix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
-    """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
-
-    ?- .prefix(P, [a,b]) gives P = [a,b]; P = [a]; P = []
-    """
-    yield from _parts(mind, ".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
-
-
-@internal_action(".suffix", 2, backtracks=True, counts=True, pure=True)
-def suffix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
-    """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
-
-    ?- .suffix(S, [a,b]) gives S = [a,b]; S = [b]; S = []
-    """
-    yield from _parts(mind, ".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
+    variable = name[1].upper()
+    call = f"{name}({variable}, [a,b]) gives {' '.join(f'{variable} = {part};' for part in example.split())[:-1]}"
+    parts.__doc__ = f"``{name}({variable}, ListOrString)``: {what}.\n\n?- {call}"
 
 
-@internal_action(".sublist", 2, backtracks=True, counts=True, pure=True)
-def sublist(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
-    """``.sublist(S, ListOrString)``: each part that unifies.
+def _everywhere(size: int) -> Iterator[tuple[int, int]]:
+    for start in range(size):
+        for end in range(size, start, -1):
+            yield start, end
+    yield 0, 0
 
-    ?- .sublist(S, [a,b]) gives S = [a,b]; S = [a]; S = [b]; S = []
-    """
 
-    def cuts(n: int) -> Iterator[tuple[int, int]]:
-        for start in range(n):
-            for end in range(n, start, -1):
-                yield start, end
-        yield 0, 0
-
-    yield from _parts(mind, ".sublist", pattern, whole, cuts, trail)
+_BEGINNING, _END = "each beginning that unifies, the longest first", "each end that unifies, the longest first"
+_parts(".prefix", lambda n: ((0, end) for end in range(n, -1, -1)), _BEGINNING, "[a,b] [a] []")
+_parts(".suffix", lambda n: ((start, n) for start in range(n + 1)), _END, "[a,b] [b] []")
+_parts(".sublist", _everywhere, "each part that unifies", "[a,b] [a] [b] []")
 
 
 @internal_action(".range", (3, 4), backtracks=True, counts=True, pure=True)

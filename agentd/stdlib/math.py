@@ -115,27 +115,32 @@ def minimum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     return None if numbers is None else min(numbers, default=1.7976931348623157e308)
 
 
-@function("math.sum", 1, pure=True)
-def total(mind: MindState, items: Term) -> Any:
-    """``math.sum(L)``: the sum of the numbers of a list.
-
-    ?- X = math.sum([1,2,3.5]) gives X = 6.5
-    """
-    numbers = _numbers(items)
-    return None if numbers is None else float(sum(numbers))
-
-
-@function("math.average", 1, pure=True)
-@function("math.mean", 1, pure=True)
-def average(mind: MindState, items: Term) -> Any:
-    """``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN.
-
-    ?- X = math.average([1,2,6]) gives X = 3
-    """
-    numbers = _numbers(items)
-    if numbers is None:
-        return None
+def _mean(numbers: list[float]) -> float:
     return sum(numbers) / len(numbers) if numbers else _NAN
+
+
+def _deviation(numbers: list[float]) -> float:
+    if len(numbers) < 2:
+        return _NAN
+    mean = _mean(numbers)
+    return math.sqrt(sum((x - mean) ** 2 for x in numbers) / (len(numbers) - 1))
+
+
+def _register_of_list(name: str, compute: Callable[[list[float]], float], what: str, example: str) -> None:
+    @function(name, 1, pure=True)
+    def of_list(mind: MindState, items: Term) -> Any:
+        numbers = _numbers(items)
+        return None if numbers is None else compute(numbers)
+
+    of_list.__doc__ = f"{what}.\n\n?- X = math.{example}"
+
+
+_SUM, _DEVIATION = "the sum of the numbers of a list", "the sample's standard deviation (n-1) of the numbers of a list"
+_AVERAGE = "``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN"
+_register_of_list("math.sum", lambda some: float(sum(some)), f"``math.sum(L)``: {_SUM}", "sum([1,2,3.5]) gives X = 6.5")
+_register_of_list("math.average", _mean, _AVERAGE, "average([1,2,6]) gives X = 3")
+_register_of_list("math.mean", _mean, _AVERAGE, "average([1,2,6]) gives X = 3")
+_register_of_list("math.std_dev", _deviation, f"``math.std_dev(L)``: {_DEVIATION}", "std_dev([1,3,5]) gives X = 2")
 
 
 @function("math.median", 1, pure=True)
@@ -145,24 +150,7 @@ def median(mind: MindState, items: Term) -> Any:
     ?- X = math.median([9,1,2]) gives X = 2
     """
     numbers, members = _numbers(items), proper(items)
-    if numbers is None or members is None or len(numbers) != len(members):
-        return None
-    if not numbers:
+    if not numbers or members is None or len(numbers) != len(members):
         return None
     ranked, middle = sorted(numbers), len(numbers) // 2
     return ranked[middle] if len(ranked) % 2 else (ranked[middle - 1] + ranked[middle]) / 2
-
-
-@function("math.std_dev", 1, pure=True)
-def standard_deviation(mind: MindState, items: Term) -> Any:
-    """``math.std_dev(L)``: the sample's standard deviation (n-1) of the numbers of a list.
-
-    ?- X = math.std_dev([1,3,5]) gives X = 2
-    """
-    numbers = _numbers(items)
-    if numbers is None:
-        return None
-    if len(numbers) < 2:
-        return _NAN
-    mean = sum(numbers) / len(numbers)
-    return math.sqrt(sum((x - mean) ** 2 for x in numbers) / (len(numbers) - 1))

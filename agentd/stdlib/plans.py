@@ -12,7 +12,7 @@ from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all, with_sou
 from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import internal_action
-from agentd.mind.execution.waiting import hear
+from agentd.mind.execution import waiting
 from agentd.mind.plans.plan_terms import (
     add_plans,
     is_label,
@@ -95,7 +95,5 @@ def signal(mind: MindState, trail: Trail, trigger: Term, kind: Term | None = Non
     literal = trigger_literal(code)
     event = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
     args, annots = detach(resolve_all(literal.args)), with_source(resolve_all(literal.annots))
-    if mind.listeners:
-        hear(mind, event, args, annots)
-    mind.post(event, args, annots)
+    waiting.signal(mind, event, args, annots)
     return True

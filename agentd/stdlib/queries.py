@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from agentd.language.terms.order import distinct, ordered
@@ -14,54 +15,47 @@ from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 
 
-def _query(term: Term) -> Any:
-    """A query held by a variable. Fails with ``wrong_arguments`` when it is no formula."""
-    query = deref(term)
-    if type(query) not in (Literal, Expression):
-        wrong_arguments("a formula is needed as query")
-    return query
-
-
 def _solutions(mind: MindState, template: Term, query: Term, trail: Trail) -> list[Term]:
-    found = []
-    for _ in solve(mind, _query(query), trail):
-        found.append(resolve(template))
-    return found
+    """The instances of a term for the solutions of a query that a variable holds."""
+    if type(deref(query)) not in (Literal, Expression):
+        wrong_arguments("a formula is needed as query")
+    return [resolve(template) for _ in solve(mind, deref(query), trail)]
 
 
-@internal_action(".findall", 3, pure=True)
-def findall(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` without solutions.
+def _of_solutions(name: str, made: Callable[[list[Any]], list[Any]], what: str, example: str = "") -> None:
+    """Register an action whose result is the first of what is made of all solutions; it fails where that is none."""
 
-    ?- .findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]
-    """
-    return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
+    @internal_action(name, 3, pure=True)
+    def of_solutions(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
+        found = made(_solutions(mind, template, query, trail))
+        return bool(found) and unify(result, found[0], trail)
 
-
-@internal_action(".setof", 3, pure=True)
-def setof(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.setof(T, Query, L)``: T for each solution, in standard order, each once.
-
-    ?- .setof(X, .member(X, [b,a,b]), L) gives L = [a,b]
-    """
-    return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
+    of_solutions.__doc__ = what + (f"\n\n?- {example}" if example else "")
 
 
-@internal_action(".min", 3, pure=True)
-def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.min(T, Query, X)``: the least T of all solutions; fails without solutions.
-
-    ?- .min(X, .member(X, [3,1,2]), M) gives M = 1
-    """
-    found = ordered(_solutions(mind, template, query, trail))
-    return bool(found) and unify(result, found[0], trail)
-
-
-@internal_action(".max", 3, pure=True)
-def maximum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.max(T, Query, X)``: the greatest T of all solutions; fails without solutions."""
-    found = ordered(_solutions(mind, template, query, trail))
-    return bool(found) and unify(result, found[-1], trail)
+_of_solutions(
+    ".findall",
+    lambda found: [make_list(found)],
+    "``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` without solutions.",
+    ".findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]",
+)
+_of_solutions(
+    ".setof",
+    lambda found: [make_list(distinct(found))],
+    "``.setof(T, Query, L)``: T for each solution, in standard order, each once.",
+    ".setof(X, .member(X, [b,a,b]), L) gives L = [a,b]",
+)
+_of_solutions(
+    ".min",
+    ordered,
+    "``.min(T, Query, X)``: the least T of all solutions; fails without solutions.",
+    ".min(X, .member(X, [3,1,2]), M) gives M = 1",
+)
+_of_solutions(
+    ".max",
+    lambda found: ordered(found)[::-1],
+    "``.max(T, Query, X)``: the greatest T of all solutions; fails without solutions.",
+)
 
 
 @internal_action(".count", 2, pure=True)
@@ -80,9 +74,8 @@ def evaluate(mind: MindState, trail: Trail, result: Term, query: Term) -> bool:
     ?- .eval(R, 1 < 2 & 3 < 2) gives R = false
     """
     mark = len(trail)
-    holds = FALSE
-    for _ in solve(mind, _query(query), trail):
-        holds = TRUE
-        break
+    if type(deref(query)) not in (Literal, Expression):
+        wrong_arguments("a formula is needed as query")
+    holds = any(True for _ in solve(mind, deref(query), trail))
     undo(trail, mark)
-    return unify(result, holds, trail)
+    return unify(result, TRUE if holds else FALSE, trail)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentd.language.parse import parse_term
@@ -165,22 +165,16 @@ def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term,
     return unify(result, replace_all(expression, inserted, plain_text(term)), trail)
 
 
-@internal_action(".lower_case", 2, pure=True)
-def lower_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
-    """``.lower_case(S, R)``: in small letters.
+def _in_case(name: str, change: Callable[[str], str], what: str, example: str) -> None:
+    @internal_action(name, 2, pure=True)
+    def in_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
+        return unify(result, change(plain_text(term)), trail)
 
-    ?- .lower_case("GUIDED", R) gives R = "guided"
-    """
-    return unify(result, plain_text(term).lower(), trail)
+    in_case.__doc__ = f"``{name}(S, R)``: {what}.\n\n?- {name}({example}"
 
 
-@internal_action(".upper_case", 2, pure=True)
-def upper_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
-    """``.upper_case(S, R)``: in capitals.
-
-    ?- .upper_case("rtl", R) gives R = "RTL"
-    """
-    return unify(result, plain_text(term).upper(), trail)
+_in_case(".lower_case", str.lower, "in small letters", '"GUIDED", R) gives R = "guided"')
+_in_case(".upper_case", str.upper, "in capitals", '"rtl", R) gives R = "RTL"')
 
 
 @internal_action(".reverse", 2, pure=True)

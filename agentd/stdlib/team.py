@@ -79,28 +79,31 @@ def kill_agent(mind: MindState, trail: Trail, name: Term, delay: Term = 0.0) -> 
     return request(mind, "kill", (name_of(name), pause / 1000.0))
 
 
-@internal_action(".df_register", (1, 2), suspends=True)
-def df_register(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_register(Service[, Type])``: this agent offers a service, until it deregisters or ends."""
-    return request(mind, "df_register", (plain_text(service),))
+def _with_directory(name: str, calls: str) -> None:
+    """Register an action whose request to the directory is about one service."""
+
+    @internal_action(f".{name}", (1, 2), suspends=True)
+    def ask(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
+        return request(mind, name, (plain_text(service),))
+
+    ask.__doc__ = calls
 
 
-@internal_action(".df_deregister", (1, 2), suspends=True)
-def df_deregister(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_deregister(Service[, Type])``: withdraws the service."""
-    return request(mind, "df_deregister", (plain_text(service),))
+_with_directory(
+    "df_register",
+    "``.df_register(Service[, Type])``: this agent offers a service, until it deregisters or ends.",
+)
+_with_directory("df_deregister", "``.df_deregister(Service[, Type])``: withdraws the service.")
+_with_directory(
+    "df_subscribe",
+    "``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for present and future providers.",
+)
 
 
 @internal_action(".df_search", (2, 3), suspends=True)
 def df_search(mind: MindState, trail: Trail, service: Term, *rest: Term) -> bool:
     """``.df_search(Service[, Type], List)``: the names of the agents that offer it."""
     return request(mind, "df_search", (plain_text(service),), rest[-1])
-
-
-@internal_action(".df_subscribe", (1, 2), suspends=True)
-def df_subscribe(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for present and future providers."""
-    return request(mind, "df_subscribe", (plain_text(service),))
 
 
 @internal_action(".list_files", (2, 3), suspends=True)

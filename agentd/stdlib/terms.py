@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Final
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.order import sorted_annots
@@ -39,17 +39,6 @@ def _is_structure(mind: MindState, term: Term) -> bool:
     return type(term) is List or type(term) is Code or _is_literal(mind, term)
 
 
-@internal_action(".atom", 1, pure=True)
-def is_atom(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.atom(T)``: an atom such as ``home``.
-
-    ?- .atom(home) holds
-    ?- .atom("home") fails
-    """
-    found = value(term)
-    return _is_atom(found) and not _is_number(mind, found)
-
-
 def _is_number(mind: MindState, term: Term) -> bool:
     """Whether a term is a number, or arithmetic or a function that could not be computed: these count as one."""
     if type(term) is Literal:
@@ -63,50 +52,45 @@ def _is_literal(mind: MindState, term: Term) -> bool:
     return type(term) is Expression and term.operator not in ARITHMETIC
 
 
-@internal_action(".number", 1, pure=True)
-def is_number(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.number(T)``: a number.
-
-    ?- .number(3.5) holds
-    """
-    return _is_number(mind, value(term))
-
-
-@internal_action(".string", 1, pure=True)
-def is_string(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.string(T)``: a string.
-
-    ?- .string("home") holds
-    """
-    return type(value(term)) is str
-
-
-@internal_action(".list", 1, pure=True)
-def is_list(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.list(T)``: a list.
-
-    ?- .list([a]) holds
-    """
-    return type(value(term)) is List
+_KINDS: Final[dict[str, Callable[[MindState, Any], bool]]] = {
+    "number": _is_number,
+    "atom": lambda mind, term: _is_atom(term) and not _is_number(mind, term),
+    "literal": _is_literal,
+    "string": lambda mind, term: type(term) is str,
+    "list": lambda mind, term: type(term) is List,
+    "set": lambda mind, term: type(term) is Collection and term.kind == "set",
+    "map": lambda mind, term: type(term) is Collection and term.kind == "map",
+    "structure": _is_structure,
+    "rule": lambda mind, term: type(term) is Code and isinstance(term.syntax, nodes.Rule),
+    "plan": lambda mind, term: type(term) is Code and isinstance(term.syntax, nodes.Plan),
+    "queue": lambda mind, term: type(term) is Collection and term.kind in ("queue", "priority"),
+    "ground": lambda mind, term: is_ground(term),
+    "free": lambda mind, term: type(term) is Var,
+}
+"""The kinds of terms that ``.type`` gives, in this order."""
 
 
-@internal_action(".literal", 1, pure=True)
-def is_literal(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.literal(T)``: an atom, a structure, or one negated by ``~``.
+def _test(kind: str, what: str, *examples: str) -> None:
+    """Register the action that tests whether a term is of a kind."""
 
-    ?- .literal(~at(3)) holds
-    """
-    return _is_literal(mind, value(term))
+    @internal_action(f".{kind}", 1, pure=True)
+    def is_of_kind(mind: MindState, trail: Trail, term: Term) -> bool:
+        return _KINDS[kind](mind, value(term))
+
+    is_of_kind.__doc__ = "\n".join((f"``.{kind}(T)``: {what}.", "", *(f"?- .{kind}{each}" for each in examples)))
 
 
-@internal_action(".structure", 1, pure=True)
-def is_structure(mind: MindState, trail: Trail, term: Term) -> bool:
-    """``.structure(T)``: it has arguments or annotations, or is negated, a list, or code in braces.
-
-    ?- .structure(at(3)) holds
-    ?- .structure(home) fails
-    """
-    return _is_structure(mind, value(term))
+_test("atom", "an atom such as ``home``", "(home) holds", '("home") fails')
+_test("number", "a number", "(3.5) holds")
+_test("string", "a string", '("home") holds')
+_test("list", "a list", "([a]) holds")
+_test("literal", "an atom, a structure, or one negated by ``~``", "(~at(3)) holds")
+_test(
+    "structure",
+    "it has arguments or annotations, or is negated, a list, or code in braces",
+    "(at(3)) holds",
+    "(home) fails",
+)
 
 
 @internal_action(".ground", 1, pure=True)
@@ -128,32 +112,15 @@ def is_internal_action(mind: MindState, trail: Trail, term: Term) -> bool:
     return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
 
 
-def _kinds(mind: MindState, term: Term) -> list[str]:
-    kinds = {
-        "number": _is_number(mind, term),
-        "atom": _is_atom(term) and not _is_number(mind, term),
-        "literal": _is_literal(mind, term),
-        "string": type(term) is str,
-        "list": type(term) is List,
-        "set": type(term) is Collection and term.kind == "set",
-        "map": type(term) is Collection and term.kind == "map",
-        "structure": _is_structure(mind, term),
-        "rule": type(term) is Code and isinstance(term.syntax, nodes.Rule),
-        "plan": type(term) is Code and isinstance(term.syntax, nodes.Plan),
-        "queue": type(term) is Collection and term.kind in ("queue", "priority"),
-        "ground": is_ground(term),
-        "free": type(term) is Var,
-    }
-    return [kind for kind, holds in kinds.items() if holds]
-
-
 @internal_action(".type", 2, backtracks=True, pure=True)
 def kind_of(mind: MindState, trail: Trail, term: Term, kind: Term) -> Iterator[None]:
     """``.type(T, K)``: each kind of the term.
 
     ?- .type(5, K) gives K = number; K = ground
     """
-    yield from alternatives(kind, map(atom, _kinds(mind, value(term))), trail)
+    shown = value(term)
+    found = [name for name, holds in _KINDS.items() if holds(mind, shown)]
+    yield from alternatives(kind, map(atom, found), trail)
 
 
 @internal_action(".copy_term", 2, pure=True)

@@ -13,7 +13,7 @@ from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.intention import Frame, Intention
 from agentd.mind.data.registry import function, internal_action
-from agentd.mind.execution.waiting import hear, milliseconds, wait_event, wait_time, wait_until
+from agentd.mind.execution.waiting import milliseconds, signal, wait_event, wait_time, wait_until
 from agentd.mind.plans.plan_terms import read_trigger, trigger_literal
 from agentd.mind.state import MindState
 
@@ -45,23 +45,17 @@ def wait(
 
 _AT = re.compile(r"\s*now\s*(?:\+\s*(\d+(?:\.\d+)?)\s*([a-z]*))?\s*$")
 _UNITS = {
-    "": 0.001,
-    "ms": 0.001,
-    "millisecond": 0.001,
-    "milliseconds": 0.001,
-    "s": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "m": 60.0,
-    "minute": 60.0,
-    "minutes": 60.0,
-    "h": 3600.0,
-    "hour": 3600.0,
-    "hours": 3600.0,
-    "d": 86400.0,
-    "day": 86400.0,
-    "days": 86400.0,
+    unit: seconds
+    for units, seconds in (
+        ("ms millisecond milliseconds", 0.001),
+        ("s second seconds", 1.0),
+        ("m minute minutes", 60.0),
+        ("h hour hours", 3600.0),
+        ("d day days", 86400.0),
+    )
+    for unit in units.split()
 }
+"""The seconds of each unit of ``.at``."""
 
 
 @internal_action(".at", 2)
@@ -72,19 +66,17 @@ def at(mind: MindState, trail: Trail, when: Any, trigger: Term) -> bool:
     """
     written = deref(when)
     match = _AT.match(written) if type(written) is str else None
-    if match is None or (match.group(2) or "") not in _UNITS:
+    if match is None or (match.group(2) or "ms") not in _UNITS:
         raise Failed("internal_action", f"the time '{written}' is not of the form \"now +N seconds\"")
     code = read_trigger(trigger)
     literal = trigger_literal(code)
     relevant = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
     args, annots = detach(resolve_all(literal.args)), resolve_all(literal.annots)
-    delay = float(match.group(1) or 0) * _UNITS[match.group(2) or ""]
+    delay = float(match.group(1) or 0) * _UNITS[match.group(2) or "ms"]
 
     def due() -> None:
         mind.future_events.remove(timer)
-        if mind.listeners:
-            hear(mind, relevant, args, annots)
-        mind.post(relevant, args, annots)
+        signal(mind, relevant, args, annots)
 
     timer = mind.timers.at(mind.now + delay, due)
     mind.future_events.append(timer)

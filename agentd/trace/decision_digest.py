@@ -9,16 +9,7 @@ from hashlib import blake2b
 from typing import Any, Final
 
 from agentd.language.terms.terms import Literal
-from agentd.mind.data.effects import (
-    AskPercepts,
-    CancelAction,
-    Effect,
-    Log,
-    PerformAction,
-    Print,
-    StopTeam,
-    TeamRequest,
-)
+from agentd.mind.data.effects import AskPercepts, CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure

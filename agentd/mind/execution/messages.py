@@ -27,7 +27,7 @@ from agentd.mind.execution.belief_updates import believe, disbelieve
 from agentd.mind.execution.dropping import drop_desire
 from agentd.mind.execution.execution import communication_error, resume_waiting
 from agentd.mind.execution.goal_states import raise_state
-from agentd.mind.execution.waiting import hear, take_answer
+from agentd.mind.execution.waiting import signal, take_answer
 from agentd.mind.introspection.failure_text import error_annots
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.plans.plan_terms import add_plans, relevant_plans, remove_plans
@@ -324,9 +324,7 @@ def _signal(mind: MindState, mail: Mail) -> None:
         raise Failed("unknown", f"{text(content)} is no event to signal")
     annots = told_annots(mind, content, mail.sender)
     relevant = mind.plans.relevant("+", "", content.sig)
-    if mind.listeners:
-        hear(mind, relevant, content.args, annots)
-    mind.post(relevant, content.args, annots)
+    signal(mind, relevant, content.args, annots)
 
 
 def _ask_one(mind: MindState, mail: Mail) -> None:

@@ -151,6 +151,13 @@ def hear(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tu
             undo(trail, mark)
 
 
+def signal(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
+    """Raise an event without a belief: for the intentions that wait for it, and as the start of one of its own."""
+    if mind.listeners:
+        hear(mind, relevant, args, annots)
+    mind.post(relevant, args, annots)
+
+
 # --- internal actions in Python ---
 
 
