@@ -137,10 +137,8 @@ def serve(requests: socket.socket) -> list[str] | None:
         pid = os.fork()
         if pid == 0:
             requests.detach()
-            return _begin(request, files[:3])
+            return _begin(request, *files)
         statuses[pid] = files.pop()
-        with suppress(OSError):
-            os.write(statuses[pid], _NUMBER.pack(pid))
         for file in files:
             os.close(file)
 
@@ -167,13 +165,15 @@ def _prepare(program: str, command: str = "") -> None:
     gc.freeze()
 
 
-def _begin(request: Mapping[str, Any], files: Sequence[int]) -> list[str]:
-    """Make this process, which is forked, one of its own."""
+def _begin(request: Mapping[str, Any], *files: int) -> list[str]:
+    """Make this process, which is forked, one of its own, and report its number when it can be killed as a group."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     end_with_parent(signal.SIGKILL)
     os.setsid()
-    for number, file in enumerate(files):
+    with suppress(OSError):
+        os.write(files[3], _NUMBER.pack(os.getpid()))
+    for number, file in enumerate(files[:3]):
         os.dup2(file, number)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
     sys.stdin = open(0, closefd=False)  # noqa: SIM115 - for the rest of the process
