@@ -39,7 +39,7 @@ class AttendedVehicle(Station):
         """Sends a COMMAND_INT to a place; returns the result of its acknowledgement."""
         lat = lon = 2**31 - 1
         if goal is not None:
-            place = self.copter.chart.place(goal)
+            place = self.autopilot.chart.place(goal)
             lat, lon = place.lat_e7, place.lon_e7
             alt = place.alt if math.isnan(alt) else alt
         replies = self.say(dialect.MAVLink_command_int_message(1, 1, frame, command, 0, 0, *params, lat, lon, alt))
@@ -59,7 +59,7 @@ class AttendedVehicle(Station):
 
     def _item(self, seq: int, item: Item, kind: int) -> dialect.MAVLink_message:
         command, frame, params, goal, height = item
-        at = self.copter.chart.place(goal) if goal is not None else None
+        at = self.autopilot.chart.place(goal) if goal is not None else None
         x, y = (at.lat_e7, at.lon_e7) if at is not None else (HERE, HERE)
         return dialect.MAVLink_mission_item_int_message(1, 1, seq, frame, command, 0, 1, *params, x, y, height, kind)
 

@@ -31,7 +31,7 @@ class Station:
         faults: Sequence[str] = (),
     ) -> None:
         self.vehicle = Vehicle(HOME, kind, system=system, boot=boot, faults=Faults.parse(faults))
-        self.copter = self.vehicle.autopilot
+        self.autopilot = self.vehicle.autopilot
         self.heard: list[dialect.MAVLink_message] = []
         self._encoder, self._framer = Encoder(255, 190), Framer(WireCounters())
         self._vehicle_encoder, self._ear = Encoder(system, 1), Framer(WireCounters())
@@ -75,7 +75,7 @@ class Station:
 
     def setpoint(self, goal: Vector, frame: int = 6, mask: int = 3576, yaw: float = 0.0) -> None:
         """A goal in metres north, east and above home."""
-        place = self.copter.chart.place(goal)
+        place = self.autopilot.chart.place(goal)
         alt = goal.up if frame == 6 else place.alt
         self.say(
             dialect.MAVLink_set_position_target_global_int_message(

@@ -17,7 +17,7 @@ HIGHEST_VOLTAGE = 60.0
 """V; the limit of SIM_BATT_VOLTAGE and of BATTERY_STATUS."""
 
 HOME_RADIUS = 5.0
-"""m around home within which the copter is charged while its motors are off."""
+"""m around home within which the vehicle is charged while its motors are off."""
 
 _AT_REST = ((0.0, 0.79), (0.05, 0.85), (0.2, 0.885), (0.5, 0.92), (0.8, 0.96), (1.0, 1.0))
 """Open-circuit voltage of a lithium battery by remaining charge, both as shares of the full values."""

@@ -109,76 +109,76 @@ _TERMINATE = 5
 """Value of BATT_FS_LOW_ACT and BATT_FS_CRT_ACT: motors off."""
 
 
-def check_failsafes(copter: "ArduPilot", dt: float) -> None:
+def check_failsafes(ardupilot: "ArduPilot", dt: float) -> None:
     """Check all failsafes; the last check was `dt` vehicle seconds ago."""
-    _pilot(copter)
-    _station(copter)
-    _position(copter)
-    _fence(copter)
-    _battery(copter, dt)
-    if copter.hindrance and not copter.armed and copter.now % PREARM_REPORTED_EVERY < dt:
-        copter.send_text(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
-    text = copter.outputs.step(copter.now)
+    _pilot(ardupilot)
+    _station(ardupilot)
+    _position(ardupilot)
+    _fence(ardupilot)
+    _battery(ardupilot, dt)
+    if ardupilot.hindrance and not ardupilot.armed and ardupilot.now % PREARM_REPORTED_EVERY < dt:
+        ardupilot.send_text(f"PreArm: {ardupilot.hindrance}", Severity.CRITICAL)
+    text = ardupilot.outputs.step(ardupilot.now)
     if text is not None:
-        copter.send_text(text)
+        ardupilot.send_text(text)
 
 
-def _pilot(copter: "ArduPilot") -> None:
-    pilot = copter.transmitter
+def _pilot(ardupilot: "ArduPilot") -> None:
+    pilot = ardupilot.transmitter
     if not pilot.touched:
         return
-    wanted = pilot.switched_mode(copter.now)
-    if wanted is not None and copter.passed(Milestone.MODE_SWITCH):
-        copter.set_mode(wanted)
-    if copter.mode.piloted and copter.flight.airborne:
-        drift = pilot.drift(copter.motion, copter.now)
+    wanted = pilot.switched_mode(ardupilot.now)
+    if wanted is not None and ardupilot.passed(Milestone.MODE_SWITCH):
+        ardupilot.set_mode(wanted)
+    if ardupilot.mode.piloted and ardupilot.flight.airborne:
+        drift = pilot.drift(ardupilot.motion, ardupilot.now)
         if drift is not None:
-            copter.flight.begin(drift)
+            ardupilot.flight.begin(drift)
 
 
-def _station(copter: "ArduPilot") -> None:
-    change = copter.station.check(copter.now, armed=copter.armed)
+def _station(ardupilot: "ArduPilot") -> None:
+    change = ardupilot.station.check(ardupilot.now, armed=ardupilot.armed)
     if change is not None:
-        copter.on_station(change)
+        ardupilot.on_station(change)
 
 
-def _position(copter: "ArduPilot") -> None:
-    estimate = copter.estimate
-    (glitched, failed), now = estimate.reported, (estimate.glitching, estimate.failed and copter.armed)
+def _position(ardupilot: "ArduPilot") -> None:
+    estimate = ardupilot.estimate
+    (glitched, failed), now = estimate.reported, (estimate.glitching, estimate.failed and ardupilot.armed)
     estimate.reported = now
     if glitched != now[0]:
-        copter.send_text("GPS Glitch or Compass error" if now[0] else "Glitch cleared", Severity.CRITICAL)
+        ardupilot.send_text("GPS Glitch or Compass error" if now[0] else "Glitch cleared", Severity.CRITICAL)
     if failed and not now[1]:
-        copter.send_text("EKF Failsafe Cleared", Severity.CRITICAL)
+        ardupilot.send_text("EKF Failsafe Cleared", Severity.CRITICAL)
     elif now[1] and not failed:
-        copter.send_text("EKF variance: over thresholds", Severity.CRITICAL)
-        copter.on_position_lost()
+        ardupilot.send_text("EKF variance: over thresholds", Severity.CRITICAL)
+        ardupilot.on_position_lost()
 
 
-def _fence(copter: "ArduPilot") -> None:
-    fence = copter.fence
-    breach = fence.breach(copter.motion.position, copter.home_on_chart) if copter.flight.airborne else None
-    if not fence.notice(breach, copter.now):
+def _fence(ardupilot: "ArduPilot") -> None:
+    fence = ardupilot.fence
+    breach = fence.breach(ardupilot.motion.position, ardupilot.home_on_chart) if ardupilot.flight.airborne else None
+    if not fence.notice(breach, ardupilot.now):
         return
-    copter.send_text(f"{breach} fence breached", Severity.WARNING)
-    copter.on_fence(int(copter.parameters["FENCE_ACTION"]))
+    ardupilot.send_text(f"{breach} fence breached", Severity.WARNING)
+    ardupilot.on_fence(int(ardupilot.parameters["FENCE_ACTION"]))
 
 
-def _battery(copter: "ArduPilot", dt: float) -> None:
-    battery, flight = copter.battery, copter.flight
-    if not copter.armed and not flight.airborne and copter.home is not None:
-        away = copter.motion.position.distance(copter.home_on_chart)
+def _battery(ardupilot: "ArduPilot", dt: float) -> None:
+    battery, flight = ardupilot.battery, ardupilot.flight
+    if not ardupilot.armed and not flight.airborne and ardupilot.home is not None:
+        away = ardupilot.motion.position.distance(ardupilot.home_on_chart)
         battery.rest(dt, at_home=away <= HOME_RADIUS)
-    shortage = battery.check(copter.now)
+    shortage = battery.check(ardupilot.now)
     if shortage is None:
         return
     name = shortage.name.lower()
-    copter.send_text(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
-    action = int(copter.parameters["BATT_FS_LOW_ACT" if shortage is Shortage.LOW else "BATT_FS_CRT_ACT"])
-    if not copter.armed or action == 0:
+    ardupilot.send_text(f"Battery 1 is {name} {battery.voltage:.2f}V used {battery.used:.0f} mAh", Severity.WARNING)
+    action = int(ardupilot.parameters["BATT_FS_LOW_ACT" if shortage is Shortage.LOW else "BATT_FS_CRT_ACT"])
+    if not ardupilot.armed or action == 0:
         return
-    copter.send_text("Battery Failsafe", Severity.WARNING)
+    ardupilot.send_text("Battery Failsafe", Severity.WARNING)
     if not flight.airborne or action == _TERMINATE:
-        copter.disarm(force=True)
+        ardupilot.disarm(force=True)
     else:
-        copter.on_shortage(action)
+        ardupilot.on_shortage(action)

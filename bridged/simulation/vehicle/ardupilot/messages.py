@@ -72,24 +72,24 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
 
     def answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
         """Answer a message of another system."""
-        kind, copter = message.get_type(), self.autopilot
+        kind, ardupilot = message.get_type(), self.autopilot
         match kind:
             case "HEARTBEAT":
-                copter.station.heartbeat(message.get_srcSystem(), copter.now)
+                ardupilot.station.heartbeat(message.get_srcSystem(), ardupilot.now)
             case "COMMAND_LONG" | "COMMAND_INT":
                 return self._command(Command.of(message), channel)
             case "SET_MODE":
                 if message.base_mode & 1:  # never acknowledged (recorded)
-                    copter.set_mode(message.custom_mode)
+                    ardupilot.set_mode(message.custom_mode)
             case "SET_POSITION_TARGET_GLOBAL_INT":
-                global_setpoint(copter, message)
+                global_setpoint(ardupilot, message)
             case "SET_POSITION_TARGET_LOCAL_NED":
-                local_setpoint(copter, message)
+                local_setpoint(ardupilot, message)
             case "RC_CHANNELS_OVERRIDE":
-                copter.transmitter.override(message, copter.now)
+                ardupilot.transmitter.override(message, ardupilot.now)
             case "REQUEST_DATA_STREAM":
                 group, rate = message.req_stream_id, message.req_message_rate
-                telemetry.request_group(channel.streams, group, rate, copter.now, on=bool(message.start_stop))
+                telemetry.request_group(channel.streams, group, rate, ardupilot.now, on=bool(message.start_stop))
             case "TIMESYNC" if message.tc1 == 0:
                 return self.time_sync(message)
             case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
@@ -97,8 +97,8 @@ class ArduPilotMessages(MessageHandler[ArduPilot]):
             case _ if kind.startswith("MISSION_"):
                 return self._mission.receive(message)
             case _ if kind in LOG_MESSAGES:
-                log = dataflash_log((one.name, one.value) for one in copter.parameters)
-                return LogTransfer([log]).receive(message, armed=copter.armed)
+                log = dataflash_log((one.name, one.value) for one in ardupilot.parameters)
+                return LogTransfer([log]).receive(message, armed=ardupilot.armed)
         return []
 
     def _command(self, command: Command, channel: Channel) -> Messages:

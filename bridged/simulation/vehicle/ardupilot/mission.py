@@ -91,7 +91,7 @@ class Mission(StoredMission):
 
 
 def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
-    """Effect of an item on the copter."""
+    """Effect of an item on the vehicle."""
     here = flight.motion.position
     if item.command == dialect.MAV_CMD_NAV_TAKEOFF:
         return TakeOff(_height(item, chart, home))
@@ -128,60 +128,60 @@ def _height(item: Item, chart: FlatMap, home: Place) -> float:
     return above_sea - chart.origin.alt
 
 
-def do(copter: "ArduPilot", command: int, params: tuple[float, float, float, float]) -> Result:
+def do(ardupilot: "ArduPilot", command: int, params: tuple[float, float, float, float]) -> Result:
     """Carry out one command (MAV_CMD) of `DO_COMMANDS`; its parameters are in the units of that command."""
     first, second, third, fourth = params
     match command:
         case dialect.MAV_CMD_DO_CHANGE_SPEED:
-            return _change_speed(copter, first, second)
+            return _change_speed(ardupilot, first, second)
         case dialect.MAV_CMD_CONDITION_YAW:
-            return _turn(copter, first, third, relative=fourth == 1.0)
+            return _turn(ardupilot, first, third, relative=fourth == 1.0)
         case dialect.MAV_CMD_DO_SET_HOME:
-            copter.set_home(copter.place)
+            ardupilot.set_home(ardupilot.place)
         case dialect.MAV_CMD_DO_FENCE_ENABLE:
             if first not in (0.0, 1.0):
                 return Result.FAILED
-            copter.parameters.set("FENCE_ENABLE", first)
+            ardupilot.parameters.set("FENCE_ENABLE", first)
         case dialect.MAV_CMD_DO_SET_SERVO:
-            return _unless(copter, copter.outputs.set(whole(first), whole(second)))
+            return _unless(ardupilot, ardupilot.outputs.set(whole(first), whole(second)))
         case dialect.MAV_CMD_DO_REPEAT_SERVO:
-            problem = copter.outputs.repeat(whole(first), whole(second), whole(third), fourth, copter.now)
-            return _unless(copter, problem)
+            problem = ardupilot.outputs.repeat(whole(first), whole(second), whole(third), fourth, ardupilot.now)
+            return _unless(ardupilot, problem)
         case dialect.MAV_CMD_DO_GRIPPER:
-            return _grip(copter, second)
+            return _grip(ardupilot, second)
     return Result.ACCEPTED
 
 
-def _change_speed(copter: "ArduPilot", kind: float, speed: float) -> Result:
+def _change_speed(ardupilot: "ArduPilot", kind: float, speed: float) -> Result:
     """m/s over the ground, until another mode."""
     if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
         return Result.FAILED
-    copter.flight.cruise_speed = speed
+    ardupilot.flight.cruise_speed = speed
     return Result.ACCEPTED
 
 
-def _turn(copter: "ArduPilot", angle: float, direction: float, *, relative: bool) -> Result:
+def _turn(ardupilot: "ArduPilot", angle: float, direction: float, *, relative: bool) -> Result:
     """Degrees from north, or from where the nose points."""
-    if copter.mode not in (copter.GUIDED, copter.AUTO) or not 0 <= angle <= 360:
+    if ardupilot.mode not in (ardupilot.GUIDED, ardupilot.AUTO) or not 0 <= angle <= 360:
         return Result.FAILED
     heading = math.radians(angle)
     if relative:
-        heading = copter.motion.heading + (heading if direction >= 0 else -heading)
-    copter.flight.heading_wish = heading % (2 * math.pi)
+        heading = ardupilot.motion.heading + (heading if direction >= 0 else -heading)
+    ardupilot.flight.heading_wish = heading % (2 * math.pi)
     return Result.ACCEPTED
 
 
-def _grip(copter: "ArduPilot", action: float) -> Result:
-    if copter.parameters["GRIP_ENABLE"] < 1:
+def _grip(ardupilot: "ArduPilot", action: float) -> Result:
+    if ardupilot.parameters["GRIP_ENABLE"] < 1:
         return Result.FAILED
     if action not in (0.0, 1.0):
         return Result.DENIED
-    copter.send_text(copter.outputs.grip(Grip(int(action)), copter.now))
+    ardupilot.send_text(ardupilot.outputs.grip(Grip(int(action)), ardupilot.now))
     return Result.ACCEPTED
 
 
-def _unless(copter: "ArduPilot", problem: str | None) -> Result:
+def _unless(ardupilot: "ArduPilot", problem: str | None) -> Result:
     if problem is None:
         return Result.ACCEPTED
-    copter.send_text(problem)
+    ardupilot.send_text(problem)
     return Result.FAILED

@@ -103,7 +103,7 @@ _SHARED = (
     "RC_OVERRIDE_TIME", "GRIP_", "SIM_BATT", "SERIAL0", "STAT_", "SERVO",
 )  # fmt: skip
 _COMMON: tuple[Row, ...] = tuple(row for row in COPTER if row[0].startswith(_SHARED))
-"""What a copter has, and planes and rovers, too."""
+"""Parameters of copters that planes and rovers have too."""
 
 PLANE: tuple[Row, ...] = (
     ("AIRSPEED_CRUISE", 22, Kind.REAL32),

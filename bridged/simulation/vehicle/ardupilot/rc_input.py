@@ -86,7 +86,7 @@ class Transmitter:
         return None if position is None else int(self.parameters[f"FLTMODE{position + 1}"])
 
     def drift(self, motion: Motion, now: float) -> Drift | None:
-        """Return how overridden sticks move a copter at `now` (s); None if they do not.
+        """Return how overridden sticks move a vehicle at `now` (s); None if they do not.
 
         All modes that obey sticks do as LOITER does: a stick is a speed.
         """

@@ -1,4 +1,4 @@
-"""Telemetry of a simulated copter: messages built from its state, and their stream intervals."""
+"""Telemetry of a simulated ArduPilot: messages built from its state, and their stream intervals."""
 
 import math
 from collections.abc import Callable
@@ -33,67 +33,67 @@ Builder = Callable[[ArduPilot], dialect.MAVLink_message | None]
 """Builds a message, or None while it has no content."""
 
 
-def heartbeat(copter: ArduPilot) -> dialect.MAVLink_message:
+def heartbeat(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """HEARTBEAT"""
     return dialect.MAVLink_heartbeat_message(
-        copter.TYPE, 3, copter.base_mode, int(copter.mode), copter.system_status, 3
+        ardupilot.TYPE, 3, ardupilot.base_mode, int(ardupilot.mode), ardupilot.system_status, 3
     )
 
 
-def sys_status(copter: ArduPilot) -> dialect.MAVLink_message:
+def sys_status(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """SYS_STATUS"""
     present, enabled, healthy = _SENSORS_PRESENT, _SENSORS_ENABLED, _SENSORS_HEALTHY
-    if copter.passed(Milestone.GPS_FIX):
-        present, enabled, healthy = present | _GPS, enabled | _GPS, healthy | (_GPS if copter.gps_place else 0)
-    if copter.passed(Milestone.HOME):
+    if ardupilot.passed(Milestone.GPS_FIX):
+        present, enabled, healthy = present | _GPS, enabled | _GPS, healthy | (_GPS if ardupilot.gps_place else 0)
+    if ardupilot.passed(Milestone.HOME):
         enabled, healthy = enabled | _AHRS, healthy | _AHRS
-    if copter.mode.autonomous:
+    if ardupilot.mode.autonomous:
         enabled, healthy = enabled | _POSITION_CONTROL, healthy | _POSITION_CONTROL
-    if copter.armed:
+    if ardupilot.armed:
         enabled |= _LOGGING
-    if copter.fence.enabled:
+    if ardupilot.fence.enabled:
         enabled |= _FENCE
-    if copter.passed(Milestone.PREARM_GOOD) and copter.gps_place and not copter.hindrance:
+    if ardupilot.passed(Milestone.PREARM_GOOD) and ardupilot.gps_place and not ardupilot.hindrance:
         healthy |= _PREARM
-    battery = copter.battery
+    battery = ardupilot.battery
     return dialect.MAVLink_sys_status_message(
         present, enabled, healthy, 0, _milli(battery.voltage), round(battery.current * 100), battery.remaining,
         0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
 
-def gps_raw_int(copter: ArduPilot) -> dialect.MAVLink_message:
+def gps_raw_int(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """GPS_RAW_INT"""
-    known = common.gps_raw_int(copter, FIX_TYPE, (121, 200), (300, 300, 0))
-    nothing = (0, int(copter.has_fix), 0, 0, 0, UNKNOWN_16, UNKNOWN_16, 0, 0, 0)
+    known = common.gps_raw_int(ardupilot, FIX_TYPE, (121, 200), (300, 300, 0))
+    nothing = (0, int(ardupilot.has_fix), 0, 0, 0, UNKNOWN_16, UNKNOWN_16, 0, 0, 0)
     return dialect.MAVLink_gps_raw_int_message(*nothing) if known is None else known
 
 
-def battery_status(copter: ArduPilot) -> dialect.MAVLink_message:
+def battery_status(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
-    battery = copter.battery
+    battery = ardupilot.battery
     return dialect.MAVLink_battery_status_message(
         0, 0, 0, INT16, [_milli(battery.voltage), *([UNKNOWN_16] * 9)], round(battery.current * 100),
         round(battery.used), round(battery.used * battery.voltage * 0.036), battery.remaining, 0, battery.state,
     )  # fmt: skip
 
 
-def position_target_global_int(copter: ArduPilot) -> dialect.MAVLink_message | None:
+def position_target_global_int(ardupilot: ArduPilot) -> dialect.MAVLink_message | None:
     """POSITION_TARGET_GLOBAL_INT: the goal, also one that came while the motors were off (as recorded)."""
-    target = copter.flight.target
-    if target is None or not copter.reports_target:
+    target = ardupilot.flight.target
+    if target is None or not ardupilot.reports_target:
         return None
-    goal = copter.chart.place(target)
+    goal = ardupilot.chart.place(target)
     return dialect.MAVLink_position_target_global_int_message(
-        boot_ms(copter), 0, TARGET_TYPE_MASK, goal.lat_e7, goal.lon_e7, goal.alt, 0, 0, 0, 0, 0, 0, 0, 0
+        boot_ms(ardupilot), 0, TARGET_TYPE_MASK, goal.lat_e7, goal.lon_e7, goal.alt, 0, 0, 0, 0, 0, 0, 0, 0
     )
 
 
-def nav_controller_output(copter: ArduPilot) -> dialect.MAVLink_message:
+def nav_controller_output(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """NAV_CONTROLLER_OUTPUT"""
-    roll, pitch = copter.motion.tilt
-    target, at = copter.flight.target, copter.motion.position
-    away, course, above = 0.0, copter.motion.bearing, 0.0
+    roll, pitch = ardupilot.motion.tilt
+    target, at = ardupilot.flight.target, ardupilot.motion.position
+    away, course, above = 0.0, ardupilot.motion.bearing, 0.0
     if target is not None:
         north, east = target.north - at.north, target.east - at.east
         away, above = math.hypot(north, east), target.up - at.up
@@ -104,50 +104,50 @@ def nav_controller_output(copter: ArduPilot) -> dialect.MAVLink_message:
     )
 
 
-def mission_current(copter: ArduPilot) -> dialect.MAVLink_message:
+def mission_current(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """MISSION_CURRENT"""
-    mission, flying = copter.mission, copter.mode is copter.AUTO
+    mission, flying = ardupilot.mission, ardupilot.mode is ardupilot.AUTO
     state = 1 if not mission.items else 5 if mission.complete else 3 if flying else 2
     return dialect.MAVLink_mission_current_message(mission.current, len(mission.items), state, 1 if flying else 0)
 
 
-def autopilot_version(copter: ArduPilot) -> dialect.MAVLink_message:
+def autopilot_version(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """AUTOPILOT_VERSION"""
     return dialect.MAVLink_autopilot_version_message(
-        copter.CAPABILITIES, 4 << 24 | 7 << 16, 0, 0, 0, list(b"argosy\0\0"), [0] * 8, [0] * 8, 0, 0, 0,
-        list(f"simulated {copter.NAME}".encode().ljust(18, b"\0")),
+        ardupilot.CAPABILITIES, 4 << 24 | 7 << 16, 0, 0, 0, list(b"argosy\0\0"), [0] * 8, [0] * 8, 0, 0, 0,
+        list(f"simulated {ardupilot.NAME}".encode().ljust(18, b"\0")),
     )  # fmt: skip
 
 
-def ekf_status_report(copter: ArduPilot) -> dialect.MAVLink_message:
+def ekf_status_report(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """EKF_STATUS_REPORT"""
-    estimate = copter.estimate
-    flags = copter.boot.ekf_flags(copter.now, lost=estimate.lost, glitching=estimate.glitching)
+    estimate = ardupilot.estimate
+    flags = ardupilot.boot.ekf_flags(ardupilot.now, lost=estimate.lost, glitching=estimate.glitching)
     return dialect.MAVLink_ekf_status_report_message(flags, *(0,) * 6)
 
 
-def rc_channels(copter: ArduPilot) -> dialect.MAVLink_message:
+def rc_channels(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """RC_CHANNELS: the pilot's transmitter, with the overrides of a ground station."""
-    pulses = copter.transmitter.pulses(copter.now)
-    return dialect.MAVLink_rc_channels_message(boot_ms(copter), len(pulses), *pulses, 0, 0, 255)
+    pulses = ardupilot.transmitter.pulses(ardupilot.now)
+    return dialect.MAVLink_rc_channels_message(boot_ms(ardupilot), len(pulses), *pulses, 0, 0, 255)
 
 
-def servo_output_raw(copter: ArduPilot) -> dialect.MAVLink_message:
+def servo_output_raw(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """SERVO_OUTPUT_RAW: 16 outputs, the first four are motors; 0 is no pulse."""
-    pulses = copter.outputs.pulses(armed=copter.armed, airborne=copter.flight.airborne)
-    return dialect.MAVLink_servo_output_raw_message(boot_us(copter) % 2**32, 0, *pulses)
+    pulses = ardupilot.outputs.pulses(armed=ardupilot.armed, airborne=ardupilot.flight.airborne)
+    return dialect.MAVLink_servo_output_raw_message(boot_us(ardupilot) % 2**32, 0, *pulses)
 
 
-def wind(copter: ArduPilot) -> dialect.MAVLink_message:
+def wind(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """WIND: from where it blows, in degrees from -180 to 180 (recorded)."""
-    air = copter.motion.air
+    air = ardupilot.motion.air
     direction = math.degrees(math.atan2(-air.east, -air.north))
     return dialect.MAVLink_wind_message(direction, math.hypot(air.north, air.east), 0.0)
 
 
-def fence_status(copter: ArduPilot) -> dialect.MAVLink_message | None:
+def fence_status(ardupilot: ArduPilot) -> dialect.MAVLink_message | None:
     """FENCE_STATUS, while the fence is enabled."""
-    fence = copter.fence
+    fence = ardupilot.fence
     if not fence.enabled:
         return None
     kind = 0 if fence.breached is None else 2 if "Alt" in fence.breached else 3
@@ -156,19 +156,19 @@ def fence_status(copter: ArduPilot) -> dialect.MAVLink_message | None:
     )
 
 
-def position_target_local_ned(copter: ArduPilot) -> dialect.MAVLink_message | None:
+def position_target_local_ned(ardupilot: ArduPilot) -> dialect.MAVLink_message | None:
     """POSITION_TARGET_LOCAL_NED in GUIDED: the goal, or the velocity that is flown (0 while it hovers)."""
-    if copter.mode is not copter.GUIDED:
+    if ardupilot.mode is not ardupilot.GUIDED:
         return None
-    task, target = copter.flight.task, copter.flight.target
+    task, target = ardupilot.flight.task, ardupilot.flight.target
     if isinstance(task, TakeOff):
-        target = Vector(copter.motion.north.target, copter.motion.east.target, task.up)
+        target = Vector(ardupilot.motion.north.target, ardupilot.motion.east.target, task.up)
     mask, at, velocity = LOCAL_POSITION_MASK, target or Vector(), Vector()
     if target is None:
         mask = LOCAL_VELOCITY_MASK
         velocity = task.velocity if isinstance(task, Drift) else velocity
     return dialect.MAVLink_position_target_local_ned_message(
-        boot_ms(copter), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
+        boot_ms(ardupilot), dialect.MAV_FRAME_LOCAL_NED, mask, at.north, at.east, -at.up,
         velocity.north, velocity.east, -velocity.up, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -179,30 +179,30 @@ BUILDERS: dict[int, Builder] = {
     2: common.system_time,
     24: gps_raw_int,
     30: common.attitude,
-    32: lambda copter: common.local_position_ned(copter) if copter.has_position else None,
-    33: lambda copter: common.global_position_int(copter, known=copter.has_fix),
+    32: lambda ardupilot: common.local_position_ned(ardupilot) if ardupilot.has_position else None,
+    33: lambda ardupilot: common.global_position_int(ardupilot, known=ardupilot.has_fix),
     36: servo_output_raw,
     42: mission_current,
-    49: lambda copter: common.gps_global_origin(copter) if copter.passed(Milestone.HOME) else None,
+    49: lambda ardupilot: common.gps_global_origin(ardupilot) if ardupilot.passed(Milestone.HOME) else None,
     62: nav_controller_output,
     65: rc_channels,
-    74: lambda copter: common.vfr_hud(copter, throttle=37),
+    74: lambda ardupilot: common.vfr_hud(ardupilot, throttle=37),
     85: position_target_local_ned,
     87: position_target_global_int,
-    125: lambda copter: dialect.MAVLink_power_status_message(5000, 0, 0),
+    125: lambda ardupilot: dialect.MAVLink_power_status_message(5000, 0, 0),
     147: battery_status,
     148: autopilot_version,
-    152: lambda copter: dialect.MAVLink_meminfo_message(0, UNKNOWN_16, 131072),
+    152: lambda ardupilot: dialect.MAVLink_meminfo_message(0, UNKNOWN_16, 131072),
     162: fence_status,
     168: wind,
     193: ekf_status_report,
     241: common.vibration,
     242: common.home_position,
-    281: lambda copter: copter.payload.gimbal.status(boot_ms(copter)),
-    285: lambda copter: copter.payload.gimbal.attitude(copter.place, copter.motion.heading, copter.now),
-    376: lambda copter: copter.payload.relay_status(copter.now),
-    9005: lambda copter: copter.payload.winch_status(copter.now),
-    245: lambda copter: dialect.MAVLink_extended_sys_state_message(copter.VTOL_STATE, copter.landed_state),
+    281: lambda ardupilot: ardupilot.payload.gimbal.status(boot_ms(ardupilot)),
+    285: lambda ardupilot: ardupilot.payload.gimbal.attitude(ardupilot.place, ardupilot.motion.heading, ardupilot.now),
+    376: lambda ardupilot: ardupilot.payload.relay_status(ardupilot.now),
+    9005: lambda ardupilot: ardupilot.payload.winch_status(ardupilot.now),
+    245: lambda ardupilot: dialect.MAVLink_extended_sys_state_message(ardupilot.VTOL_STATE, ardupilot.landed_state),
 }
 """Messages by id that can be asked for."""
 

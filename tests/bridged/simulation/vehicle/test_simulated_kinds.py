@@ -26,7 +26,7 @@ def depart(vehicle: AttendedVehicle, kind: str, autopilot: str) -> None:
         assert vehicle.command(176, 1, 15 if kind == "rover" else 4) == 0
     assert vehicle.command(400, 1) == 0
     if kind == "rover":
-        goal = vehicle.copter.chart.place(vehicle.at)
+        goal = vehicle.autopilot.chart.place(vehicle.at)
         assert vehicle.say(
             dialect.MAVLink_command_int_message(1, 1, 6, 192, 0, 0, -1, 1, 0, NAN, goal.lat_e7 + 10_000, goal.lon_e7, 0)
         )
@@ -106,7 +106,7 @@ def test_the_default_is_an_arducopter() -> None:
 
 def test_the_page_of_the_simulated_vehicles_tells_how_many_parameters_each_has() -> None:
     page = (Path(__file__).parents[4] / "docs/guides/simulated-vehicles.md").read_text()
-    count = {kind: len(AttendedVehicle(*kind).copter.parameters) for kind in ALL}
+    count = {kind: len(AttendedVehicle(*kind).autopilot.parameters) for kind in ALL}
     plane, rover = count["plane", "ardupilot"], count["rover", "ardupilot"]
     of_px4 = "{}, {} and {}".format(*(count[kind, "px4"] for kind in ("copter", "plane", "rover")))
     assert f"{plane} of an ArduPlane, {rover} of a Rover, and {of_px4} of a PX4" in page

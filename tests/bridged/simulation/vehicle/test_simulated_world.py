@@ -84,9 +84,9 @@ def test_a_victim_that_is_passed_between_two_tellings_is_not_missed() -> None:
     station.vehicle.on_step = lambda: camera.look(
         lambda: station.vehicle.autopilot.true_place, station.vehicle.age, 0.0
     )
-    chart = station.copter.chart
+    chart = station.autopilot.chart
     over = chart.vector(Place(SOMEBODY.lat, SOMEBODY.lon, 0.0))
-    motion = station.copter.motion
+    motion = station.autopilot.motion
     motion.north.position, motion.east.position = over.north, over.east
     station.vehicle.advance(2 * LOOK_S)
     motion.north.position += 200
@@ -97,7 +97,7 @@ def test_a_victim_that_is_passed_between_two_tellings_is_not_missed() -> None:
 def test_what_an_output_does_is_logged_once_for_each_change_with_the_place_where_it_was(tmp_path: Path) -> None:
     station, log = Station(), ServoLog(tmp_path / "uav1.servo.jsonl")
     vehicle = station.vehicle
-    vehicle.on_servo = lambda output, pulse: log.moved(station.copter, vehicle.system, vehicle.age, output, pulse)
+    vehicle.on_servo = lambda output, pulse: log.moved(station.autopilot, vehicle.system, vehicle.age, output, pulse)
     for pulse in (1900, 1900, 1100):
         assert station.command(SET_SERVO, 9, pulse) == ACCEPTED
     log.close()

@@ -52,9 +52,9 @@ def test_a_flight_is_the_same_in_steps_of_20_ms_and_in_as_long_ones_as_there_is_
         station.setpoint(Vector(40.0, 0.0, 10.0))
         station.until(lambda: station.now - begin > 30.0, "half a minute", step=step)
         station.command(176, 1, Mode.RTL)
-        station.until(lambda: not station.copter.armed, "landing", step=step)
+        station.until(lambda: not station.autopilot.armed, "landing", step=step)
         moved = [message for message in station.heard[heard:] if message.get_type() == "GLOBAL_POSITION_INT"]
-        chart = station.copter.chart
+        chart = station.autopilot.chart
         at = [chart.vector(Place(one.lat / 1e7, one.lon / 1e7, one.alt / 1e3)) for one in moved]
         return [(one.north, one.east, one.up) for one in at], station.now - begin
 
@@ -131,9 +131,9 @@ def test_the_pilots_mode_switch_is_read_during_the_start() -> None:
     station = Station(boot="real", ready=False)
     station.heartbeat()
     station.guided()
-    modes = [station.copter.mode]
+    modes = [station.autopilot.mode]
     station.wait(2.0)
-    assert [*modes, station.copter.mode] == [Mode.GUIDED, Mode.STABILIZE]
+    assert [*modes, station.autopilot.mode] == [Mode.GUIDED, Mode.STABILIZE]
 
 
 def test_a_mode_that_needs_a_position_is_refused_in_flight_without_one_and_accepted_on_the_ground() -> None:
@@ -155,7 +155,7 @@ def test_home_is_where_the_copter_was_armed(station: Station) -> None:
     station.setpoint(Vector(20.0, 0.0, 5.0))
     station.wait(15.0)
     station.command(21)
-    station.until(lambda: not station.copter.armed, "landing")
+    station.until(lambda: not station.autopilot.armed, "landing")
     station.heard.clear()
     station.guided()
     station.command(400, 1)
@@ -170,7 +170,7 @@ def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal(s
     station.until(lambda: station.at.up > 3.0, "lift-off")
     station.setpoint(Vector(0.0, 20.0, 6.0))
     station.wait(0.1)
-    assert station.copter.flight.landed is Landed.IN_AIR
+    assert station.autopilot.flight.landed is Landed.IN_AIR
     station.until(lambda: station.distance(Vector(0.0, 20.0)) < 0.5, "arrival")
     assert abs(station.at.up - 6.0) < 0.5
 
@@ -180,7 +180,7 @@ def test_another_mode_before_lift_off_ends_the_takeoff(station: Station) -> None
     station.command(400, 1)
     station.command(22, 0, 0, 0, 0, 0, 0, 5)
     station.command(176, 1, Mode.LOITER)
-    station.until(lambda: not station.copter.armed, "auto-disarm")
+    station.until(lambda: not station.autopilot.armed, "auto-disarm")
     assert station.at.up == 0.0
 
 
@@ -188,10 +188,10 @@ def test_guided_ends_a_landing(station: Station) -> None:
     station.fly_to(10.0)
     station.command(21)
     station.wait(3.0)
-    assert station.copter.flight.landed is Landed.LANDING
+    assert station.autopilot.flight.landed is Landed.LANDING
     station.guided()
     station.wait(5.0)
-    assert (station.copter.flight.landed, station.copter.armed) == (Landed.IN_AIR, True)
+    assert (station.autopilot.flight.landed, station.autopilot.armed) == (Landed.IN_AIR, True)
     assert station.speed < 0.05
 
 
@@ -203,7 +203,7 @@ def test_altitudes_of_frame_5_are_above_the_sea_and_of_frame_6_above_home() -> N
         station.wait(15.0)
         assert abs(station.at.up - 14.0) < 0.1
     station.setpoint(Vector(0.0, 0.0, -1.0), frame=5)  # 20 m above the sea is 1 m under the ground
-    station.until(lambda: not station.copter.flight.airborne, "ground")
+    station.until(lambda: not station.autopilot.flight.airborne, "ground")
     assert station.at.up == 0.0
 
 
@@ -215,7 +215,7 @@ def test_a_velocity_is_flown_until_it_is_three_seconds_old(station: Station) -> 
     )
     station.say(message)
     station.wait(2.9)
-    assert abs(station.copter.motion.velocity.north - 2.0) < 0.2
+    assert abs(station.autopilot.motion.velocity.north - 2.0) < 0.2
     station.wait(5.0)
     assert station.speed < 0.1
     assert 4.0 < station.at.north < 8.0
@@ -238,10 +238,10 @@ def test_the_nose_turns_to_the_goal_in_guided_and_stays_as_it_is_in_rtl(station:
     station.fly_to(15.0)
     station.setpoint(Vector(0.0, 30.0, 15.0))
     station.wait(15.0)
-    assert abs(math.degrees(station.copter.motion.heading) - 90.0) < 3.0
+    assert abs(math.degrees(station.autopilot.motion.heading) - 90.0) < 3.0
     station.command(20)
     station.wait(12.0)
-    assert abs(math.degrees(station.copter.motion.heading) - 90.0) < 3.0
+    assert abs(math.degrees(station.autopilot.motion.heading) - 90.0) < 3.0
 
 
 def test_a_speed_that_was_set_is_flown(station: Station) -> None:
@@ -256,11 +256,11 @@ def test_a_forced_disarm_in_flight_lets_the_copter_fall(station: Station) -> Non
     station.fly_to(10.0)
     assert station.command(400, 0) == FAILED
     assert station.command(400, 0, 21196) == ACCEPTED
-    station.until(lambda: not station.copter.flight.airborne, "ground", seconds=3.0)
+    station.until(lambda: not station.autopilot.flight.airborne, "ground", seconds=3.0)
     hit = next(text for text in station.texts() if text.startswith("SIM Hit ground"))
     assert abs(float(hit.split()[-2]) - 14.0) < 0.5  # root of 2 g h
     station.wait(2.0)
-    assert station.copter.flight.landed is Landed.ON_GROUND
+    assert station.autopilot.flight.landed is Landed.ON_GROUND
 
 
 def test_loiter_brake_and_stabilize_hover_where_they_began() -> None:
@@ -271,7 +271,7 @@ def test_loiter_brake_and_stabilize_hover_where_they_began() -> None:
         station.wait(10.0)
         assert station.distance(Vector()) < 0.2
         assert abs(station.at.up - 10.0) < 0.2
-        assert station.copter.armed
+        assert station.autopilot.armed
 
 
 def test_rtl_within_the_cone_does_not_climb_to_its_full_height(station: Station) -> None:
@@ -284,7 +284,7 @@ def test_rtl_within_the_cone_does_not_climb_to_its_full_height(station: Station)
     def landed() -> bool:
         nonlocal highest
         highest = max(highest, station.at.up)
-        return not station.copter.armed
+        return not station.autopilot.armed
 
     station.until(landed, "landing")
     assert 7.0 < highest < 8.0  # 3 m per metre of distance
@@ -292,10 +292,10 @@ def test_rtl_within_the_cone_does_not_climb_to_its_full_height(station: Station)
 
 def test_the_battery_drains_in_flight_and_not_on_the_ground(station: Station) -> None:
     station.wait(100.0)
-    assert station.copter.battery.remaining == 100
+    assert station.autopilot.battery.remaining == 100
     station.fly_to(10.0)
     station.wait(60.0)
-    assert 80 <= station.copter.battery.remaining <= 85
+    assert 80 <= station.autopilot.battery.remaining <= 85
 
 
 def test_the_fence_brings_the_copter_home_when_it_is_drawn_tighter_around_it(station: Station) -> None:
@@ -306,7 +306,7 @@ def test_the_fence_brings_the_copter_home_when_it_is_drawn_tighter_around_it(sta
     station.say(dialect.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1, 2))
     station.wait(1.0)
     assert "Circle fence breached" in station.texts()
-    assert station.copter.mode is Mode.RTL
+    assert station.autopilot.mode is Mode.RTL
 
 
 def test_a_lost_ground_station_disarms_on_the_ground_only_by_the_usual_delay(station: Station) -> None:
@@ -315,7 +315,7 @@ def test_a_lost_ground_station_disarms_on_the_ground_only_by_the_usual_delay(sta
     station.command(400, 1)
     station.wait(6.0)
     assert "GCS Failsafe" in station.texts()
-    assert station.copter.mode is Mode.GUIDED
+    assert station.autopilot.mode is Mode.GUIDED
 
 
 def test_a_reboot_is_refused_with_motors_on_and_otherwise_begins_anew(station: Station) -> None:

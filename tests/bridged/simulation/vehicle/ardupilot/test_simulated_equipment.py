@@ -93,7 +93,7 @@ def test_the_voltage_of_the_recorded_battery_never_falls(station: Station) -> No
     station.wait(600.0)
     status = last(station, 147)
     assert (status.voltages[0], status.battery_remaining) == (12600, 0)
-    assert station.copter.flight.airborne
+    assert station.autopilot.flight.airborne
 
 
 def test_a_battery_with_a_capacity_loses_voltage_in_flight_and_charges_at_home() -> None:
@@ -107,10 +107,10 @@ def test_a_battery_with_a_capacity_loses_voltage_in_flight_and_charges_at_home()
     assert 50 < used.battery_remaining < 62
     assert last(station, 1).voltage_battery == used.voltages[0]
     assert station.command(21) == ACCEPTED
-    station.until(lambda: not station.copter.armed, "landing")
+    station.until(lambda: not station.autopilot.armed, "landing")
     station.wait(1.0)
     assert last(station, 147).charge_state == ChargeState.CHARGING
-    took = station.until(lambda: station.copter.battery.remaining == 100, "a full battery")
+    took = station.until(lambda: station.autopilot.battery.remaining == 100, "a full battery")
     assert 45 < took < 75  # about half of it in half of two minutes
     station.wait(1.0)
     assert last(station, 147).voltages[0] == 12600
@@ -122,20 +122,20 @@ def test_the_copter_is_not_charged_away_from_home() -> None:
     station.setpoint(Vector(40.0, 0.0, 5.0))
     station.wait(30.0)
     assert station.command(21) == ACCEPTED
-    station.until(lambda: not station.copter.armed, "landing")
-    left = station.copter.battery.remaining
+    station.until(lambda: not station.autopilot.armed, "landing")
+    left = station.autopilot.battery.remaining
     station.wait(60.0)
-    assert station.copter.battery.remaining == left < 95
+    assert station.autopilot.battery.remaining == left < 95
 
 
 def test_a_low_battery_brings_the_copter_home_if_it_is_told_to() -> None:
     station = drained(4, BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2)
     station.fly_to(5.0)
-    station.until(lambda: station.copter.mode is Mode.RTL, "return", 300)
+    station.until(lambda: station.autopilot.mode is Mode.RTL, "return", 300)
     low, failsafe = [text for text in station.texts() if "Battery" in text]
     assert low.startswith("Battery 1 is low 11.")
     assert failsafe == "Battery Failsafe"
-    station.until(lambda: not station.copter.armed, "landing")
+    station.until(lambda: not station.autopilot.armed, "landing")
     station.guided()
     assert station.command(400, 1) == FAILED
     assert "Arm: Battery failsafe" in station.texts()
@@ -147,16 +147,16 @@ def test_a_low_battery_without_an_action_is_told_only() -> None:
     station = drained(4, BATT_LOW_MAH=1500)
     station.fly_to(5.0)
     station.until(lambda: any(text.startswith("Battery 1 is low") for text in station.texts()), "warning", 300)
-    assert station.copter.mode is Mode.GUIDED
+    assert station.autopilot.mode is Mode.GUIDED
     assert "Battery Failsafe" not in station.texts()
 
 
 def test_an_empty_battery_lets_the_copter_fall() -> None:
     station = drained(1)
     station.fly_to(20.0)
-    station.until(lambda: station.copter.flight.landed is Landed.ON_GROUND, "fall", 120)
+    station.until(lambda: station.autopilot.flight.landed is Landed.ON_GROUND, "fall", 120)
     assert "SIM battery is empty" in station.texts()
-    assert not station.copter.armed
+    assert not station.autopilot.armed
 
 
 def override(station: Station, **pulses: int) -> None:
@@ -196,11 +196,11 @@ def test_a_stick_that_is_overridden_moves_the_copter_in_loiter_until_it_is_centr
 def test_the_mode_switch_of_an_overridden_transmitter_changes_the_mode(station: Station) -> None:
     override(station, chan5=1400)  # third position: FLTMODE3
     station.wait(0.5)
-    assert station.copter.mode is Mode.RTL
+    assert station.autopilot.mode is Mode.RTL
     station.guided()
     override(station, chan5=1400)
     station.wait(0.5)
-    assert station.copter.mode is Mode.GUIDED  # it was not moved
+    assert station.autopilot.mode is Mode.GUIDED  # it was not moved
 
 
 def test_the_velocity_that_is_flown_shows_as_the_local_target(station: Station) -> None:
@@ -310,7 +310,7 @@ def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_t
     station.heartbeat()
     station.wait(4.0)
     station.fly_to(20.0)
-    station.copter = station.vehicle.autopilot
+    station.autopilot = station.vehicle.autopilot
     station.until(lambda: station.vehicle.reboots == 1, "restart")
     assert 10 < station.at.up < 20  # it has fallen for 1.2 s
     assert not station.vehicle.autopilot.armed

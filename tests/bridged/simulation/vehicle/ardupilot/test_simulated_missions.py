@@ -35,7 +35,7 @@ def offer(station: Station, items: list[Item]) -> int:
     while asked := [one for one in said if one.get_type() == "MISSION_REQUEST"]:
         item, seq = stored[asked[0].seq], asked[0].seq
         place = item.place or Vector()
-        where = station.copter.chart.place(place)
+        where = station.autopilot.chart.place(place)
         x, y = (where.lat_e7, where.lon_e7) if item.command == 16 else (0, 0)
         said = station.say(
             dialect.MAVLink_mission_item_int_message(1, 1, seq, 3, item.command, 0, 1, *item.params, x, y, place.up)
@@ -68,7 +68,7 @@ def test_a_mission_ends_with_the_copter_hovering_in_auto_at_its_last_place() -> 
     station = flying(TAKEOFF, waypoint(20.0), waypoint(20.0, 10.0))
     station.until(lambda: reached(station) == [1, 2, 3], "all items")
     station.wait(10.0)
-    assert station.copter.mode is Mode.AUTO
+    assert station.autopilot.mode is Mode.AUTO
     assert station.distance(Vector(20.0, 10.0)) < 0.5
     assert station.speed < 0.1
     assert current(station).mission_state == dialect.MISSION_STATE_COMPLETE
@@ -76,7 +76,7 @@ def test_a_mission_ends_with_the_copter_hovering_in_auto_at_its_last_place() -> 
 
 def test_a_mission_lands_at_home_and_disarms() -> None:
     station = flying(TAKEOFF, waypoint(20.0), Item(20))
-    station.until(lambda: not station.copter.armed, "the end", 200)
+    station.until(lambda: not station.autopilot.armed, "the end", 200)
     assert reached(station) == [1, 2, 3]
     assert station.distance(Vector()) < 1.0
     assert current(station).mission_state == dialect.MISSION_STATE_COMPLETE
@@ -86,10 +86,10 @@ def test_servos_speed_and_delays_are_done_on_the_way_to_the_next_place() -> None
     commands = [Item(178, (1, 3, 0, 0)), Item(112, (4, 0, 0, 0)), Item(183, (9, 1900, 0, 0))]
     station = flying(TAKEOFF, waypoint(5.0), *commands, waypoint(60.0))
     station.until(lambda: 3 in reached(station), "the speed")
-    assert station.copter.outputs.pulses(armed=True, airborne=True)[8] == 0
+    assert station.autopilot.outputs.pulses(armed=True, airborne=True)[8] == 0
     waited = station.until(lambda: 5 in reached(station), "the servo")
     assert 3.5 < waited < 4.5
-    assert station.copter.outputs.pulses(armed=True, airborne=True)[8] == 1900
+    assert station.autopilot.outputs.pulses(armed=True, airborne=True)[8] == 1900
     station.wait(3.0)
     assert 2.5 < station.speed < 3.8
     assert 6 not in reached(station)

@@ -33,7 +33,7 @@ def flying(plane: AttendedVehicle) -> AttendedVehicle:
     """On its circle after a takeoff in TAKEOFF."""
     assert mode(plane, PlaneMode.TAKEOFF) == 0
     assert plane.command(ARM, 1) == 0
-    plane.until(lambda: plane.copter.flight.landed is Landed.IN_AIR, "takeoff")
+    plane.until(lambda: plane.autopilot.flight.landed is Landed.IN_AIR, "takeoff")
     plane.wait(5.0)
     plane.heard.clear()
     return plane
@@ -41,8 +41,8 @@ def flying(plane: AttendedVehicle) -> AttendedVehicle:
 
 def test_it_takes_off_in_takeoff_and_circles_ahead(flying: AttendedVehicle) -> None:
     flying.wait(40.0)
-    home = flying.copter.home_on_chart.up
-    assert flying.at.up - home == pytest.approx(flying.copter.parameters["TKOFF_ALT"], abs=5)
+    home = flying.autopilot.home_on_chart.up
+    assert flying.at.up - home == pytest.approx(flying.autopilot.parameters["TKOFF_ALT"], abs=5)
     assert flying.speed > 15
     assert flying.distance(Vector(200, 0, 0)) < 130
     beat = flying.last("HEARTBEAT")
@@ -62,9 +62,9 @@ def test_autoland_is_refused_before_a_takeoff_and_lands_after_one(plane: Attende
     assert plane.said[-1] == "Takeoff initial direction not set"
     mode(plane, PlaneMode.TAKEOFF)
     plane.command(ARM, 1)
-    plane.until(lambda: plane.copter.flight.landed is Landed.IN_AIR, "takeoff")
+    plane.until(lambda: plane.autopilot.flight.landed is Landed.IN_AIR, "takeoff")
     assert mode(plane, PlaneMode.AUTOLAND) == 0
-    plane.until(lambda: not plane.copter.armed, "landing", 300)
+    plane.until(lambda: not plane.autopilot.armed, "landing", 300)
     assert plane.at.flat() < 200
     assert plane.said[-2] == "Auto disarmed"
 
@@ -85,29 +85,29 @@ def test_guided_takes_repositions_and_ignores_setpoints(flying: AttendedVehicle)
 
 def test_a_reposition_outside_guided_needs_the_flag(flying: AttendedVehicle) -> None:
     assert flying.place(REPOSITION, Vector(0, 300, 0), -1, 0, 0, 0, alt=60.0, frame=6) != 0
-    assert flying.copter.mode is PlaneMode.TAKEOFF
+    assert flying.autopilot.mode is PlaneMode.TAKEOFF
     assert flying.place(REPOSITION, Vector(0, 300, 0), -1, 1, 0, 0, alt=60.0, frame=6) == 0
-    assert flying.copter.mode is PlaneMode.GUIDED
+    assert flying.autopilot.mode is PlaneMode.GUIDED
 
 
 def test_auto_without_a_mission_is_a_return_which_circles_over_home(flying: AttendedVehicle) -> None:
     assert mode(flying, PlaneMode.AUTO) == 0
-    assert flying.copter.mode is PlaneMode.RTL
+    assert flying.autopilot.mode is PlaneMode.RTL
     flying.wait(0.5)
     assert "Mission complete, changing mode to RTL" in flying.said
     flying.wait(90.0)
     assert flying.at.flat() < 130
-    assert flying.at.up == pytest.approx(flying.copter.parameters["RTL_ALTITUDE"], abs=5)
+    assert flying.at.up == pytest.approx(flying.autopilot.parameters["RTL_ALTITUDE"], abs=5)
 
 
 def test_a_mission_lands_and_the_motor_stops_20_s_later(plane: AttendedVehicle) -> None:
     assert plane.upload([HOME_ITEM, TAKE_OFF, AHEAD, START, FINAL, LAND]) == 0
-    plane.copter.parameters.set("RTL_AUTOLAND", 2)
+    plane.autopilot.parameters.set("RTL_AUTOLAND", 2)
     assert mode(plane, PlaneMode.AUTO) == 0
     assert plane.command(ARM, 1) == 0
     plane.until(lambda: plane.at.up > 5, "takeoff")
-    plane.until(lambda: plane.copter.flight.landed is Landed.ON_GROUND, "landing", 400)
-    took = plane.until(lambda: not plane.copter.armed, "disarming")
+    plane.until(lambda: plane.autopilot.flight.landed is Landed.ON_GROUND, "landing", 400)
+    took = plane.until(lambda: not plane.autopilot.armed, "disarming")
     assert took == pytest.approx(20, abs=1.5)
     assert plane.at.flat() < 200
     assert plane.command(ARM, 1) == 4
@@ -119,35 +119,35 @@ def test_a_mission_without_a_landing_ends_in_a_return(plane: AttendedVehicle) ->
     assert plane.upload([HOME_ITEM, TAKE_OFF, AHEAD]) == 0
     mode(plane, PlaneMode.AUTO)
     plane.command(ARM, 1)
-    plane.until(lambda: plane.copter.mode is PlaneMode.RTL, "return", 200)
-    assert plane.copter.armed
+    plane.until(lambda: plane.autopilot.mode is PlaneMode.RTL, "return", 200)
+    assert plane.autopilot.armed
 
 
 def test_the_landing_of_its_mission_can_be_ordered(flying: AttendedVehicle) -> None:
     assert flying.command(189) == 4
     assert flying.upload([HOME_ITEM, TAKE_OFF, AHEAD, START, FINAL, LAND]) == 0
     assert flying.command(189) == 0
-    assert flying.copter.mode is PlaneMode.AUTO
-    flying.until(lambda: not flying.copter.armed, "landing", 400)
+    assert flying.autopilot.mode is PlaneMode.AUTO
+    flying.until(lambda: not flying.autopilot.armed, "landing", 400)
 
 
 @pytest.mark.parametrize(("action", "after"), [(0, PlaneMode.TAKEOFF), (1, PlaneMode.RTL)])
 def test_a_lost_ground_station_brings_it_home_if_its_parameters_say_so(
     flying: AttendedVehicle, action: int, after: PlaneMode
 ) -> None:
-    flying.copter.parameters.set("FS_GCS_ENABL", 1)
-    flying.copter.parameters.set("FS_LONG_ACTN", action)
+    flying.autopilot.parameters.set("FS_GCS_ENABL", 1)
+    flying.autopilot.parameters.set("FS_LONG_ACTN", action)
     flying.silent = True
     flying.wait(15.0)
-    assert flying.copter.mode is after
+    assert flying.autopilot.mode is after
     assert any(text.startswith("GCS Failsafe On") for text in flying.said)
     flying.silent = False
     flying.wait(3.0)
     assert "GCS Failsafe Off" in flying.said
-    assert flying.copter.mode is after
+    assert flying.autopilot.mode is after
 
 
 def test_it_is_not_disarmed_in_the_air_unless_forced(flying: AttendedVehicle) -> None:
     assert flying.command(ARM, 0) == 4
     assert flying.command(ARM, 0, 21196) == 0
-    flying.until(lambda: not flying.copter.flight.airborne, "ground", 60)
+    flying.until(lambda: not flying.autopilot.flight.airborne, "ground", 60)

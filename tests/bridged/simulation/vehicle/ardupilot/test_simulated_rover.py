@@ -55,7 +55,7 @@ def test_it_follows_velocities_and_stops_3_s_after_the_last_one(rover: AttendedV
     for _ in range(40):
         rover.velocity(1.0, 0.0)
         rover.wait(0.1)
-    assert rover.copter.motion.velocity.north == pytest.approx(1.0, abs=0.4)
+    assert rover.autopilot.motion.velocity.north == pytest.approx(1.0, abs=0.4)
     rover.wait(3.5)
     assert "target not received last 3secs, stopping" in rover.said
     rover.wait(6.0)
@@ -79,7 +79,7 @@ def test_a_takeoff_and_modes_without_their_conditions_are_refused(rover: Attende
     rover.wait(0.3)
     assert rover.said[-2:] == ["No Mission. Can't set AUTO.", "Flight mode change failed"]
     assert mode(rover, RoverMode.DOCK) == 4
-    assert rover.copter.mode is RoverMode.GUIDED
+    assert rover.autopilot.mode is RoverMode.GUIDED
 
 
 def test_a_mission_is_driven_and_it_stays_in_auto_at_its_end(rover: AttendedVehicle) -> None:
@@ -88,7 +88,7 @@ def test_a_mission_is_driven_and_it_stays_in_auto_at_its_end(rover: AttendedVehi
     rover.until(lambda: "Mission Complete" in rover.said, "end of the mission", 90)
     rover.wait(5.0)
     assert rover.distance(Vector(15, 15, 0)) < 4
-    assert rover.copter.mode is RoverMode.AUTO
+    assert rover.autopilot.mode is RoverMode.AUTO
     assert {one.seq for one in rover.heard if one.get_type() == "MISSION_ITEM_REACHED"} >= {1, 2}
 
 
@@ -99,7 +99,7 @@ def test_a_return_drives_home_and_stays_armed(rover: AttendedVehicle, wanted: Ro
     assert mode(rover, wanted) == 0
     rover.until(lambda: "Reached destination" in rover.said, "home", 90)
     assert rover.at.flat() < 3
-    assert rover.copter.armed
+    assert rover.autopilot.armed
 
 
 def test_it_is_disarmed_while_it_drives_and_rolls_out(rover: AttendedVehicle) -> None:
@@ -114,18 +114,18 @@ def test_it_is_disarmed_while_it_drives_and_rolls_out(rover: AttendedVehicle) ->
 
 def test_a_lost_ground_station_brings_it_home_if_its_parameters_say_so(rover: AttendedVehicle) -> None:
     rover.setpoint(Vector(30, 0, 0))
-    rover.copter.parameters.set("FS_GCS_ENABLE", 1)
-    rover.copter.parameters.set("FS_ACTION", 1)
+    rover.autopilot.parameters.set("FS_GCS_ENABLE", 1)
+    rover.autopilot.parameters.set("FS_ACTION", 1)
     rover.silent = True
     rover.wait(12.0)
-    assert rover.copter.mode is RoverMode.RTL
+    assert rover.autopilot.mode is RoverMode.RTL
     assert "Radio Failsafe" in rover.said
 
 
 def test_home_follows_it_while_it_is_disarmed(rover: AttendedVehicle) -> None:
     rover.setpoint(Vector(20, 0, 0))
     rover.wait(14.0)
-    assert math.isclose(rover.copter.home_on_chart.flat(), 0.0, abs_tol=0.5)
+    assert math.isclose(rover.autopilot.home_on_chart.flat(), 0.0, abs_tol=0.5)
     rover.command(ARM, 0)
     rover.wait(8.0)
-    assert rover.copter.home_on_chart.distance(rover.at) < 1.0
+    assert rover.autopilot.home_on_chart.distance(rover.at) < 1.0

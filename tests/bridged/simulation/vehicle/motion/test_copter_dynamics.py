@@ -74,7 +74,7 @@ def test_a_leg_takes_as_long_as_the_recorded_one(file: str, entry: str, height: 
 
     def near(flat: float, up: float) -> bool:
         nonlocal fastest
-        velocity = station.copter.motion.velocity
+        velocity = station.autopilot.motion.velocity
         fastest = max(fastest, velocity.flat())
         return station.distance(goal) < flat and abs(station.at.up - goal.up) < up
 
@@ -103,7 +103,7 @@ def test_a_return_to_launch_takes_as_long_as_the_recorded_one(file: str, entry: 
     station.until(lambda: station.distance(start) < 0.1 and abs(station.at.up - start.up) < 0.05, "start")
     station.wait(8.0)
     assert station.command(176, 1, Mode.RTL) == 0
-    begin, copter, highest = station.now, station.copter, 0.0
+    begin, copter, highest = station.now, station.autopilot, 0.0
 
     def away() -> float:
         nonlocal highest
@@ -130,9 +130,9 @@ def test_a_landing_takes_as_long_as_the_recorded_one(file: str, entry: str) -> N
     station = Station()
     station.fly_to(row["start_alt_m"])
     assert station.command(176, 1, Mode.LAND) == 0
-    touched = station.until(lambda: not station.copter.flight.airborne, "touchdown")
+    touched = station.until(lambda: not station.autopilot.flight.airborne, "touchdown")
     agree("touchdown after, s", touched, row["touchdown_after_s"])
-    station.until(lambda: not station.copter.armed, "disarming")
+    station.until(lambda: not station.autopilot.armed, "disarming")
     (hit,) = [text for text in station.texts() if text.startswith("SIM Hit ground")]
     assert abs(float(hit.split()[-2]) - row["touchdown_speed_m_s"]) < 0.05
 
@@ -159,7 +159,7 @@ def test_a_goal_behind_turns_the_copter_round_as_recorded() -> None:
     station.until(lambda: station.speed > row["speed_at_reversal_m_s"], "cruise speed", step=0.02)
     where = station.at.east
     station.setpoint(Vector(0.0, where - row["horizontal_m"], 40.0))
-    took = station.until(lambda: station.copter.motion.velocity.east < 0, "turning round", step=0.02)
+    took = station.until(lambda: station.autopilot.motion.velocity.east < 0, "turning round", step=0.02)
     agree("turned round after, s", took, row["time_to_turn_round_s"])
     agree("went on, m", station.at.east - where, row["went_on_further_m"])
     goal = Vector(0.0, where - row["horizontal_m"], 40.0)
@@ -170,6 +170,6 @@ def test_a_goal_behind_turns_the_copter_round_as_recorded() -> None:
 def test_armed_motors_without_a_takeoff_stop_after_the_recorded_time(station: Station) -> None:
     station.guided()
     assert station.command(400, 1) == 0
-    took = station.until(lambda: not station.copter.armed, "auto-disarm")
+    took = station.until(lambda: not station.autopilot.armed, "auto-disarm")
     agree("auto-disarm after, s", took, RECORDED["failsafe"]["auto_disarm_text_after_arm_ack_s"])
     assert station.texts()[-1] == "Disarming motors"

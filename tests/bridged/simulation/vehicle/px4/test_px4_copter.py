@@ -23,7 +23,7 @@ def flying(px4: AttendedVehicle) -> AttendedVehicle:
     """At 10 m in AUTO.LOITER."""
     assert px4.command(ARM, 1) == ACCEPTED
     assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 10) == ACCEPTED
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     px4.heard.clear()
     return px4
 
@@ -50,7 +50,7 @@ def test_on_the_ground_any_mode_that_there_is_can_be_set(
     px4: AttendedVehicle, main: int, sub: int, result: int, mode: Mode
 ) -> None:
     assert px4.command(SET_MODE, 1, main, sub) == result
-    assert px4.copter.mode is mode
+    assert px4.autopilot.mode is mode
     px4.wait(1.2)
     assert px4.last("HEARTBEAT").custom_mode == mode
     assert ("Unsupported" in " ".join(px4.said)) == (result == REJECTED)
@@ -65,7 +65,7 @@ def test_in_flight_a_mode_that_lacks_something_is_refused_with_a_text(
     assert flying.command(SET_MODE, 1, main, sub) == REJECTED
     flying.wait(0.2)
     assert flying.said == [f"Switching to {name} is currently not available"]
-    assert flying.copter.mode is Mode.LOITER
+    assert flying.autopilot.mode is Mode.LOITER
 
 
 def test_a_mode_that_lacks_something_clears_the_health_bit_and_arming_is_refused(px4: AttendedVehicle) -> None:
@@ -88,13 +88,13 @@ def test_a_mode_that_lacks_something_clears_the_health_bit_and_arming_is_refused
 def test_it_disarms_itself_without_a_takeoff_and_sooner_after_a_landing(flying: AttendedVehicle) -> None:
     assert flying.command(ARM, 0) == REJECTED
     assert flying.command(LAND) == ACCEPTED
-    flying.until(lambda: not flying.copter.armed, "disarming")
+    flying.until(lambda: not flying.autopilot.armed, "disarming")
     assert flying.said == ["Disarming denied: not landed", "Landing at current position", "Landing detected",
                            "Disarmed by landing"]  # fmt: skip
-    assert flying.copter.mode is Mode.LOITER
+    assert flying.autopilot.mode is Mode.LOITER
     flying.heard.clear()
     assert flying.command(ARM, 1) == ACCEPTED
-    took = flying.until(lambda: not flying.copter.armed, "disarming")
+    took = flying.until(lambda: not flying.autopilot.armed, "disarming")
     assert 10 < took < 12
     assert flying.said[-1] == "Disarmed by auto preflight disarming"
 
@@ -111,7 +111,7 @@ def test_a_takeoff_is_acknowledged_before_arming_and_flown_after_it(px4: Attende
     px4.wait(3.0)
     assert px4.at.up == 0
     assert px4.command(ARM, 1) == ACCEPTED
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     assert px4.at.up == pytest.approx(8, abs=0.7)
 
 
@@ -127,7 +127,7 @@ def test_a_reposition_goes_to_an_altitude_over_the_sea_whatever_the_frame_is(fly
     goal = Vector(20, 10, 15)
     assert flying.place(REPOSITION, goal, -1, 1, 0, NAN, frame=6) == ACCEPTED
     flying.until(lambda: flying.distance(goal) < 0.5 and abs(flying.at.up - 15) < 0.5, "goal")
-    assert flying.copter.mode is Mode.LOITER
+    assert flying.autopilot.mode is Mode.LOITER
 
 
 def test_a_reposition_without_a_place_stops_here_and_from_another_mode_needs_the_flag(flying: AttendedVehicle) -> None:
@@ -139,11 +139,11 @@ def test_a_reposition_without_a_place_stops_here_and_from_another_mode_needs_the
     assert flying.speed < 0.1
     flying.command(RETURN)
     assert flying.place(REPOSITION, Vector(60, 0, 10), -1, 0, 0, NAN) == DENIED
-    assert flying.copter.mode is Mode.RTL
+    assert flying.autopilot.mode is Mode.RTL
 
 
 def test_a_reposition_out_of_the_fence_is_acknowledged_and_refused_by_a_text(flying: AttendedVehicle) -> None:
-    flying.copter.parameters.set("GF_MAX_HOR_DIST", 50)
+    flying.autopilot.parameters.set("GF_MAX_HOR_DIST", 50)
     assert flying.place(REPOSITION, Vector(80, 0, 10), -1, 1, 0, NAN) == ACCEPTED
     flying.wait(3.0)
     assert flying.said == ["Reposition is outside geofence"]
@@ -155,7 +155,7 @@ def test_a_return_goes_home_lands_and_disarms(flying: AttendedVehicle) -> None:
     flying.wait(12.0)
     flying.heard.clear()
     assert flying.command(RETURN) == ACCEPTED
-    flying.until(lambda: not flying.copter.armed, "landing", 200)
+    flying.until(lambda: not flying.autopilot.armed, "landing", 200)
     assert flying.at.flat() < 0.5
     begin, *_ = [text for text in flying.said if text.startswith("RTL: start return")]
     assert "above destination" in begin
@@ -165,7 +165,7 @@ def test_a_return_goes_home_lands_and_disarms(flying: AttendedVehicle) -> None:
 def test_it_circles_a_place_by_a_command_and_holds_when_that_is_wanted(flying: AttendedVehicle) -> None:
     assert flying.place(ORBIT, Vector(0, 0, 10), 12, 3, 0, NAN) == ACCEPTED
     flying.wait(15.0)
-    assert flying.copter.mode is Mode.ORBIT
+    assert flying.autopilot.mode is Mode.ORBIT
     assert flying.at.flat() == pytest.approx(12, abs=1.5)
     assert {"ORBIT_EXECUTION_STATUS"} <= flying.kinds()
     assert flying.command(SET_MODE, 1, 4, 3) == ACCEPTED
@@ -214,7 +214,7 @@ def test_texts_are_sent_only_while_a_ground_station_is_heard(px4: AttendedVehicl
 
 
 def test_current_mode_tells_what_was_wanted_while_a_failsafe_has_it(flying: AttendedVehicle) -> None:
-    flying.copter.parameters.set("NAV_DLL_ACT", 2)
+    flying.autopilot.parameters.set("NAV_DLL_ACT", 2)
     flying.silent = True
     flying.wait(20.0)
     mode = flying.last("CURRENT_MODE")
@@ -222,5 +222,5 @@ def test_current_mode_tells_what_was_wanted_while_a_failsafe_has_it(flying: Atte
 
 
 def test_a_restart_keeps_the_parameters(px4: AttendedVehicle) -> None:
-    px4.copter.parameters.set("RTL_RETURN_ALT", 44)
-    assert px4.copter.restarted(HOME).parameters["RTL_RETURN_ALT"] == 44
+    px4.autopilot.parameters.set("RTL_RETURN_ALT", 44)
+    assert px4.autopilot.restarted(HOME).parameters["RTL_RETURN_ALT"] == 44

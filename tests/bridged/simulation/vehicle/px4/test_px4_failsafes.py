@@ -17,10 +17,10 @@ def flown(**parameters: float) -> AttendedVehicle:
     """At 10 m in AUTO.LOITER."""
     px4 = AttendedVehicle("copter", "px4")
     for name, value in parameters.items():
-        px4.copter.parameters.set(name, value)
+        px4.autopilot.parameters.set(name, value)
     px4.command(400, 1)
     px4.command(22, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 10)
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     px4.heard.clear()
     return px4
 
@@ -35,22 +35,22 @@ def test_a_lost_ground_station_does_nothing_by_default() -> None:
     px4 = flown()
     px4.silent = True
     px4.wait(30.0)
-    assert px4.copter.mode is Mode.LOITER
+    assert px4.autopilot.mode is Mode.LOITER
 
 
 def test_a_lost_ground_station_is_waited_for_in_hold_and_then_brings_it_home() -> None:
     px4 = flown(NAV_DLL_ACT=2)
     px4.place(192, Vector(60, 0, 10), -1, 1, 0, NAN)
     px4.silent = True
-    px4.until(lambda: px4.copter.mode is Mode.RTL, "return", 30)
+    px4.until(lambda: px4.autopilot.mode is Mode.RTL, "return", 30)
     px4.silent = False
     px4.wait(3.0)
-    assert px4.copter.mode is Mode.RTL  # a station that is back does not end it
+    assert px4.autopilot.mode is Mode.RTL  # a station that is back does not end it
 
 
 def test_it_is_not_armed_without_the_ground_station_that_it_needs() -> None:
     px4 = AttendedVehicle("copter", "px4")
-    px4.copter.parameters.set("NAV_DLL_ACT", 2)
+    px4.autopilot.parameters.set("NAV_DLL_ACT", 2)
     px4.silent = True
     px4.wait(10.0)
     assert px4.command(400, 1) == 1
@@ -62,13 +62,13 @@ def test_it_is_not_armed_without_the_ground_station_that_it_needs() -> None:
 def test_a_pilot_who_moves_the_sticks_takes_it_and_letting_go_stops_it() -> None:
     px4 = flown()
     sticks(px4, 1.0)
-    assert px4.copter.mode is Mode.LOITER
+    assert px4.autopilot.mode is Mode.LOITER
     sticks(px4, 3.0, pitch=800)
-    assert px4.copter.mode is Mode.POSCTL
+    assert px4.autopilot.mode is Mode.POSCTL
     assert "Pilot took over using sticks" in px4.said
     assert px4.speed > 1.0
     sticks(px4, 4.0)
-    assert px4.copter.mode is Mode.POSCTL
+    assert px4.autopilot.mode is Mode.POSCTL
     assert px4.speed < 1.0
 
 
@@ -76,10 +76,10 @@ def test_lost_sticks_bring_it_home_from_the_mode_of_a_pilot_alone() -> None:
     px4 = flown()
     sticks(px4, 1.0)
     px4.wait(8.0)
-    assert px4.copter.mode is Mode.LOITER
+    assert px4.autopilot.mode is Mode.LOITER
     sticks(px4, 1.0)
     assert px4.command(SET_MODE, 1, 3) == 0
-    px4.until(lambda: px4.copter.mode is Mode.RTL, "return", 20)
+    px4.until(lambda: px4.autopilot.mode is Mode.RTL, "return", 20)
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, Mode.LOITER), (2, Mode.LAND), (3, Mode.RTL)])
@@ -95,8 +95,8 @@ def test_a_breach_of_the_fence_is_told_and_brings_it_home() -> None:
     px4 = flown(GF_ACTION=3)
     px4.place(192, Vector(60, 0, 10), -1, 1, 0, NAN)
     px4.wait(2.0)
-    px4.copter.parameters.set("GF_MAX_HOR_DIST", 20)
-    px4.until(lambda: px4.copter.mode is Mode.RTL, "return", 60)
+    px4.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
+    px4.until(lambda: px4.autopilot.mode is Mode.RTL, "return", 60)
     assert any("eofence" in text for text in px4.said)
-    px4.until(lambda: not px4.copter.armed, "landing", 200)
+    px4.until(lambda: not px4.autopilot.armed, "landing", 200)
     assert px4.at.flat() < 1.0

@@ -28,7 +28,7 @@ def test_a_mission_begins_with_item_0_flies_and_ends_with_its_return(px4: Attend
     assert px4.command(176, 1, 4, 4) == 0
     assert px4.command(400, 1) == 0
     px4.until(lambda: px4.at.north > 15, "waypoint")
-    px4.until(lambda: not px4.copter.armed, "landing", 200)
+    px4.until(lambda: not px4.autopilot.armed, "landing", 200)
     assert px4.at.flat() < 1.0
     reached = [one.seq for one in px4.heard if one.get_type() == "MISSION_ITEM_REACHED"]
     assert set(reached) == {0, 2}  # the return is reached with the waypoint before it
@@ -39,7 +39,7 @@ def test_a_mission_without_an_end_holds_at_its_last_item(px4: AttendedVehicle) -
     assert px4.upload([TAKE_OFF, THERE]) == 0
     px4.command(400, 1)
     assert px4.command(300) == 0
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the mission", 90)
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the mission", 90)
     assert "Mission finished, loitering" in px4.said
     px4.wait(3.0)
     assert px4.distance(Vector(25, 0, 10)) < 2.0
@@ -47,7 +47,7 @@ def test_a_mission_without_an_end_holds_at_its_last_item(px4: AttendedVehicle) -
 
 
 def test_a_mission_that_cannot_be_flown_is_taken_and_then_refused(px4: AttendedVehicle) -> None:
-    px4.copter.parameters.set("GF_MAX_HOR_DIST", 20)
+    px4.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
     assert px4.upload([TAKE_OFF, THERE]) == 0
     px4.wait(2.0)
     assert "Geofence violation for waypoint 2" in px4.said
@@ -87,7 +87,7 @@ def test_a_fence_is_a_mission_of_type_1_and_bounds_repositions(px4: AttendedVehi
     assert px4.upload([inside], kind=1) == 0
     px4.command(400, 1)
     px4.command(22, -1, 0, 0, NAN, NAN, NAN, NAN)
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     assert px4.place(192, Vector(60, 0, 10), -1, 1, 0, NAN) == 0
     px4.wait(2.0)
     assert "Reposition is outside geofence" in px4.said
@@ -99,14 +99,14 @@ def test_whole_numbers_travel_as_their_bytes(px4: AttendedVehicle) -> None:
     (two,) = struct.unpack("<f", struct.pack("<i", 2))
     (value,) = px4.say(dialect.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", two, INT32))
     assert struct.unpack("<i", struct.pack("<f", value.param_value)) == (2,)
-    assert px4.copter.parameters["NAV_DLL_ACT"] == 2
+    assert px4.autopilot.parameters["NAV_DLL_ACT"] == 2
 
 
 @pytest.mark.parametrize(("name", "kind"), [(b"NO_SUCH", REAL32), (b"NAV_DLL_ACT", REAL32)])
 def test_an_unknown_parameter_or_another_type_is_an_error(px4: AttendedVehicle, name: bytes, kind: int) -> None:
     (error,) = px4.say(dialect.MAVLink_param_set_message(1, 1, name, 2.0, kind))
     assert error.get_type() == "PARAM_ERROR"
-    assert px4.copter.parameters["NAV_DLL_ACT"] == 0
+    assert px4.autopilot.parameters["NAV_DLL_ACT"] == 0
 
 
 def test_the_list_of_parameters_is_sent_whole(px4: AttendedVehicle) -> None:
@@ -114,4 +114,4 @@ def test_the_list_of_parameters_is_sent_whole(px4: AttendedVehicle) -> None:
     px4.say(dialect.MAVLink_param_request_list_message(1, 1))
     px4.wait(5.0)
     listed = {one.param_index for one in px4.heard if one.get_type() == "PARAM_VALUE"}
-    assert listed >= set(range(len(px4.copter.parameters)))
+    assert listed >= set(range(len(px4.autopilot.parameters)))

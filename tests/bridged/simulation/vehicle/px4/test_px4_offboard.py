@@ -19,7 +19,7 @@ def px4() -> AttendedVehicle:
     px4 = AttendedVehicle("copter", "px4")
     px4.command(400, 1)
     px4.command(22, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 10)
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff")
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     px4.wait(3.0)
     px4.heard.clear()
     return px4
@@ -42,7 +42,7 @@ def test_it_follows_velocities_once_the_mode_is_set(px4: AttendedVehicle) -> Non
     assert px4.command(SET_MODE, 1, 6) == 0
     stream(px4, 5.0, 2.0, 0.0)
     assert px4.at.north == pytest.approx(8.5, abs=2)
-    assert px4.copter.motion.velocity.north == pytest.approx(2.0, abs=0.3)
+    assert px4.autopilot.motion.velocity.north == pytest.approx(2.0, abs=0.3)
 
 
 def test_it_follows_places_above_the_home_position(px4: AttendedVehicle) -> None:
@@ -53,19 +53,19 @@ def test_it_follows_places_above_the_home_position(px4: AttendedVehicle) -> None
         px4.wait(0.1)
     assert px4.distance(goal) < 0.5
     assert px4.at.up == pytest.approx(12, abs=0.5)
-    assert px4.copter.mode is Mode.OFFBOARD
+    assert px4.autopilot.mode is Mode.OFFBOARD
 
 
 def test_without_setpoints_it_returns_after_a_second_and_goes_on_when_they_come_again(px4: AttendedVehicle) -> None:
     enter(px4)
     px4.wait(0.9)
-    assert px4.copter.mode is Mode.OFFBOARD
+    assert px4.autopilot.mode is Mode.OFFBOARD
     px4.wait(0.6)
-    assert (px4.copter.mode, px4.copter.intended) == (Mode.RTL, Mode.OFFBOARD)
+    assert (px4.autopilot.mode, px4.autopilot.intended) == (Mode.RTL, Mode.OFFBOARD)
     assert "Failsafe activated" in px4.said
     px4.wait(2.0)
     stream(px4, 0.5, 0.0, 1.0)
-    assert px4.copter.mode is Mode.OFFBOARD
+    assert px4.autopilot.mode is Mode.OFFBOARD
 
 
 def test_a_mode_set_during_the_return_ends_it_and_setpoints_do_not_bring_it_back(px4: AttendedVehicle) -> None:
@@ -73,7 +73,7 @@ def test_a_mode_set_during_the_return_ends_it_and_setpoints_do_not_bring_it_back
     px4.wait(3.0)
     assert px4.command(SET_MODE, 1, 4, 3) == 0
     stream(px4, 3.0, 2.0, 0.0)
-    assert px4.copter.mode is Mode.LOITER
+    assert px4.autopilot.mode is Mode.LOITER
     assert px4.speed < 1.0
 
 

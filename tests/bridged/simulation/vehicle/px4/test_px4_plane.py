@@ -27,7 +27,7 @@ def flying(px4: AttendedVehicle) -> AttendedVehicle:
     """In AUTO.LOITER after a takeoff to 50 m."""
     assert px4.command(400, 1) == 0
     assert px4.command(22, 0, 0, 0, NAN, NAN, NAN, HOME.alt + 50) == 0
-    px4.until(lambda: px4.copter.mode is Mode.LOITER, "end of the takeoff", 200)
+    px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff", 200)
     px4.heard.clear()
     return px4
 
@@ -57,14 +57,14 @@ def test_a_return_without_a_landing_circles_over_home(flying: AttendedVehicle) -
     flying.wait(40.0)
     assert flying.at.flat() < 120
     assert flying.at.up == pytest.approx(100, abs=8)
-    assert flying.copter.armed
+    assert flying.autopilot.armed
 
 
 def test_a_mission_lands_and_disarms(px4: AttendedVehicle) -> None:
     assert px4.upload([TAKE_OFF, AHEAD, START, FINAL, LAND]) == 0
     px4.command(176, 1, 4, 4)
     assert px4.command(400, 1) == 0
-    px4.until(lambda: not px4.copter.armed, "landing", 400)
+    px4.until(lambda: not px4.autopilot.armed, "landing", 400)
     assert px4.at.flat() < 150
     assert "Mission finished, landed" in px4.said
 
@@ -72,9 +72,9 @@ def test_a_mission_lands_and_disarms(px4: AttendedVehicle) -> None:
 def test_a_return_flies_the_landing_of_the_mission(flying: AttendedVehicle) -> None:
     assert flying.upload([TAKE_OFF, AHEAD, START, FINAL, LAND]) == 0
     flying.command(20)
-    flying.until(lambda: not flying.copter.armed, "landing", 400)
+    flying.until(lambda: not flying.autopilot.armed, "landing", 400)
     assert flying.at.flat() < 150
-    assert flying.copter.mode is Mode.MISSION
+    assert flying.autopilot.mode is Mode.MISSION
 
 
 def test_a_landing_that_is_too_steep_cannot_be_flown(px4: AttendedVehicle) -> None:
@@ -85,7 +85,7 @@ def test_a_landing_that_is_too_steep_cannot_be_flown(px4: AttendedVehicle) -> No
 
 
 def test_its_airspeed_can_be_changed(flying: AttendedVehicle) -> None:
-    before = flying.copter.motion.airspeed
+    before = flying.autopilot.motion.airspeed
     assert flying.command(178, 0, 18, -1) == 0
     flying.wait(20.0)
-    assert flying.copter.motion.airspeed > before + 1
+    assert flying.autopilot.motion.airspeed > before + 1

@@ -43,7 +43,7 @@ def test_velocities_are_followed_in_offboard_and_without_them_it_returns(px4: At
         px4.wait(0.1)
     assert px4.at.north > 4
     px4.wait(2.0)
-    assert px4.copter.mode is Mode.RTL
+    assert px4.autopilot.mode is Mode.RTL
 
 
 def test_a_mission_is_driven_to_its_end(px4: AttendedVehicle) -> None:
@@ -61,5 +61,5 @@ def test_a_return_drives_home_and_disarms(px4: AttendedVehicle) -> None:
     px4.wait(12.0)
     assert px4.at.north > 10
     assert px4.command(20) == 0
-    px4.until(lambda: not px4.copter.armed, "landing", 60)
+    px4.until(lambda: not px4.autopilot.armed, "landing", 60)
     assert px4.at.flat() < 3
