@@ -115,6 +115,12 @@ def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
     return Surveyed(found, tuple(findings), created)
 
 
+def included_by_rest(errors: SyntaxErrors, paths: SourcePaths) -> list[Finding]:
+    """Return what is wrong with the files that a program with syntax errors includes."""
+    read = () if errors.rest is None else read_survey(errors.rest, paths).findings
+    return [one for one in read if one.severity == "error"]
+
+
 def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Finding]) -> Iterator[str]:
     """The files of the agents that a program creates; a missing one is added to the findings."""
     for name, position in found.created:
@@ -191,7 +197,8 @@ def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subject
     try:
         program = parse_file(file)
     except SyntaxErrors as errors:
-        _cannot_be_read(file, {problem.finding: str(problem) for problem in errors.problems}, subjects)
+        shown = {one: str(one) for one in included_by_rest(errors, paths)}
+        _cannot_be_read(file, shown | {problem.finding: str(problem) for problem in errors.problems}, subjects)
     except OSError as error:
         unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
         _cannot_be_read(file, {unread: str(unread)}, subjects)

@@ -17,7 +17,7 @@ from agentd.language.parser.ast_builder import Builder
 from agentd.language.parser.build_terms import is_formula
 from agentd.language.parser.fact_runs import has_many_facts, run_finder
 from agentd.language.parser.lalr import Stopped, machine
-from agentd.language.parser.lexer import BROKEN, END_OF_TEXT, Broken, Lexicon, Tokens, lexicon, tokenize
+from agentd.language.parser.lexer import BROKEN, Broken, Lexicon, Tokens, lexicon, tokenize
 from agentd.language.parser.parse_tables import load
 from agentd.language.syntax_tree.errors import SYNTAX, Problem, SyntaxErrors, problem_at, problem_on
 from agentd.language.syntax_tree.nodes import Formula, Item, Plan, Program, Structure, Term, Trigger
@@ -143,7 +143,7 @@ def _built(source: Source, tokens: Tokens, start: str) -> Any:
     builder.finish()
     problems = [*tokens.problems, *recovery.problems, *builder.problems]
     if problems:
-        raise SyntaxErrors(_one_per_line(problems))
+        raise SyntaxErrors(_one_per_line(problems), value if isinstance(value, Program) else None)
     return value
 
 
@@ -176,7 +176,7 @@ class _Recovery:
 
             line, column, message = explain(self._source, tokens, index, states, offsets)
             self.problems.append(problem_on(self._source, line, column, message))
-        if not self._whole or kind == END_OF_TEXT or len(self.problems) >= MOST_PROBLEMS:
+        if not self._whole or len(self.problems) >= MOST_PROBLEMS:
             return None
         self._resumed = self._next_item(index, at_item)
         return self._resumed
@@ -188,17 +188,18 @@ class _Recovery:
         skipped, read = self._tokens.texts[: self._resumed], self._tokens.texts[self._resumed : index]
         return skipped.count("{") > skipped.count("}") and read.count("{") == read.count("}")
 
-    def _next_item(self, index: int, at_item: bool) -> int | None:
-        """The index of the next token that probably begins an item; None if there is none."""
+    def _next_item(self, index: int, at_item: bool) -> int:
+        """The index of the next token that probably begins an item, or of the end of the text."""
         types, texts, first = self._tokens.types, self._tokens.texts, self._tokens.first_in_line
         for i in range(index + 1 if at_item else index, len(types) - 1):
             if i not in first:
                 continue
             begins_plan = texts[i] == "@" or (texts[i] in _SIGNS and texts[i + 1] in ("!", "?"))
+            begins_plan = begins_plan or (texts[i], texts[i + 1]) == ("{", "include")
             begins_item = types[i] in ("NAME", "QUOTED") or texts[i] in _ITEM_SIGNS
             if begins_plan or (i > index and types[i - 1] == "_END" and begins_item):
                 return i
-        return None
+        return len(types) - 1
 
 
 _SIGNS = frozenset("+-^")

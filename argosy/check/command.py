@@ -14,7 +14,7 @@ from typing import Any, Literal
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind
-from agentd.check.programs import Surveyed, read_survey
+from agentd.check.programs import Surveyed, included_by_rest, read_survey
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
@@ -185,7 +185,7 @@ def _program(named: Outline, agent: str, mission: Mission | None, findings: list
     try:
         return parse_file(path)
     except SyntaxErrors as errors:
-        findings += errors.findings
+        findings += (*errors.findings, *included_by_rest(errors, SourcePaths()))
     except (OSError, ValueError) as error:
         if mission is None:
             findings.append(_unreadable(named, agent, error))

@@ -56,7 +56,7 @@ ENDS: frozenset[RunPhase] = frozenset({"bringing_home", "done", "failed"})
 """Phases of a run in which its daemons leave."""
 PHASES: dict[RunPhase, str] = {
     "starting": "the run starts",
-    "flying": "the mission is flown",
+    "running": "the mission runs",
     "bringing_home": "the run brings its vehicles home",
     "done": "the mission is done",
     "failed": "the mission has failed",
@@ -191,6 +191,11 @@ class FleetModel:
     def health_of(self, name: str, daemon: str) -> Health | None:
         """Return the last health record of a daemon; None if there is none."""
         return self._fleet_status.health_of(self.fleet, name, daemon)
+
+    def unheard(self, member: Member) -> bool:
+        """Whether a member has published neither health nor a token for `SILENT_AFTER`, although the router answers."""
+        known = (at for at in (member.health_at, member.since, self.router_since) if at is not None)
+        return self.router_up and self.now() - max(known, default=-math.inf) > SILENT_AFTER
 
     def frozen(self) -> FleetModel:
         """Return a copy with a stopped clock that later records do not change."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from argosy.fleet_model.members import FleetAgent, FleetRobot, Member
+from argosy.fleet_model.members import FleetRobot
 from argosy.processes.supervisor import Supervisor
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -135,22 +135,19 @@ class EndConditions:
             return ""
         if silent := self._silent():
             return f"{', '.join(silent)} has not shown its mind for {SILENT_AFTER:g} s"
-        silent = [
-            name for name, robot in self._status.robots.items() if robot.standing == "silent" or self._gone(robot)
-        ]
-        if silent and model.router_up:
+        robots = self._status.robots.items()
+        if silent := [name for name, robot in robots if robot.since is not None and model.unheard(robot)]:
             return f"the bridge of {', '.join(silent)} has published nothing for {SILENT_AFTER:g} s"
         return ""
 
     def _silent(self) -> list[str]:
         """Return the agents that have not shown their minds for `SILENT_AFTER`, although the router answers."""
-        return sorted(name for name, agent in self._status.agents.items() if self._is_silent(agent))
-
-    def _is_silent(self, agent: FleetAgent) -> bool:
-        return self._gone(agent) or agent.silent is not None
-
-    def _gone(self, member: Member) -> bool:
-        return not member.there and member.since is not None and self._model.now() - member.since > SILENT_AFTER
+        long_ago = self._model.now() - SILENT_AFTER
+        return sorted(
+            name
+            for name, agent in self._status.agents.items()
+            if agent.silent is not None or not (agent.there or agent.since is None or agent.since >= long_ago)
+        )
 
     def _nothing_left(self) -> Ending | None:
         """End the run when no agent has anything left to do and `on_idle` has brought the vehicles home.

@@ -166,7 +166,7 @@ class MissionRunner:
         await observer.look_at_percepts()
         self._marks["startup"] = status.now()
         status.timeout_at = status.now() + self._mission.timeout
-        self._enter("flying")
+        self._enter("running")
         await self._heartbeats()
         status.waiting_for = ""
 

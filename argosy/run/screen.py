@@ -201,18 +201,18 @@ def _phase(status: Status) -> Text:
     if status.waiting_for and status.phase == "starting":
         return Text(printable(f"waiting for {status.waiting_for}"), style="yellow")
     orders = dict.fromkeys(robot.seen.operator for robot in status.robots.values() if robot.seen.operator)
-    if status.phase == "flying" and orders:
+    if status.phase == "running" and orders:
         return Text(f"stopped by the operator ({', '.join(orders)})", style="bold yellow")
-    if status.phase == "flying" and (paused := status.paused()):
+    if status.phase == "running" and (paused := status.paused()):
         return Text(f"paused ({', '.join(paused)})", style="bold yellow")
-    style = {"flying": "green", "done": "bold green", "failed": "bold red"}.get(status.phase, "yellow")
+    style = {"running": "green", "done": "bold green", "failed": "bold red"}.get(status.phase, "yellow")
     waits = f", waiting for {status.waiting_for}" if status.waiting_for else ""
     return Text(status.phase.replace("_", " ") + waits, style=style)
 
 
 def _timeout(status: Status) -> str:
     """Return how much mission time is left, in seconds only when that is little."""
-    if status.timeout_at is None or status.phase != "flying":
+    if status.timeout_at is None or status.phase != "running":
         return ""
     left = max(0.0, status.timeout_at - status.now())
     return f", timeout in {left / 60:.0f} min" if left >= 120 else f", timeout in {left:.0f} s"

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from argosy.fleet_model.members import Member
 from argosy.processes.supervisor import Child
 from argosy.run.run_status import Status
-from schemas.liveness import FIRST_HEALTH, HUNG_AFTER, SILENT_AFTER
+from schemas.liveness import FIRST_HEALTH, HUNG_AFTER
 
 
 class Watchdog:
@@ -47,5 +47,4 @@ class Watchdog:
         if lost or board not in model.holders("commd"):
             return False
         members: Mapping[str, Member] = model.agents if kind == "agentd" else model.robots
-        heard_at = (members[name].health_at if name in members else None for name in child.process.subject.split())
-        return all(at is None or at < model.now() - SILENT_AFTER for at in heard_at)
+        return all(name not in members or model.unheard(members[name]) for name in child.process.subject.split())

@@ -24,7 +24,7 @@ from schemas.liveness import ROUTER_GRACE
 from schemas.manifest.loader import ActionDescription
 from schemas.mission.model import Agent, Client
 from schemas.wire import keys
-from schemas.wire.records import Action, ActionStatus, Cancel
+from schemas.wire.records import Action, ActionStatus, Cancel, Perception
 from schemas.wire.term_text import BadTerm
 from schemas.wire.terms import Term
 
@@ -192,7 +192,30 @@ async def _perform(
             else:
                 print_line(f"{head} {status_text(ended)}")
             return 128 + number
-    return EXIT_DONE if status is not None and status.state == "succeeded" else EXIT_FAILED
+    if status is None or status.state != "succeeded":
+        return EXIT_FAILED
+    for percept in await _asked_for(bus, fleet, agent, parameters):
+        print_line(f"{agent}: {percept}")
+    return EXIT_DONE
+
+
+async def _asked_for(bus: Bus, fleet: str, agent: str, parameters: tuple[Term, ...]) -> list[str]:
+    """Return the percepts that an action by name has brought, such as `parameter("RTL_ALT", 1500)` of `get_param`.
+
+    They begin with the arguments of the action, the first of which is a text.
+    """
+    found: list[str] = []
+    if not (parameters and isinstance(parameters[0], str)):
+        return found
+    try:
+        key, size = keys.percept(fleet, agent, "**"), len(parameters)
+        async with aclosing(Bus.query(bus, key, None, Perception, LOOK)) as answers:
+            async for answer in answers:
+                if (percept := answer.record) is not None and percept.parameters[:size] == parameters:
+                    found.append(called(percept.name, percept.parameters))
+    except BusClosed as closed:
+        complain(f"note: what it has brought is not known: {closed}")
+    return found
 
 
 @contextmanager

@@ -281,7 +281,7 @@ class Mailboxes(Record, frozen=True, kw_only=True):
     """Number of all that are stored."""
 
 
-RunPhase = Literal["starting", "flying", "bringing_home", "done", "failed"]
+RunPhase = Literal["starting", "running", "bringing_home", "done", "failed"]
 """`done` and `failed` are final: no vehicle flies, or none can be brought home from here."""
 
 

@@ -35,7 +35,7 @@ class Recording:
         )
         self.model.clock.look_at_run(0.0, speed, START)
         setup = Setup(mission, "tcp/127.0.0.1:7447", speed, frozenset(), Path("/nowhere"))
-        self.status = Status(setup, self.model, journal, Meter(), [], lambda: self.at, phase="flying")
+        self.status = Status(setup, self.model, journal, Meter(), [], lambda: self.at, phase="running")
 
     def percept(self, name: str, *parameters: Term) -> None:
         """Play a percept of the agent."""

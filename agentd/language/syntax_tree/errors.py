@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from agentd.language.syntax_tree.source import Source
 from schemas.files.findings import Finding
 from schemas.humanize import escape_lines
+
+if TYPE_CHECKING:
+    from agentd.language.syntax_tree.nodes import Program
 
 SYNTAX = "syntax"
 """The kind of these findings."""
@@ -56,8 +60,9 @@ class Problem(Struct, frozen=True, order=True):
 class SyntaxErrors(ValueError):
     """Everything that is wrong with a text, in its order; ``str`` shows each with its line and a caret."""
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(sorted(problems))
+    def __init__(self, problems: Iterable[Problem], rest: Program | None = None) -> None:
+        """`rest`: what could be read of a program."""
+        self.problems, self.rest = tuple(sorted(problems)), rest
         super().__init__("\n".join(map(str, self.problems)))
 
     @property

@@ -134,7 +134,7 @@ export function noteKey({ code, about = "", names }) {
 
 const PHASES = {
   starting: ["…", "calm"],
-  flying: ["➤", "good"],
+  running: ["➤", "good"],
   bringing_home: ["⌂", "warn"],
   done: ["✓", "good"],
   failed: ["✕", "bad"],

@@ -86,6 +86,17 @@ def test_what_an_included_file_believes_counts_for_the_end_of_the_mission(missio
     assert findings(mission) == []
 
 
+@pytest.mark.parametrize("wrong", ["+!go <- .print(1.", "+!go <- .print(1"])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_syntax_error_does_not_hide_a_missing_include(mission: Path, wrong: str, first: bool) -> None:
+    lines = ['{ include("no.asl") }', "+!look <- .print(no).", wrong]
+    mission.with_name("scout.asl").write_text("\n".join(lines if first else [wrong, *lines[:2]]) + "\n")
+    found = findings(mission)
+    line = 1 if first else 2
+    assert any(one.startswith(f'scout.asl:{line}:1: error: cannot include "no.asl"') for one in found), found
+    assert len(found) == 2, found
+
+
 def test_all_files_are_checked_in_one_run_whatever_is_wrong_with_the_first(
     mission: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

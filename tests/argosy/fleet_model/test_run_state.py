@@ -28,7 +28,9 @@ def mission(name: str, more: str = "") -> Mission:
 
 def flown(phase: str = "done", **fields: object) -> Fleet:
     """A scout that was flown by `argosy run` to its end, after which everybody has left and the router, too."""
-    fleet = rescue().runs("flying", 10.0).waits(1).percept("scout", "state", "RTL", True, False).told("uav1", "bridged")
+    fleet = (
+        rescue().runs("running", 10.0).waits(1).percept("scout", "state", "RTL", True, False).told("uav1", "bridged")
+    )
     fleet.runs(phase, 11.5, **fields).waits(0.5)  # type: ignore[arg-type]
     fleet.goes("scout", "agentd").goes("uav1", "bridged").waits(2)
     fleet.model.router(up=False)
@@ -47,7 +49,7 @@ def test_who_leaves_when_the_run_is_done_is_no_loss_and_what_was_known_last_does
 
 
 def test_who_has_died_is_lost_also_when_the_run_ends_because_of_it() -> None:
-    fleet = rescue().runs("flying", 10.0).waits(1)
+    fleet = rescue().runs("running", 10.0).waits(1)
     fleet.runs("bringing_home", 11.0, why="agentd scout was killed by SIGKILL", dead=("agentd scout",))
     fleet.goes("scout", "agentd").waits(2).goes("uav1", "bridged").waits(2)
     fleet.runs("failed", 15.0, why="agentd scout was killed by SIGKILL", dead=("agentd scout",))
@@ -56,7 +58,7 @@ def test_who_has_died_is_lost_also_when_the_run_ends_because_of_it() -> None:
 
 
 def test_a_robot_of_which_nothing_was_heard_when_its_run_ended_is_old() -> None:
-    fleet = rescue().runs("flying", 10.0).waits(60).runs("failed", 70.0)
+    fleet = rescue().runs("running", 10.0).waits(60).runs("failed", 70.0)
     assert fleet.model.robots["uav1"].stale(fleet.model.as_of)
 
 
@@ -75,13 +77,13 @@ def test_another_run_begins_with_nothing_of_the_one_that_is_over() -> None:
 
 
 def test_a_run_that_nobody_watches_over_any_more_is_said_to_be() -> None:
-    fleet = rescue().runs("flying", 10.0).waits(4)
+    fleet = rescue().runs("running", 10.0).waits(4)
     assert fleet.model.run_silent is None
     assert fleet.waits(8).model.run_silent == 12.0
 
 
 def test_the_clock_stands_for_nobody_and_goes_on_by_the_run_when_an_agent_is_restarted() -> None:
-    fleet = rescue().runs("flying", 30.0).mind("scout", time=20.0).waits(2)
+    fleet = rescue().runs("running", 30.0).mind("scout", time=20.0).waits(2)
     fleet.goes("scout", "agentd").comes("scout", "agentd", "b2").mind("scout", time=0.5).waits(2)
     assert fleet.model.clock.seconds(fleet.at) == 34.0
 

@@ -216,9 +216,29 @@ def test_a_bridge_that_hangs_ends_the_run_while_the_router_answers(gone: bool, r
         assert looked.look() is None
         recording.at += 2.0
         recording.model.tick()
-        recording.model.router_up, recording.model.router_since = router_up, recording.model.now()
+        recording.model.router_up, recording.model.router_since = (
+            router_up,
+            None if router_up else recording.model.now(),
+        )
         told = Ending(1, "failed: the bridge of uav1 has published nothing for 5 s")
         assert looked.look() == (told if router_up and not restart else None)
+
+
+def test_a_bridge_that_publishes_without_its_token_or_had_no_time_since_the_router_is_back_is_not_silent() -> None:
+    recording, looked = watching(False)
+    token = keys.alive("single-uav", "uav1", "bridged", "b2")
+    for alive in (True, False):
+        recording.model.token(token, alive=alive)
+        recording.model.tick()
+    recording.at += 6.0
+    recording.health("uav1", "bridged")
+    assert looked.look() is None
+    recording.at += 6.0
+    recording.model.router(up=False)
+    recording.model.router(up=True)
+    assert looked.look() is None
+    recording.at += 6.0
+    assert looked.look() is not None
 
 
 def test_a_run_that_is_late_names_only_what_does_not_hold_and_robots_that_are_left_to_others() -> None:

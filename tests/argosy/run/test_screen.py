@@ -55,6 +55,14 @@ def test_the_view_shows_vehicle_intentions_actions_prints_and_progress() -> None
     assert "12 s of mission, 2 s here, x5" in text
 
 
+def test_a_run_whose_vehicle_is_on_the_ground_is_not_shown_as_flying() -> None:
+    recording = in_flight()
+    recording.percept("state", "GUIDED", True, False)
+    head = screen(recording)[0]
+    assert "running" in head
+    assert "flying" not in head
+
+
 def test_a_lost_vehicle_keeps_its_last_known_state_and_old_data_tells_its_age() -> None:
     recording = in_flight()
     recording.at = 40.0

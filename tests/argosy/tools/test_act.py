@@ -52,6 +52,12 @@ def test_an_action_is_followed_in_words_to_its_success(flying: Trial) -> None:
     assert lines[-1] == "uav: takeoff(20) succeeded"
 
 
+def test_the_parameter_that_it_asks_for_is_printed(flying: Trial) -> None:
+    code, lines, said = act(flying, "uav", "get_param", "RTL_ALT")
+    assert (code, said) == (0, "")
+    assert lines[-2:] == ['uav: get_param("RTL_ALT") succeeded', 'uav: parameter("RTL_ALT", 1500)']
+
+
 def test_ctrl_c_cancels_it_and_says_what_became_of_it(flying: Trial) -> None:
     words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
     with running(*words) as goto:

@@ -317,8 +317,8 @@ async def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_r
         async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
             await seen.shows(".row[data-robot=uav1]")  # the page listens: what follows is said once
             uav1.tell()
-            await run_told(uav1.bus, "flying", 61.0)
-            await seen.shows("#run.good", "flying")
+            await run_told(uav1.bus, "running", 61.0)
+            await seen.shows("#run.good", "running")
             await seen.shows(".chip.time", "1:0")
             uav1.percept("state", "RTL", True, False)
             await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
@@ -342,8 +342,8 @@ async def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpo
         browsing(browser.auth.url) as seen,
     ):
         uav1.tell()
-        await run_told(uav1.bus, "flying", 61.0)
-        await seen.shows("#run.good", "flying")
+        await run_told(uav1.bus, "running", 61.0)
+        await seen.shows("#run.good", "running")
         why = {"why": "agentd scout was killed", "dead": ("agentd scout",)}
         await run_told(uav1.bus, "bringing_home", 70.0, **why)  # type: ignore[arg-type]
         await seen.shows("#run.warn", "bringing home")
@@ -357,7 +357,7 @@ async def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpo
 @async_test
 async def test_a_run_that_nobody_watches_over_is_told_of(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
-        await run_told(uav1.bus, "flying", 61.0)
+        await run_told(uav1.bus, "running", 61.0)
         await seen.shows(".banner.warn", "argosy run has not been heard for")
 
 
