@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from agentd.check.external_knowledge import Arities, Elsewhere, look_for_packages, standard_library
 from agentd.check.finding_kinds import Kind
-from agentd.check.programs import Surveyed, read_subjects, read_survey
+from agentd.check.programs import Surveyed, read_subjects
 from agentd.check.rules_actions import (
     action_types,
     directives_as_beliefs,
@@ -33,8 +33,6 @@ from agentd.check.rules_events import (
 )
 from agentd.check.rules_loops import busy_loops, endless_asks
 from agentd.check.rules_variables import named_variables, singletons, unbound_variables
-from agentd.language.syntax_tree.nodes import Program
-from agentd.mind.data.registry import find_action
 from agentd.process import loading_notice
 from agentd.runtime.program_paths import SourcePaths, read_folders
 from agentd.standalone.command import add_path_argument
@@ -60,50 +58,16 @@ class Robot:
     """`text`: arguments go out as their text, and a variable without a value as its name."""
 
 
-def check_program(
-    program: Program,
-    actions: Arities | None = None,
-    percepts: Arities | None = None,
-    *,
-    beliefs: Iterable[tuple[str, int]] = (),
-    internal: Arities | None = None,
-    functions: Arities | None = None,
-) -> list[Finding]:
-    """All findings about a program, in the order of its file; warnings of the parser are among them.
+def findings_of(surveyed: Surveyed, robot: Robot, elsewhere: Elsewhere) -> list[Finding]:
+    """Return all findings about a program that has been surveyed, in the order of its file.
 
-    ``actions`` and ``percepts`` are those of the robot: names with their number of arguments (or several numbers);
-    None if they are not known, an empty mapping if there are none. ``beliefs`` are names and
-    arities that come from elsewhere (other agents). ``internal`` and ``functions`` are the internal actions and
-    functions that exist; without them, those of the standard library. Included files are read and checked too.
+    Warnings of the parser are among them.
     """
-    surveyed = read_survey(program, SourcePaths())
-    return findings_of(
-        surveyed,
-        Robot(actions, percepts),
-        Elsewhere(beliefs=frozenset(beliefs)),
-        internal=internal,
-        functions=functions,
-    )
-
-
-def findings_of(
-    surveyed: Surveyed,
-    robot: Robot,
-    elsewhere: Elsewhere,
-    *,
-    internal: Arities | None = None,
-    functions: Arities | None = None,
-) -> list[Finding]:
-    """All findings about a program that has been surveyed."""
     found = surveyed.survey
     unusable = look_for_packages(found)
-    for call in found.calls:
-        if not call.action.name.startswith("."):
-            find_action(call.action.name, len(call.action.args))  # loads the package that provides it
-    known_actions, known_functions = standard_library()
-    internal = known_actions if internal is None else internal
+    internal, functions = standard_library()
     findings = list(surveyed.findings)
-    findings += internal_actions(found, internal, known_functions if functions is None else functions, unusable)
+    findings += internal_actions(found, internal, functions, unusable)
     if robot.actions is not None:
         findings += external_actions(found, robot.actions, internal)
         findings += action_types(found, robot.parameters, robot.values)

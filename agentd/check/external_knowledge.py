@@ -81,7 +81,7 @@ def from_team(surveys: Iterable[Survey]) -> Elsewhere:
     )
 
 
-STATEMENTS: dict[str, range | set[int]] = {
+STATEMENTS: dict[str, Collection[int]] = {
     ".foreach": {2},
     ".loop": {2},
     ".if_then_else": {2, 3},
@@ -107,16 +107,11 @@ def standard_library() -> tuple[Arities, Arities]:
     """The internal actions and the functions that are registered: those of the standard library and of packages."""
     from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 
-    actions = {name: _union(action.arities for action in group) for name, group in ACTIONS.items()} | STATEMENTS
+    actions: dict[str, Collection[int]] = {}
+    for name, group in ACTIONS.items():
+        widest = max((action.arities for action in group), key=len)
+        actions[name] = widest if len(widest) > 99 else {arity for action in group for arity in action.arities}
     functions: dict[str, set[int]] = {".count": {1}}
     for name, arity in FUNCTIONS:
         functions.setdefault(name, set()).add(arity)
-    return actions, functions
-
-
-def _union(ranges: Iterable[range]) -> range | set[int]:
-    ranges = list(ranges)
-    if len(ranges) == 1:
-        return ranges[0]
-    widest = max(ranges, key=len)
-    return widest if len(widest) > 99 else {arity for each in ranges for arity in each}
+    return actions | STATEMENTS, functions

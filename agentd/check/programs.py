@@ -16,8 +16,8 @@ from agentd.check.survey import survey
 from agentd.check.symbol_table import Survey
 from agentd.language.errors.suggestions import near
 from agentd.language.parse import parse_file
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Directive, InternalAction, Item, Position, Program, String, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.discovery import LIBRARY, OF_JASON
@@ -48,19 +48,19 @@ class Includes:
         self.missing = False
         """Whether a file could not be read: then nothing is reported as missing in the program."""
 
-    def __call__(self, what: Directive | InternalAction, namespace: str) -> Iterable[Item]:
+    def __call__(self, what: nodes.Directive | nodes.InternalAction, namespace: str) -> Iterable[nodes.Item]:
         """The items of the file that a directive names, or an `.include` while the agent runs."""
         match what:
-            case InternalAction(args=(String(name), *_)) if "\0" not in name:
+            case nodes.InternalAction(args=(nodes.String(name), *_)) if "\0" not in name:
                 return self._items(name, self._file, namespace, what.position, at_run_time=True)
-            case Directive(name=Structure(args=(String(name), *_))) if "\0" not in name:
+            case nodes.Directive(name=nodes.Structure(args=(nodes.String(name), *_))) if "\0" not in name:
                 return self._items(name, what.position.file, namespace, what.position)
             case _:
                 return ()  # reported as a wrong directive
 
     def _items(
-        self, name: str, beside: str, namespace: str, position: Position, *, at_run_time: bool = False
-    ) -> Iterable[Item]:
+        self, name: str, beside: str, namespace: str, position: nodes.Position, *, at_run_time: bool = False
+    ) -> Iterable[nodes.Item]:
         try:
             path = self._paths.find(name, beside)
             key = (os.path.abspath(path), namespace)
@@ -99,7 +99,7 @@ class Surveyed:
     """The files of the agents that it creates."""
 
 
-def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
+def read_survey(program: nodes.Program, paths: SourcePaths) -> Surveyed:
     """Survey a program with the files that it includes."""
     findings = list(program.warnings)
     includes = Includes(program.file, paths, findings)
@@ -132,7 +132,7 @@ def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Findin
             findings.append(finding(Kind.FILE, position, text))
 
 
-def _not_checked(files: Sequence[InternalAction]) -> Iterator[Finding]:
+def _not_checked(files: Sequence[nodes.InternalAction]) -> Iterator[Finding]:
     """Report once what is not checked because of files that are known only at run time."""
     if files:
         first = min(files, key=lambda call: (call.position.file, call.position.line, call.position.column))
@@ -191,7 +191,7 @@ def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
     return subjects
 
 
-def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subjects) -> None:
+def _read(file: str, paths: SourcePaths, more: Iterable[nodes.Item], subjects: Subjects) -> None:
     """Read a program, with what else its agents begin with."""
     subjects.order.append(file)
     try:
@@ -256,7 +256,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
             if not any((one.file, one.line) == (unread.file, unread.line) for one in shown):  # by the project's reader
                 shown[unread] = str(unread)
             continue
-        more: list[Item] = []
+        more: list[nodes.Item] = []
         for option in entry.options:
             with suppress(Findings):  # reported by the project's reader
                 more += items_of(option)

@@ -10,20 +10,8 @@ from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import ANY_ARITY, Call, Mention, Survey
 from agentd.language.compiler.compile import mistake_in
 from agentd.language.errors.suggestions import near, similar
-from agentd.language.syntax_tree.nodes import (
-    And,
-    Arithmetic,
-    Body,
-    ListTerm,
-    Not,
-    Number,
-    Operator,
-    Or,
-    Step,
-    String,
-    Structure,
-    Term,
-)
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.printer import source_text
 from schemas.files.findings import Finding
 from schemas.manifest.model import Parameter, Values
@@ -48,9 +36,7 @@ def external_actions(survey: Survey, known: Arities, internal: Arities) -> Itera
             yield finding(Kind.ACTION_ARITY, action.position, text)
 
 
-def action_types(
-    survey: Survey, parameters: Mapping[str, Sequence[Parameter]], values: Values = "typed"
-) -> Iterator[Finding]:
+def action_types(survey: Survey, parameters: Mapping[str, Sequence[Parameter]], values: Values) -> Iterator[Finding]:
     """Arguments written out in the program that the bridge would refuse; of those that go as texts, only numbers."""
     for action in survey.actions:
         expected = parameters.get(action.name, ())
@@ -61,7 +47,7 @@ def action_types(
 def _wrong_arguments(action: Mention, expected: Sequence[Parameter], values: Values) -> Iterator[Finding]:
     for parameter, term in zip(expected, action.literal.args, strict=False):  # those left out have a default
         if values == "text" and not (
-            isinstance(term, Number | Arithmetic) and {"float", "int"}.issuperset(parameter.types)
+            isinstance(term, nodes.Number | nodes.Arithmetic) and {"float", "int"}.issuperset(parameter.types)
         ):
             continue
         if not any(_may_be(kind, term, parameter) for kind in parameter.types):
@@ -70,24 +56,24 @@ def _wrong_arguments(action: Mention, expected: Sequence[Parameter], values: Val
             yield finding(Kind.ACTION_TYPE, place, text)
 
 
-def _may_be(kind: str, term: Term, parameter: Parameter) -> bool:
+def _may_be(kind: str, term: nodes.Term, parameter: Parameter) -> bool:
     """Whether a term can be an argument of a type; what only the run knows can be any."""
     match term:
-        case Number(value):
+        case nodes.Number(value):
             return _number(kind, value, parameter)
-        case Arithmetic("-", (Number(value),)):
+        case nodes.Arithmetic("-", (nodes.Number(value),)):
             return _number(kind, -value, parameter)
-        case Arithmetic():
+        case nodes.Arithmetic():
             return kind in ("float", "int")
-        case String():
+        case nodes.String():
             return kind == "string"
-        case Structure("true" | "false", ()):
+        case nodes.Structure("true" | "false", ()):
             return kind == "boolean"
-        case Structure(_, ()):
+        case nodes.Structure(_, ()):
             return kind == "string"
-        case ListTerm():
+        case nodes.ListTerm():
             return kind == "list"
-        case Structure():
+        case nodes.Structure():
             return False
         case _:
             return True
@@ -107,7 +93,7 @@ _OFTEN_UNDOTTED = frozenset(
 
 
 def internal_actions(
-    survey: Survey, actions: Arities, functions: Arities, unusable: Mapping[str, str] | None = None
+    survey: Survey, actions: Arities, functions: Arities, unusable: Mapping[str, str]
 ) -> Iterator[Finding]:
     """Internal actions and functions that do not exist, or with a wrong number of arguments.
 
@@ -119,7 +105,7 @@ def internal_actions(
         if (name, arity) in survey.functions or (name, ANY_ARITY) in survey.functions:
             continue
         allowed = [table[name] for table in (actions, functions) if name in table]
-        if not allowed and unusable and (reason := unusable.get(name.partition(".")[0])):
+        if not allowed and (reason := unusable.get(name.partition(".")[0])):
             yield finding(Kind.UNKNOWN_FUNCTION, call.action.position, f"{name}/{arity} cannot be used: {reason}")
         elif not allowed:
             yield _unknown(call, {*actions, *functions, *registered})
@@ -129,12 +115,11 @@ def internal_actions(
 
 
 def _unknown(call: Call, known: Iterable[str]) -> Finding:
-    action = call.action
-    dotted = action.name.startswith(".")
-    kind, what = (Kind.UNKNOWN_INTERNAL_ACTION, "internal action") if dotted else (Kind.UNKNOWN_FUNCTION, "function")
-    if not dotted:
-        what += " or internal action"
-    becomes = "stays a term without a value" if call.as_term and not dotted else "fails the plan that reaches it"
+    action, becomes = call.action, "fails the plan that reaches it"
+    kind, what = Kind.UNKNOWN_INTERNAL_ACTION, "internal action"
+    if not action.name.startswith("."):
+        kind, what = Kind.UNKNOWN_FUNCTION, "function or internal action"
+        becomes = "stays a term without a value" if call.as_term else becomes
     text = f"there is no {what} {action.name}/{len(action.args)}: it {becomes}{near(action.name, known)}"
     return finding(kind, action.position, text)
 
@@ -150,17 +135,12 @@ def undotted_internal_actions(survey: Survey, internal: Arities) -> Iterator[Fin
 
 def formulas_as_actions(survey: Survey) -> Iterator[Finding]:
     """Formulas in bodies that read like tests and are performed as actions, which fail."""
-    for body in survey.bodies:
-        yield from _formulas_as_actions(body)
-
-
-def _formulas_as_actions(body: Body) -> Iterator[Finding]:
-    for index, step in enumerate(body.formulas):
+    for index, step in ((index, step) for body in survey.bodies for index, step in enumerate(body.formulas)):
         match step:
-            case Step(Operator.ACTION, Not() | And() | Or()):
+            case nodes.Step(Operator.ACTION, nodes.Not() | nodes.And() | nodes.Or()):
                 text = "a logical formula in a body is performed as an action, and fails; test it: ?(...)"
                 yield warning(Kind.FORMULA_AS_ACTION, step.position, text)
-            case Step(Operator.ACTION, Structure("true" | "false" as word)) if index or word == "false":
+            case nodes.Step(Operator.ACTION, nodes.Structure("true" | "false" as word)) if index or word == "false":
                 text = f"{word} in a body is performed as an action, and fails; only a first true is skipped"
                 yield warning(Kind.FORMULA_AS_ACTION, step.position, text)
 
@@ -176,7 +156,7 @@ def directives_as_beliefs(survey: Survey) -> Iterator[Finding]:
     """``include("f.asl").``, a belief."""
     for belief in survey.beliefs:
         match belief.literal:
-            case Structure("include" | "register_function", (String(), *_)) as literal:
+            case nodes.Structure("include" | "register_function", (nodes.String(), *_)) as literal:
                 directive = f"{{ {source_text(literal)} }}"
                 text = f"{literal.functor}(...) is a belief here; a directive is written in braces: {directive}"
                 yield warning(Kind.DIRECTIVE_AS_BELIEF, literal.position, text)
@@ -186,8 +166,10 @@ def unknown_performatives(survey: Survey) -> Iterator[Finding]:
     """Performatives that are nearly one of those that exist; any other may be the agents' own."""
     for call in survey.calls:
         match call.action.name, call.action.args:
-            case (".send", (_, Structure(functor) as term, _, *_)) | (".broadcast", (Structure(functor) as term, _)):
-                meant = similar(functor, PERFORMATIVES, 0.75)
+            case (".send", (_, nodes.Structure() as term, _, *_)) | (".broadcast", (nodes.Structure() as term, _)):
+                meant = similar(term.functor, PERFORMATIVES, 0.75)
                 if meant is not None:
-                    text = f"{functor} is not a performative that agents handle by themselves; did you mean {meant}?"
+                    text = (
+                        f"{term.functor} is not a performative that agents handle by themselves; did you mean {meant}?"
+                    )
                     yield warning(Kind.UNKNOWN_PERFORMATIVE, term.position, text)

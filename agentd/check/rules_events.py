@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Arities, Elsewhere, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
-from agentd.check.symbol_table import Mention, PlacedPlan, Survey
+from agentd.check.symbol_table import Mention, PlacedPlan, Survey, takes_all
 from agentd.language.errors.suggestions import near
-from agentd.language.syntax_tree.nodes import Plan, Structure, Variable
+from agentd.language.syntax_tree import nodes
 from schemas.files.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}
@@ -21,9 +21,7 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
     warnings. If the percepts are not known, only probable misspellings are reported.
     """
     held = _held(survey, elsewhere.beliefs)
-    by_name: dict[str, set[int]] = {}
-    for name, arity in held - RAISED_BY_AGENTD:
-        by_name.setdefault(name, set()).add(arity)
+    programs_own = held - RAISED_BY_AGENTD
     known = percepts is not None or (elsewhere.complete and elsewhere.no_percepts and not survey.actions)
     for test, tested_as_goal in [*((m, False) for m in survey.tested), *((m, True) for m in survey.asked)]:
         if test.indicator in held or test.from_others or test.indicator in _TRUTH:
@@ -37,8 +35,8 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
             continue
         if survey.open_beliefs or elsewhere.open_beliefs:
             continue
-        hint = _hint(test, by_name, percepts)
-        if known or (hint and _base(test.name) not in map(_base, by_name)):
+        hint = _hint(test.name, programs_own, percepts or ())
+        if known or (hint and _base(test.name) not in {_base(name) for name, _ in programs_own}):
             belief, consequence = f"{test.name}/{test.arity}", _consequence(test, tested_as_goal)
             if percepts is not None:
                 text = f"no percept has its name: {consequence} unless an agent or the mission adds it"
@@ -52,7 +50,7 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
 def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Plans for a percept with a number of arguments that it does not have, or for what is no percept."""
     added = {mention.indicator for mention in (*survey.added, *survey.raised)} | elsewhere.beliefs | RAISED_BY_AGENTD
-    for placed in (plan for family in survey.families for plan in family):
+    for placed in survey.in_families():
         if placed.event not in ("+", "-") or placed.name is None or placed.indicator in added or placed.names_source:
             continue
         arities = percepts.get(placed.name)
@@ -89,10 +87,12 @@ def _consequence(test: Mention, tested_as_goal: bool) -> str:
     return f"not {literal} is always true" if test.inverted else f"{literal} is always false"
 
 
-def _hint(test: Mention, by_name: dict[str, set[int]], percepts: Arities | None) -> str:
-    if test.name in by_name:
-        return f"; there is {test.name} with {arguments(by_name[test.name])}"
-    return near(test.name, {*by_name, *(percepts or ())})
+def _hint(name: str, known: Iterable[tuple[str | None, int]], names: Iterable[str] = ()) -> str:
+    """What else there is of a name with a wrong number of arguments, or a name like it."""
+    known = list(known)
+    if others := [arity for other, arity in known if other == name]:
+        return f"; there is {name} with {arguments(others)}"
+    return near(name, {*(other for other, _ in known if other is not None), *names})
 
 
 def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
@@ -100,12 +100,10 @@ def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Findin
     if any(placed.name is None and "!" in placed.event for placed in survey.plans):
         return  # a plan +!G is for every goal
     achieving = {placed.indicator for placed in survey.plans if placed.event in ("+!", "-!")}
-    names = {name for name, _ in achieving if name is not None}
     for goal in survey.achieved:
         if goal.indicator in achieving:
             continue
-        others = [arity for name, arity in achieving if name == goal.name]
-        hint = f"; there are plans for {goal.name} with {arguments(others)}" if others else near(goal.name, names)
+        hint = _hint(goal.name, achieving).replace("there is", "there are plans for", 1)
         text = f"there is no plan for the goal !{goal.name}/{goal.arity}{hint}"
         if survey.open_plans or elsewhere.open_plans:
             text += "; it fails unless a plan for it is added in time"
@@ -128,81 +126,56 @@ def shadowed_plans(survey: Survey) -> Iterator[Finding]:
                 name = f"{placed.event}{placed.name}/{placed.arity}"
                 text = f"this plan is never used: the plan in line {line} takes every {name} before it"
                 yield warning(Kind.PLAN_SHADOWED, placed.plan.position, text)
-            elif placed.name is not None and _takes_all(placed.plan):
+            elif placed.name is not None and takes_all(placed.plan):
                 takers[event] = placed
-
-
-def _takes_all(plan: Plan) -> bool:
-    """Whether a plan is relevant and applicable for every event of its name and arity."""
-    literal = plan.trigger.literal
-    if not isinstance(literal, Structure) or literal.annotations is not None or isinstance(literal.namespace, Variable):
-        return False
-    if plan.context is not None and plan.context != Structure("true"):
-        return False
-    names = [arg.name for arg in literal.args if isinstance(arg, Variable) and arg == Variable(arg.name)]
-    named = [name for name in names if not name.startswith("_")]
-    return len(names) == len(literal.args) and len(set(named)) == len(named)
 
 
 def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Plans for goals that nobody sets, for their failures, and for beliefs that nobody adds."""
     goals = {mention.indicator for mention in (*survey.achieved, *survey.raised)} | elsewhere.goals
     passive = not survey.achieved  # a library, or an agent that others ask for all that it does
-    open_goals = not elsewhere.complete or passive or survey.open_goals or elsewhere.open_goals
-    open_goals = open_goals or survey.looks_at_plans
+    open_goals = survey.open_goals or elsewhere.open_goals or survey.looks_at_plans
+    open_goals = open_goals or passive or not elsewhere.complete
     planned = {placed.indicator for placed in survey.plans if placed.event == "+!"}
     lost = {goal.name for goal in survey.achieved if goal.indicator not in planned}
-    for family in survey.families:
-        for placed in family:
-            if placed.name is None or placed.is_test or placed.names_source:
-                continue
-            if placed.event == "-!" and not open_goals and placed.indicator not in goals | planned:
-                yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
-            elif placed.event == "+!" and not open_goals and placed.indicator not in goals:
-                if placed.name in lost or near(placed.name, lost):
-                    continue  # reported at the goal, with this plan's name
-                yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
+    for placed in () if open_goals else survey.in_families():
+        if placed.name is None or placed.is_test or placed.names_source:
+            continue
+        if placed.event == "-!" and placed.indicator not in goals | planned:
+            yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
+        elif placed.event == "+!" and placed.indicator not in goals:
+            if placed.name in lost or near(placed.name, lost):
+                continue  # reported at the goal, with this plan's name
+            yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
 
 
 def unused_belief_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Plans for beliefs that nobody adds, where it is known that there are no percepts."""
-    if (
-        not elsewhere.complete
-        or not elsewhere.no_percepts
-        or survey.actions
-        or survey.open_beliefs
-        or elsewhere.open_beliefs
-    ):
+    closed = elsewhere.complete and not (survey.open_beliefs or elsewhere.open_beliefs)
+    if not closed or not elsewhere.no_percepts or survey.actions:
         return
     added = {mention.indicator for mention in (*survey.added, *survey.raised)}
-    for family in survey.families:
-        for placed in family:
-            if placed.event not in ("+", "-") or placed.name is None or placed.names_source:
-                continue
-            if placed.indicator not in added | elsewhere.beliefs:
-                yield _unused(placed, f"nothing adds the belief {placed.name}/{placed.arity}", added)
+    for placed in survey.in_families():
+        if placed.event not in ("+", "-") or placed.name is None or placed.names_source:
+            continue
+        if placed.indicator not in added | elsewhere.beliefs:
+            yield _unused(placed, f"nothing adds the belief {placed.name}/{placed.arity}", added)
 
 
-def _unused(placed: PlacedPlan, why: str, known: set[tuple[str | None, int]] | set[tuple[str, int]]) -> Finding:
-    others = [arity for name, arity in known if name == placed.name]
-    if others:
-        hint = f"; there is {placed.name} with {arguments(others)}"
-    else:
-        hint = near(placed.name or "", {name for name, _ in known if name is not None})
-    text = f"this plan is never used unless others send its event: {why}{hint}"
+def _unused(placed: PlacedPlan, why: str, known: Iterable[tuple[str | None, int]]) -> Finding:
+    text = f"this plan is never used unless others send its event: {why}{_hint(placed.name or '', known)}"
     return warning(Kind.PLAN_NEVER_USED, placed.plan.trigger.position, text)
 
 
 def duplicate_labels(survey: Survey) -> Iterator[Finding]:
     """Labels that two plans have: an internal action that takes a label finds only one of them."""
-    first: dict[tuple[str, int], Plan] = {}
-    for family in survey.families:
-        for placed in family:
-            label = placed.plan.label
-            if not isinstance(label, Structure) or not label.functor:
-                continue
-            before = first.setdefault((f"{label.namespace}::{label.functor}", len(label.args)), placed.plan)
-            same_file = before.position.file == placed.plan.position.file
-            if before is not placed.plan and same_file and before.position != placed.plan.position:
-                text = f"the plan in line {before.position.line} has the label {label.functor} too"
-                yield warning(Kind.DUPLICATE_LABEL, label.position, text)
+    first: dict[tuple[str, int], nodes.Plan] = {}
+    for placed in survey.in_families():
+        label = placed.plan.label
+        if not isinstance(label, nodes.Structure) or not label.functor:
+            continue
+        before = first.setdefault((f"{label.namespace}::{label.functor}", len(label.args)), placed.plan)
+        same_file = before.position.file == placed.plan.position.file
+        if before is not placed.plan and same_file and before.position != placed.plan.position:
+            text = f"the plan in line {before.position.line} has the label {label.functor} too"
+            yield warning(Kind.DUPLICATE_LABEL, label.position, text)

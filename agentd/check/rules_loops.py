@@ -7,20 +7,9 @@ from typing import Final
 
 from agentd.check.external_knowledge import Elsewhere
 from agentd.check.finding_kinds import Kind, warning
-from agentd.check.symbol_table import PlacedPlan, Survey, steps_of
-from agentd.language.syntax_tree.nodes import (
-    BodyFormula,
-    InternalAction,
-    Operator,
-    Plan,
-    PlanTerm,
-    Position,
-    RuleTerm,
-    Step,
-    Structure,
-    Variable,
-    While,
-)
+from agentd.check.symbol_table import PlacedPlan, Survey, steps_of, takes_all
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.nodes import Operator
 from schemas.files.findings import Finding
 
 _ASKS: Final = ("askOne", "askIf", "askAll", "askHow")
@@ -28,10 +17,10 @@ _ASKS: Final = ("askOne", "askIf", "askAll", "askHow")
 _INSTANT: Final = frozenset((".print", ".println", ".printf", ".log"))
 """Internal actions that neither wait nor fail; any other may end the loop."""
 
-_CHANGES: Final = frozenset(
-    (Operator.ADD, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.DELETE, Operator.UPDATE)
-) | frozenset((Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS))
-_GOALS: Final = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
+_CHANGES: Final = frozenset((Operator.ADD, Operator.ADD_FIRST, Operator.ADD_LAST, Operator.DELETE, Operator.UPDATE)) | {
+    Operator.ADD_NEW_FOCUS,
+    Operator.DELETE_NEW_FOCUS,
+}
 
 
 def busy_loops(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
@@ -45,57 +34,47 @@ def busy_loops(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     for body in survey.bodies:
         for formula in body.formulas:
             match formula:
-                case While(Structure("true", ()), inner, position) if _instant(inner.formulas, events):
+                case nodes.While(nodes.Structure("true", ()), inner, position) if _instant(inner.formulas, events):
                     yield _busy(position, "this loop never ends and never waits")
-    for family in survey.families:
-        for placed in family:
-            if _repeats(placed, survey, events):
-                text = f"!{placed.name}/{placed.arity} sets itself again without end and never waits"
-                yield _busy(placed.plan.position, text)
+    for placed in survey.in_families():
+        if _repeats(placed, survey, events):
+            text = f"!{placed.name}/{placed.arity} sets itself again without end and never waits"
+            yield _busy(placed.plan.position, text)
 
 
-def _busy(position: Position, text: str) -> Finding:
+def _busy(position: nodes.Position, text: str) -> Finding:
     return warning(Kind.BUSY_LOOP, position, f"{text}; let it .wait for an event or a time")
 
 
-def _instant(formulas: tuple[BodyFormula, ...], events: set[str | None]) -> bool:
+def _instant(formulas: tuple[nodes.BodyFormula, ...], events: set[str | None]) -> bool:
     """Whether formulas surely take no time and cannot fail: no goals, no tests, no plans for what they change."""
-    return all(_is_instant(formula, events) for formula in formulas)
-
-
-def _is_instant(formula: BodyFormula, events: set[str | None]) -> bool:
-    match formula:
-        case Step(Operator.ACTION, InternalAction(name)):
-            return name in _INSTANT
-        case Step(operator, Structure(functor, namespace=None)) if operator in _CHANGES:
-            return functor not in events and None not in events
-        case Step(operator, RuleTerm() | PlanTerm()):
-            return operator in _CHANGES
-    return False
+    for formula in formulas:
+        match formula:
+            case nodes.Step(Operator.ACTION, nodes.InternalAction(name)):
+                instant = name in _INSTANT
+            case nodes.Step(operator, nodes.Structure(functor, namespace=None)) if operator in _CHANGES:
+                instant = functor not in events and None not in events
+            case nodes.Step(operator, nodes.RuleTerm() | nodes.PlanTerm()):
+                instant = operator in _CHANGES
+            case _:
+                return False
+        if not instant:
+            return False
+    return True
 
 
 def _repeats(placed: PlacedPlan, survey: Survey, events: set[str | None]) -> bool:
     """Whether a plan is the only one for its goal, has no context and ends by setting the goal again."""
     plan = placed.plan
-    if placed.event != "+!" or not _unconditional(plan) or not plan.body.formulas:
+    if placed.event != "+!" or plan.goal_condition is not None or not takes_all(plan) or not plan.body.formulas:
         return False
     rivals = [other for other in survey.plans if "!" in other.event and other.name in (None, placed.name)]
     alone = [other for other in rivals if other.name is None or other.indicator == placed.indicator] == [placed]
-    last = plan.body.formulas[-1]
-    match last:
-        case Step(operator, Structure(functor, args, namespace=None)) if operator in _GOALS:
+    match plan.body.formulas[-1]:
+        case nodes.Step(Operator.ACHIEVE | Operator.ACHIEVE_NEW_FOCUS, nodes.Structure(functor, args, namespace=None)):
             again = functor == placed.name and len(args) == placed.arity
-        case _:
-            return False
-    return alone and again and _instant(plan.body.formulas[:-1], events)
-
-
-def _unconditional(plan: Plan) -> bool:
-    literal = plan.trigger.literal
-    if plan.context is not None or plan.goal_condition is not None or not isinstance(literal, Structure):
-        return False
-    names = [arg.name for arg in literal.args if isinstance(arg, Variable)]
-    return len(set(names)) == len(literal.args) and literal.annotations is None
+            return alone and again and _instant(plan.body.formulas[:-1], events)
+    return False
 
 
 def endless_asks(survey: Survey) -> Iterator[Finding]:
@@ -103,8 +82,8 @@ def endless_asks(survey: Survey) -> Iterator[Finding]:
     for plan in (placed.plan for placed in survey.plans if placed.is_labelled("atomic")):
         for step in steps_of(plan.body):
             match step.term:
-                case InternalAction(".send", (Structure("self", ()), Structure(functor), _, _), position=position) if (
-                    functor in _ASKS
+                case nodes.InternalAction(".send", (nodes.Structure("self", ()), asked, _, _), position) if (
+                    isinstance(asked, nodes.Structure) and asked.functor in _ASKS
                 ):
                     text = "this ask never ends: the agent answers itself only when this atomic plan has ended; "
                     text += "give a time limit in ms as fifth argument of .send"

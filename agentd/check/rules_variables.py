@@ -9,29 +9,11 @@ from typing import NamedTuple, TypeAlias
 
 from agentd.check.finding_kinds import Kind, warning
 from agentd.check.symbol_table import Survey
-from agentd.language.syntax_tree.nodes import (
-    And,
-    Arithmetic,
-    Body,
-    BodyFormula,
-    For,
-    If,
-    Not,
-    Or,
-    Plan,
-    Relation,
-    Rule,
-    Step,
-    String,
-    Term,
-    Trigger,
-    Variable,
-    While,
-)
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.traversal import children
 from schemas.files.findings import Finding
 
-_Node: TypeAlias = Term | Body | BodyFormula | Plan | Rule | Trigger
+_Node: TypeAlias = nodes.Term | nodes.Body | nodes.BodyFormula | nodes.Plan | nodes.Rule | nodes.Trigger
 
 _IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
 """How ``.puts`` names variables in its text."""
@@ -40,7 +22,18 @@ _IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
 def singletons(survey: Survey) -> Iterator[Finding]:
     """A warning for each named variable that occurs once in its plan (with its sub-plans), rule or belief."""
     for scope in _scopes(survey):
-        yield from _in_scope(scope)
+        counts: Counter[str] = Counter()
+        first: dict[str, nodes.Variable] = {}
+        pending: list[_Node] = [scope]
+        while pending:
+            node = pending.pop()
+            if isinstance(node, nodes.Variable):
+                counts[node.name] += 1
+                first[node.name] = node
+            elif isinstance(node, nodes.String):
+                counts.update(_IN_STRING.findall(node.value))
+            pending.extend(children(node))
+        yield from (_only_once(one) for name, one in first.items() if counts[name] == 1 and not one.anonymous)
 
 
 def _scopes(survey: Survey) -> list[_Node]:
@@ -51,24 +44,7 @@ def _scopes(survey: Survey) -> list[_Node]:
     return [*plans, *survey.rules, *(belief.literal for belief in survey.beliefs)]
 
 
-def _in_scope(scope: _Node) -> Iterator[Finding]:
-    counts: Counter[str] = Counter()
-    first: dict[str, Variable] = {}
-    pending: list[_Node] = [scope]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, Variable):
-            counts[node.name] += 1
-            first[node.name] = node
-        elif isinstance(node, String):
-            counts.update(_IN_STRING.findall(node.value))
-        pending.extend(children(node))
-    for name, variable in first.items():
-        if counts[name] == 1 and not variable.anonymous:
-            yield _only_once(variable)
-
-
-def _only_once(variable: Variable) -> Finding:
+def _only_once(variable: nodes.Variable) -> Finding:
     name = variable.name
     message = f"the variable {name} occurs only once; is it misspelt? if not, write _ or _{name}"
     return warning(Kind.SINGLETON_VARIABLE, variable.position, message)
@@ -80,7 +56,7 @@ def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Findi
         _only_once(term)
         for mention in survey.actions
         for term in mention.literal.args
-        if mention.name in actions and isinstance(term, Variable)
+        if mention.name in actions and isinstance(term, nodes.Variable)
     )
 
 
@@ -96,7 +72,7 @@ class _Use(NamedTuple):
     place: int = 0
 
 
-_SEVERAL = (Plan, Trigger, Body, Step, And, Or, Not, If, While, For)
+_SEVERAL = nodes.Plan | nodes.Trigger | nodes.Body | nodes.Step | nodes.And | nodes.Or | nodes.Not | nodes.If
 """Nodes whose formulas are executed in turn; not rules, whose bodies may bind the variables of their heads."""
 
 
@@ -113,25 +89,25 @@ def unbound_variables(survey: Survey) -> Iterator[Finding]:
 def _unbound_in(scope: _Node) -> Iterator[Finding]:
     count: Counter[str] = Counter()
     given: dict[str, dict[int, int]] = {}
-    compared: dict[str, list[tuple[int, int, Variable]]] = {}
+    compared: dict[str, list[tuple[int, int, nodes.Variable]]] = {}
     places = 0
     pending = [_Use(scope, 0, False)]
     while pending:
         node, negation, comparing, place = pending.pop()
-        if place == 0 and not isinstance(node, _SEVERAL):
+        if place == 0 and not isinstance(node, _SEVERAL | nodes.While | nodes.For):
             places += 1
             place = places
-        if isinstance(node, Variable):
+        if isinstance(node, nodes.Variable):
             count[node.name] += 1
             if comparing and node.annotations is None:
                 compared.setdefault(node.name, []).append((negation, place, node))
             else:
                 given.setdefault(node.name, {}).setdefault(negation, place)
-        elif isinstance(node, String):
+        elif isinstance(node, nodes.String):
             count.update(_IN_STRING.findall(node.value))
-        inside = id(node) if isinstance(node, Not) else negation
-        compares = isinstance(node, Arithmetic) or (isinstance(node, Relation) and node.operator in _COMPARISONS)
-        compares |= comparing and isinstance(node, Arithmetic | Variable)
+        inside = id(node) if isinstance(node, nodes.Not) else negation
+        compares = isinstance(node, nodes.Arithmetic) or (comparing and isinstance(node, nodes.Variable))
+        compares |= isinstance(node, nodes.Relation) and node.operator in _COMPARISONS
         pending += (_Use(child, inside, compares, place) for child in reversed(children(node)))
     for name, uses in compared.items():
         sources = given.get(name, {})

@@ -10,38 +10,8 @@ from agentd.check.symbol_table import ANY_ARITY, Call, Mention, PlacedPlan, Surv
 from agentd.language.compiler.compile import USAGE
 from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.parser.fact_runs import GroundFact
-from agentd.language.syntax_tree.nodes import (
-    And,
-    Arithmetic,
-    Belief,
-    Body,
-    BodyFormula,
-    BodyTerm,
-    Directive,
-    For,
-    Fork,
-    Goal,
-    If,
-    InternalAction,
-    Item,
-    ListTerm,
-    Not,
-    Number,
-    Operator,
-    Or,
-    Plan,
-    PlanTerm,
-    Relation,
-    Rule,
-    RuleTerm,
-    Step,
-    String,
-    Structure,
-    Term,
-    TriggerTerm,
-    Variable,
-    While,
-)
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature
 
 _QUERIES = {
@@ -74,20 +44,20 @@ _ENDERS = frozenset(
 ) | frozenset((".add_plan", ".fail_goal", ".succeed_goal", ".suspend", ".stopMAS", ".kill_agent"))
 """Internal actions that may end, suspend or change what another intention does."""
 
-Includes: TypeAlias = Callable[[Directive | InternalAction, str], Iterable[Item]]
+Includes: TypeAlias = Callable[[nodes.Directive | nodes.InternalAction, str], Iterable[nodes.Item]]
 
 
 class _Visit(NamedTuple):
     """Something still to be looked at. ``data``: code that is only held as a term, and not known to run."""
 
-    node: Term | Body | Plan
+    node: nodes.Term | nodes.Body | nodes.Plan
     namespace: str
     formula: bool = False
     inverted: bool = False
     data: bool = True
 
 
-def survey(items: Iterable[Item], includes: Includes | None = None) -> Survey:
+def survey(items: Iterable[nodes.Item], includes: Includes | None = None) -> Survey:
     """Survey the items of a program; ``includes`` gives the items of a file included into a namespace."""
     return _Walk(includes or (lambda what, namespace: ())).over(items)
 
@@ -99,11 +69,11 @@ class _Walk:
         self._pending: list[_Visit] = []
         self._top: dict[str, list[PlacedPlan]] = {}
         self._facts: set[tuple[str, Signature]] = set()
-        self._files: list[InternalAction] = []
+        self._files: list[nodes.InternalAction] = []
         self._saved: set[str] = set()
         self._saves_any = False
 
-    def over(self, items: Iterable[Item]) -> Survey:
+    def over(self, items: Iterable[nodes.Item]) -> Survey:
         self._read(items, DEFAULT)
         while self._pending or self._files:
             if self._pending:
@@ -113,36 +83,36 @@ class _Walk:
         self.found.families += self._top.values()
         return self.found
 
-    def _read(self, items: Iterable[Item], namespace: str) -> None:
+    def _read(self, items: Iterable[nodes.Item], namespace: str) -> None:
         """Take in the items of a file; their contents are left to be visited."""
-        blocks: list[tuple[Iterator[Item], str]] = [(iter(items), namespace)]
+        blocks: list[tuple[Iterator[nodes.Item], str]] = [(iter(items), namespace)]
         while blocks:
             block, namespace = blocks[-1]
             item = next(block, None)
             if item is None:
                 blocks.pop()
-            elif isinstance(item, Directive):
+            elif isinstance(item, nodes.Directive):
                 inside, namespace = self._directive(item, namespace)
                 blocks.append((iter(inside), namespace))
-            elif isinstance(item, Plan):
+            elif isinstance(item, nodes.Plan):
                 self._top.setdefault(namespace, []).append(self._place(item, namespace))
                 self._pending.append(_Visit(item, namespace))
             else:
                 self._fact(item, namespace)
 
-    def _directive(self, item: Directive, namespace: str) -> tuple[Iterable[Item], str]:
+    def _directive(self, item: nodes.Directive, namespace: str) -> tuple[Iterable[nodes.Item], str]:
         """The items that a directive encloses or includes, and their namespace."""
         self.found.directives.append(item)
         match item.name.functor, item.name.args:
-            case "namespace", (Structure(functor), *_):
+            case "namespace", (nodes.Structure(functor), *_):
                 return item.items or (), functor
-            case "include", (_, Structure(functor), *_):
+            case "include", (_, nodes.Structure(functor), *_):
                 return self._includes(item, functor), functor
             case "include", _:
                 return self._includes(item, namespace), namespace
-            case "register_function", (String(function), Number(arity), *_):
+            case "register_function", (nodes.String(function), nodes.Number(arity), *_):
                 self.found.functions.add((function, int(arity)))
-            case "register_function", (String(function), *_):
+            case "register_function", (nodes.String(function), *_):
                 self.found.functions.add((function, ANY_ARITY))
             case name, args if name in PATTERNS:
                 self._pattern(name, args, item, namespace)
@@ -151,28 +121,23 @@ class _Walk:
                     self._term(term, namespace)
         return item.items or (), namespace
 
-    def _pattern(self, name: str, args: tuple[Term, ...], item: Directive, namespace: str) -> None:
+    def _pattern(self, name: str, args: tuple[nodes.Term, ...], item: nodes.Directive, namespace: str) -> None:
         """Count the plans as there that a pattern adds to those in its block."""
         with suppress(WrongPattern):  # reported as a wrong directive
             for plan in PATTERNS[name](item.position, args, item.items or ()):
-                if isinstance(plan, Plan) and plan not in (item.items or ()):
+                if isinstance(plan, nodes.Plan) and plan not in (item.items or ()):
                     self._place(plan, namespace)
 
-    def _fact(self, item: Belief | Rule | Goal, namespace: str) -> None:
+    def _fact(self, item: nodes.Belief | nodes.Rule | nodes.Goal, namespace: str) -> None:
         match item:
-            case Goal(literal, "!"):
-                self._mention(self.found.achieved, literal, namespace)
-                self._inside(literal, namespace)
-            case Goal(literal):
-                self._mention(self.found.asked, literal, namespace)
-                self._inside(literal, namespace)
+            case nodes.Goal(literal, operator):
+                self._literal(self.found.achieved if operator == "!" else self.found.asked, literal, namespace)
             case GroundFact() if self._is_another(item, namespace):
                 pass
-            case Belief(literal):
+            case nodes.Belief(literal):
                 self.found.beliefs.append(item)
-                self._mention(self.found.added, literal, namespace)
-                self._inside(literal, namespace)
-            case Rule():
+                self._literal(self.found.added, literal, namespace)
+            case nodes.Rule():
                 self._rule(item, namespace)
 
     def _is_another(self, fact: GroundFact, namespace: str) -> bool:
@@ -183,22 +148,21 @@ class _Walk:
         self._facts.add((namespace, sig))
         return False
 
-    def _rule(self, rule: Rule, namespace: str) -> None:
+    def _rule(self, rule: nodes.Rule, namespace: str) -> None:
         self.found.rules.append(rule)
-        self._mention(self.found.added, rule.head, namespace)
-        self._inside(rule.head, namespace)
+        self._literal(self.found.added, rule.head, namespace)
         self._formula(rule.body, namespace)
 
-    def _place(self, plan: Plan, namespace: str) -> PlacedPlan:
+    def _place(self, plan: nodes.Plan, namespace: str) -> PlacedPlan:
         literal = plan.trigger.literal
         name = None
-        if isinstance(literal, Structure) and not isinstance(literal.namespace, Variable):
+        if isinstance(literal, nodes.Structure) and not isinstance(literal.namespace, nodes.Variable):
             name = qualified(literal, namespace)
         placed = PlacedPlan(plan, name)
         self.found.plans.append(placed)
         return placed
 
-    def _plan(self, plan: Plan, namespace: str) -> None:
+    def _plan(self, plan: nodes.Plan, namespace: str) -> None:
         self._inside(plan.trigger.literal, namespace)
         for formula in (plan.context, plan.goal_condition):
             if formula is not None:
@@ -210,72 +174,72 @@ class _Walk:
 
     # --- terms and formulas ------------------------------------------------------------------------------------------
 
-    def _term(self, term: Term, namespace: str, data: bool = True) -> None:
+    def _term(self, term: nodes.Term, namespace: str, data: bool = True) -> None:
         self._pending.append(_Visit(term, namespace, data=data))
 
-    def _formula(self, term: Term, namespace: str, inverted: bool = False) -> None:
+    def _formula(self, term: nodes.Term, namespace: str, inverted: bool = False) -> None:
         self._pending.append(_Visit(term, namespace, True, inverted))
 
     def _visit(self, visit: _Visit) -> None:
         node, namespace, formula, inverted, data = visit
         match node:
-            case Structure() | Variable():
-                if formula and isinstance(node, Structure) and node.functor not in ("true", "false"):
+            case nodes.Structure() | nodes.Variable():
+                if formula and isinstance(node, nodes.Structure) and node.functor not in ("true", "false"):
                     self._mention(self.found.tested, node, namespace, inverted)
                 self._inside(node, namespace)
-            case InternalAction():
+            case nodes.InternalAction():
                 self._call(node, namespace, not formula)
-            case And(left, right) | Or(left, right):
+            case nodes.And(left, right) | nodes.Or(left, right):
                 self._pending += (visit._replace(node=left), visit._replace(node=right))
-            case Not(operand):
+            case nodes.Not(operand):
                 self._pending.append(visit._replace(node=operand, inverted=not inverted))
-            case Relation(left=left, right=right):
+            case nodes.Relation(left=left, right=right):
                 self._term(left, namespace)
                 self._term(right, namespace)
-            case Arithmetic(operands=terms):
+            case nodes.Arithmetic(operands=terms):
                 for term in terms:
                     self._term(term, namespace)
-            case ListTerm(items, tail):
+            case nodes.ListTerm(items, tail):
                 for term in (*items, *([tail] if tail is not None else ())):
                     self._term(term, namespace, data)
-            case PlanTerm() | RuleTerm() | BodyTerm() | TriggerTerm():
+            case nodes.PlanTerm() | nodes.RuleTerm() | nodes.BodyTerm() | nodes.TriggerTerm():
                 self._code(node, namespace, data)
-            case Body(formulas):
+            case nodes.Body(formulas):
                 self.found.bodies.append(node)
                 for step in formulas:
                     self._body_formula(step, namespace)
-            case Plan():
+            case nodes.Plan():
                 self._plan(node, namespace)
 
-    def _code(self, node: PlanTerm | RuleTerm | BodyTerm | TriggerTerm, namespace: str, data: bool) -> None:
+    def _code(self, node: nodes.Term, namespace: str, data: bool) -> None:
         match node:
-            case TriggerTerm(trigger):
-                if isinstance(trigger.literal, Structure):
+            case nodes.TriggerTerm(trigger):
+                if isinstance(trigger.literal, nodes.Structure):
                     self._mention(self.found.raised, trigger.literal, namespace)
                     if not data and trigger.operator == "+" and not trigger.goal:  # the body of a `.foreach`
                         self._mention(self.found.added, trigger.literal, namespace)
                 self._term(trigger.literal, namespace)
-            case PlanTerm(plan):
+            case nodes.PlanTerm(plan):
                 self._place(plan, namespace)
                 if not data:
                     self._plan(plan, namespace)
-            case RuleTerm(rule) if not data:
+            case nodes.RuleTerm(rule) if not data:
                 self._rule(rule, namespace)
-            case BodyTerm(body) if not data:
+            case nodes.BodyTerm(body) if not data:
                 self._pending.append(_Visit(body, namespace))
 
-    def _inside(self, literal: Structure | Variable, namespace: str) -> None:
+    def _inside(self, literal: nodes.Structure | nodes.Variable, namespace: str) -> None:
         """The arguments and annotations of a literal."""
-        if isinstance(literal, Structure):
+        if isinstance(literal, nodes.Structure):
             for term in literal.args:
                 self._term(term, namespace)
         if literal.annotations is not None:
             self._term(literal.annotations, namespace)
 
-    def _call(self, action: InternalAction, namespace: str, as_term: bool) -> None:
+    def _call(self, action: nodes.InternalAction, namespace: str, as_term: bool) -> None:
         self.found.calls.append(Call(action, as_term))
         name, args = action.name, action.args
-        query = _query_of(action)
+        query = _QUERIES.get(name) if name not in (".min", ".max") else 1 if len(args) == 3 else None
         if name in _ASSERTIONS and args:
             self._addition(args[0], namespace)
         self.found.looks_at_plans |= name in _LOOKERS
@@ -286,12 +250,12 @@ class _Walk:
         elif name in _FILE_READERS:
             self._files.append(action)
         elif name == ".save_agent" and args:
-            self._saves_any |= not isinstance(args[0], String)
-            self._saved |= {args[0].value} if isinstance(args[0], String) else set()
+            self._saves_any |= not isinstance(args[0], nodes.String)
+            self._saved |= {args[0].value} if isinstance(args[0], nodes.String) else set()
         match name, args:
-            case (".send", (_, Structure(performative), content, *_)) | (
+            case (".send", (_, nodes.Structure(performative), content, *_)) | (
                 ".broadcast",
-                (Structure(performative), content),
+                (nodes.Structure(performative), content),
             ):
                 self._sent(performative, content, namespace)
         live = name in _RUNNERS or name in _ASSERTIONS
@@ -299,29 +263,25 @@ class _Walk:
             # A query inside `not` is not what is inverted: `not .count(b(_), 0)` says nothing of b.
             self._pending.append(_Visit(term, namespace, index == query, data=not live))
 
-    def _file(self, action: InternalAction) -> None:
+    def _file(self, action: nodes.InternalAction) -> None:
         """Take in the file of an `.include`, note that of a new agent; what only the run knows leaves all open."""
         match action.name, action.args:
-            case ".create_agent", (_,) | (_, String(""), *_):
+            case ".create_agent", (_,) | (_, nodes.String(""), *_):
                 pass  # an agent without a program
-            case ".include", (String(file), *_) if self._may_save(file):
+            case (".include", (nodes.String(file), *_)) | (".create_agent", (_, nodes.String(file), *_)) if (
+                self._saves_any or file in self._saved  # the program itself may write it: it need not be there yet
+            ):
                 self._known_late(action)
-            case ".create_agent", (_, String(file), *_) if self._may_save(file):
-                self._known_late(action)
-            case ".create_agent", (_, String(file), *_):
+            case ".create_agent", (_, nodes.String(file), *_):
                 self.found.created.append((file, action.position))
-            case ".include", (String(),):
+            case ".include", (nodes.String(),):
                 self._read(self._includes(action, DEFAULT), DEFAULT)
-            case ".include", (String(), Structure(into, ())):
+            case ".include", (nodes.String(), nodes.Structure(into, ())):
                 self._read(self._includes(action, into), into)
-            case _, args if any(isinstance(term, Variable | InternalAction) for term in args):
+            case _, args if any(isinstance(term, nodes.Variable | nodes.InternalAction) for term in args):
                 self._known_late(action)
 
-    def _may_save(self, file: str) -> bool:
-        """Whether the program itself may write a file that need not be there yet."""
-        return self._saves_any or file in self._saved
-
-    def _known_late(self, action: InternalAction) -> None:
+    def _known_late(self, action: nodes.InternalAction) -> None:
         self.found.late_files.append(action)
         self.found.open_beliefs = self.found.open_goals = True
         if action.name == ".include":
@@ -329,83 +289,81 @@ class _Walk:
         else:
             self.found.open_sent = self.found.open_wanted = True
 
-    def _sent(self, performative: str, content: Term, namespace: str) -> None:
+    def _sent(self, performative: str, content: nodes.Term, namespace: str) -> None:
         self.found.teaches |= performative == "tellHow"
         self.found.open_plans |= performative == "askHow"  # without a variable for the answer, the plans are added
         self.found.ends_others |= performative in ("unachieve", "untellHow")
         goal = performative in ("achieve", "askOne", "askIf", "askAll")
-        for term in content.items if isinstance(content, ListTerm) else (content,):
-            if isinstance(term, Structure):
+        for term in content.items if isinstance(content, nodes.ListTerm) else (content,):
+            if isinstance(term, nodes.Structure):
                 self._mention(self.found.wanted if goal else self.found.sent, term, namespace)
                 if performative in ("askOne", "askAll"):  # without a variable for the answer, that is believed
                     self._mention(self.found.added, term, namespace)
-            elif isinstance(term, Variable) and goal:
+            elif isinstance(term, nodes.Variable) and goal:
                 self.found.open_wanted = True
-            elif isinstance(term, Variable):
+            elif isinstance(term, nodes.Variable):
                 self.found.open_sent = True
 
     # --- bodies ------------------------------------------------------------------------------------------------------
 
-    def _body_formula(self, formula: BodyFormula, namespace: str) -> None:
+    def _body_formula(self, formula: nodes.BodyFormula, namespace: str) -> None:
         match formula:
-            case Step():
+            case nodes.Step():
                 self._step(formula, namespace)
-            case If(branches, otherwise):
+            case nodes.If(branches, otherwise):
                 for condition, body in branches:
                     self._formula(condition, namespace)
                     self._pending.append(_Visit(body, namespace))
                 if otherwise is not None:
                     self._pending.append(_Visit(otherwise, namespace))
-            case While(condition, body) | For(condition, body):
+            case nodes.While(condition, body) | nodes.For(condition, body):
                 self._formula(condition, namespace)
                 self._pending.append(_Visit(body, namespace))
-            case Fork(branches=bodies):
+            case nodes.Fork(branches=bodies):
                 self._pending += (_Visit(body, namespace) for body in bodies)
 
-    def _step(self, step: Step, namespace: str) -> None:
+    def _step(self, step: nodes.Step, namespace: str) -> None:
         operator, term = step.operator, step.term
         if operator is Operator.TEST:
-            if isinstance(term, Structure):
-                self._mention(self.found.asked, term, namespace)
-                self._inside(term, namespace)
+            if isinstance(term, nodes.Structure):
+                self._literal(self.found.asked, term, namespace)
             else:
                 self._formula(term, namespace)
         elif operator in _ADDITIONS:
             self._addition(term, namespace)
             self._term(term, namespace, data=False)
-        elif operator in _GOALS and isinstance(term, Structure) and not isinstance(term.namespace, Variable):
-            self._mention(self.found.achieved, term, namespace)
-            self._inside(term, namespace)
+        elif (
+            operator in _GOALS and isinstance(term, nodes.Structure) and not isinstance(term.namespace, nodes.Variable)
+        ):
+            self._literal(self.found.achieved, term, namespace)
         elif operator in _GOALS:
             self.found.open_goals = True
             self._term(term, namespace)
-        elif operator is Operator.ACTION and isinstance(term, InternalAction):
+        elif operator is Operator.ACTION and isinstance(term, nodes.InternalAction):
             self._call(term, namespace, False)
-        elif operator is Operator.ACTION and isinstance(term, Structure):
+        elif operator is Operator.ACTION and isinstance(term, nodes.Structure):
             if term.functor not in ("true", "false"):
                 self._mention(self.found.actions, term, DEFAULT)  # what a robot does is in no namespace
             self._inside(term, namespace)
-        elif operator is Operator.ACTION and isinstance(term, Relation | And | Or):
+        elif operator is Operator.ACTION and isinstance(term, nodes.Relation | nodes.And | nodes.Or):
             self._formula(term, namespace)
         else:
             self._term(term, namespace, data=False)
 
-    def _addition(self, term: Term, namespace: str) -> None:
-        if isinstance(term, Structure) and not isinstance(term.namespace, Variable):
+    def _addition(self, term: nodes.Term, namespace: str) -> None:
+        if isinstance(term, nodes.Structure) and not isinstance(term.namespace, nodes.Variable):
             self._mention(self.found.added, term, namespace)
-        elif isinstance(term, Variable | Structure):
+        elif isinstance(term, nodes.Variable | nodes.Structure):
             self.found.open_beliefs = True
             self.found.open_plans = True
 
-    def _mention(self, kind: list[Mention], literal: Structure, namespace: str, inverted: bool = False) -> None:
-        if not isinstance(literal.namespace, Variable):
+    def _literal(self, kind: list[Mention], literal: nodes.Structure, namespace: str) -> None:
+        """Note a literal, and what is in it."""
+        self._mention(kind, literal, namespace)
+        self._inside(literal, namespace)
+
+    def _mention(self, kind: list[Mention], literal: nodes.Structure, namespace: str, inverted: bool = False) -> None:
+        if not isinstance(literal.namespace, nodes.Variable):
             name = qualified(literal, namespace)
             others = literal.annotations is not None and asks_others(literal.annotations)
             kind.append(Mention(name, literal, inverted, others))
-
-
-def _query_of(action: InternalAction) -> int | None:
-    """The index of the argument that is a logical formula; None if there is none."""
-    if action.name in (".min", ".max"):
-        return 1 if len(action.args) == 3 else None
-    return _QUERIES.get(action.name)

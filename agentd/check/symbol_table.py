@@ -4,24 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
-from agentd.language.syntax_tree.nodes import (
-    Belief,
-    Body,
-    BodyFormula,
-    Directive,
-    For,
-    Fork,
-    If,
-    InternalAction,
-    ListTerm,
-    Plan,
-    Position,
-    Rule,
-    Step,
-    Structure,
-    While,
-)
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT, THIS_NS
 
 ANY_ARITY = -1
@@ -36,7 +21,7 @@ class Mention:
     """
 
     name: str
-    literal: Structure
+    literal: nodes.Structure
     inverted: bool = False
     from_others: bool = False
 
@@ -45,7 +30,7 @@ class Mention:
         return len(self.literal.args)
 
     @property
-    def position(self) -> Position:
+    def position(self) -> nodes.Position:
         return self.literal.position
 
     @property
@@ -57,7 +42,7 @@ class Mention:
 class Call:
     """An internal action or function in its place; ``as_term``: as a value and not as a step or condition."""
 
-    action: InternalAction
+    action: nodes.InternalAction
     as_term: bool
 
 
@@ -65,13 +50,13 @@ class Call:
 class PlacedPlan:
     """A plan with the qualified name of its trigger; None when that is a variable."""
 
-    plan: Plan
+    plan: nodes.Plan
     name: str | None
 
     @property
     def arity(self) -> int:
         literal = self.plan.trigger.literal
-        return len(literal.args) if isinstance(literal, Structure) else 0
+        return len(literal.args) if isinstance(literal, nodes.Structure) else 0
 
     @property
     def event(self) -> str:
@@ -85,16 +70,12 @@ class PlacedPlan:
 
     def is_labelled(self, word: str) -> bool:
         """Whether the plan's label has an annotation."""
-        annotations = self.plan.label.annotations if self.plan.label is not None else None
-        items = annotations.items if annotations is not None else ()
-        return any(isinstance(item, Structure) and item.functor == word for item in items)
+        return self.plan.label is not None and _annotated(self.plan.label, word)
 
     @property
     def names_source(self) -> bool:
         """Whether the trigger names the source of its event: ``+!g[source(S)]``."""
-        annotations = self.plan.trigger.literal.annotations
-        items = annotations.items if annotations is not None else ()
-        return any(isinstance(item, Structure) and item.functor == "source" for item in items)
+        return _annotated(self.plan.trigger.literal, "source")
 
     @property
     def indicator(self) -> tuple[str | None, int]:
@@ -125,19 +106,19 @@ class Survey:
     calls: list[Call] = field(default_factory=list)
     plans: list[PlacedPlan] = field(default_factory=list)
     families: list[list[PlacedPlan]] = field(default_factory=list)
-    rules: list[Rule] = field(default_factory=list)
-    beliefs: list[Belief] = field(default_factory=list)
-    directives: list[Directive] = field(default_factory=list)
-    bodies: list[Body] = field(default_factory=list)
+    rules: list[nodes.Rule] = field(default_factory=list)
+    beliefs: list[nodes.Belief] = field(default_factory=list)
+    directives: list[nodes.Directive] = field(default_factory=list)
+    bodies: list[nodes.Body] = field(default_factory=list)
     functions: set[tuple[str, int]] = field(default_factory=set)
     open_beliefs: bool = False
     open_plans: bool = False
     open_goals: bool = False
     open_sent: bool = False
     """Beliefs are sent that only the run knows."""
-    late_files: list[InternalAction] = field(default_factory=list)
+    late_files: list[nodes.InternalAction] = field(default_factory=list)
     """Calls of `.include` and `.create_agent` that name their file by what only the run knows."""
-    created: list[tuple[str, Position]] = field(default_factory=list)
+    created: list[tuple[str, nodes.Position]] = field(default_factory=list)
     """The files of the agents that it creates, where it writes their names out."""
     teaches: bool = False
     """Plans are sent to agents."""
@@ -150,27 +131,43 @@ class Survey:
     open_wanted: bool = False
     """Goals are sent that only the run knows."""
 
+    def in_families(self) -> Iterator[PlacedPlan]:
+        """The plans of the program and those nested in them, without those that are terms."""
+        return chain.from_iterable(self.families)
 
-def steps_of(body: Body) -> Iterator[Step]:
+
+def _annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:
+    items = literal.annotations.items if literal.annotations is not None else ()
+    return any(isinstance(item, nodes.Structure) and item.functor == word for item in items)
+
+
+def takes_all(plan: nodes.Plan) -> bool:
+    """Whether a plan is relevant and applicable for every event of its name and arity."""
+    literal = plan.trigger.literal
+    if not isinstance(literal, nodes.Structure) or literal.annotations or isinstance(literal.namespace, nodes.Variable):
+        return False
+    names = [arg.name for arg in literal.args if isinstance(arg, nodes.Variable) and arg == nodes.Variable(arg.name)]
+    named = [name for name in names if not name.startswith("_")]
+    return plan.context is None and len(names) == len(literal.args) and len(set(named)) == len(named)
+
+
+def steps_of(body: nodes.Body) -> Iterator[nodes.Step]:
     """The steps of a body, those in its blocks included."""
-    pending: list[BodyFormula] = list(body.formulas)
+    pending: list[nodes.BodyFormula] = list(body.formulas)
     while pending:
         match pending.pop():
-            case Step() as step:
+            case nodes.Step() as step:
                 yield step
-            case If(branches, otherwise):
+            case nodes.If(branches, otherwise):
                 pending += [formula for _, block in branches for formula in block.formulas]
                 pending += otherwise.formulas if otherwise is not None else ()
-            case While(_, block) | For(_, block):
+            case nodes.While(_, block) | nodes.For(_, block):
                 pending += block.formulas
-            case Fork(branches=blocks):
+            case nodes.Fork(branches=blocks):
                 pending += [formula for block in blocks for formula in block.formulas]
 
 
-_NEARBY = frozenset(("self", "percept"))
-
-
-def qualified(literal: Structure, namespace: str) -> str:
+def qualified(literal: nodes.Structure, namespace: str) -> str:
     """The name of a literal in a namespace: with its sign, and with the namespace unless it is the default one."""
     written = literal.namespace
     if isinstance(written, str) and written != THIS_NS:
@@ -179,12 +176,12 @@ def qualified(literal: Structure, namespace: str) -> str:
     return name if namespace == DEFAULT else f"{namespace}::{name}"
 
 
-def asks_others(annotations: ListTerm) -> bool:
+def asks_others(annotations: nodes.ListTerm) -> bool:
     """Whether annotations ask for a source that is neither the agent itself nor its percepts."""
     for term in annotations.items:
         match term:
-            case Structure("source", (Structure(functor),)):
-                return functor not in _NEARBY
-            case Structure("source", _):
+            case nodes.Structure("source", (nodes.Structure(functor),)):
+                return functor not in ("self", "percept")
+            case nodes.Structure("source", _):
                 return True
     return False

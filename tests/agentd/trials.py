@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from agentd.check.command import Robot, check_program, findings_of
+from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import from_team
 from agentd.check.programs import read_survey
 from agentd.language.compiler.compile import DirectiveError, compile_program
@@ -21,6 +21,7 @@ from agentd.mind.data.effects import PerformAction, TeamRequest
 from agentd.mind.data.inputs import ActionDone, TeamReply
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_paths import SourcePaths
+from tests.agentd.check.findings import findings_about
 from tests.agentd.generated_programs import corpus
 
 HANG: Final = 20.0
@@ -63,7 +64,7 @@ def try_to_read(text: str) -> Program | None:
     if program is not None:
         with at_most(HANG):
             assert same(parse_program(source_text(program), "a.asl"), program), "printed, it reads differently"
-            check_program(program, {}, {})
+            findings_about(program, {}, {})
             surveyed = read_survey(program, SourcePaths())
             findings_of(surveyed, Robot(), from_team([surveyed.survey]))
     return program

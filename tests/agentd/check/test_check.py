@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from agentd.check.command import check_program
 from agentd.check.external_knowledge import Arities
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_program
@@ -16,17 +15,10 @@ from agentd.runtime.program_paths import SourcePaths
 from schemas.files.findings import Finding
 from schemas.files.shipped_files import shipped
 from tests.agentd.check.conftest import Check
+from tests.agentd.check.findings import findings_about
 
 ACTIONS: Arities = {"set_mode": 1, "takeoff": {1}, "land": 0, "goto": {2, 3}}
 PERCEPTS: Arities = {"state": {3}, "altitude": 1}
-INTERNAL: Arities = {
-    ".print": range(100),
-    ".wait": {1, 2, 3},
-    ".send": {3, 4, 5},
-    ".findall": {3},
-    ".add_plan": {1, 2, 3},
-}
-FUNCTIONS: Arities = {"math.abs": {1}, "math.max": {1, 2}, "math.pi": 0, ".count": {1}}
 
 
 MESSAGES = Path(__file__).parents[2] / "data" / "check" / "messages.txt"
@@ -34,7 +26,7 @@ MESSAGES = Path(__file__).parents[2] / "data" / "check" / "messages.txt"
 
 
 def findings_of(text: str) -> list[Finding]:
-    return check_program(parse_program(text, "a.asl"), ACTIONS, PERCEPTS, internal=INTERNAL, functions=FUNCTIONS)
+    return findings_about(text, ACTIONS, PERCEPTS)
 
 
 def test_a_program_without_mistakes_has_no_findings() -> None:
@@ -100,14 +92,14 @@ def test_what_is_fine_is_not_told(text: str) -> None:
 
 
 def test_without_a_manifest_actions_and_percepts_are_taken_as_known_and_misspelt_beliefs_are_reported() -> None:
-    assert check_program(parse_program("+!g : altitude(A) & A > 1 <- fly(A).", "a.asl")) == []
-    (finding,) = check_program(parse_program("waypoint(1). +!g : waypont(A) <- fly(A).", "a.asl"))
+    assert findings_about("+!g : altitude(A) & A > 1 <- fly(A).") == []
+    (finding,) = findings_about("waypoint(1). +!g : waypont(A) <- fly(A).")
     assert finding.message.endswith("did you mean waypoint?")
 
 
 def test_beliefs_of_the_mission_count_as_added() -> None:
     program = parse_program("+!g : rescuers(_) <- land.", "a.asl")
-    assert check_program(program, ACTIONS, PERCEPTS, beliefs=[("rescuers", 1)]) == []
+    assert findings_about(program, ACTIONS, PERCEPTS, beliefs=[("rescuers", 1)]) == []
 
 
 def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
@@ -184,7 +176,7 @@ def test_a_goal_whose_plan_may_be_learnt_is_no_error(way: str, check: Check) -> 
 
 def test_a_name_that_exists_with_other_arguments_is_not_taken_for_misspelt() -> None:
     text = "!s. +!s <- .wait; !go(1); .print(a). +!go(X, Y) <- .print(X, Y)."
-    told = [one.message for one in check_program(parse_program(text, "a.asl"))]
+    told = [one.message for one in findings_about(text)]
     assert told == [
         ".wait takes 1, 2 or 3 arguments, not 0",
         "there is no plan for the goal !go/1; there are plans for go with 2 arguments",
@@ -221,8 +213,8 @@ def test_the_standard_library_is_known() -> None:
 +!g : .length("ab", 2) & .count(n(_)) > 0
    <- .print(math.max(1, 2), system.time); .foreach(n(_), { .wait(10) }); .if_then_else(n(_), { .done }, { .fail }).
 n(1)."""
-    assert check_program(parse_program(text, "a.asl")) == []
-    (finding,) = check_program(parse_program("+!g <- .lenght([], 0).", "a.asl"))
+    assert findings_about(text) == []
+    (finding,) = findings_about("+!g <- .lenght([], 0).")
     assert finding.message.endswith("did you mean .length?")
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from agentd.check.command import check_program
 from agentd.check.programs import Includes
 from agentd.check.survey import survey
 from agentd.language import parse
@@ -21,6 +20,7 @@ from agentd.language.syntax_tree.source import Source
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import List, Literal
 from agentd.mind.mind import Mind
+from tests.agentd.check.findings import findings_about
 from tests.agentd.generated_programs import corpus
 from tests.agentd.mutants import characters, tokens
 from tests.support.amount import some_of
@@ -178,7 +178,7 @@ def test_a_mind_and_a_check_read_facts_without_parsing_each(monkeypatch: pytest.
     mind = Mind("a", compile_program(program))
     assert len([*mind.beliefs.facts()]) == 3000
     assert not parsed
-    assert check_program(program) == []
+    assert findings_about(program) == []
     assert len(parsed) == 1, "one run of them, for the first fact of the predicate"
 
 
@@ -204,7 +204,7 @@ def test_a_fact_equals_the_belief_that_says_the_same_elsewhere() -> None:
 
 def test_a_directive_among_large_facts_is_reported_each_time(tmp_path: Path) -> None:
     program = parse.parse_program(_large(1000) + 'include("a.asl").\ninclude("b.asl").\n', "a.asl")
-    assert [one.line for one in check_program(program)] == [1001, 1002]
+    assert [one.line for one in findings_about(program)] == [1001, 1002]
     assert len(survey(program.items, Includes("a.asl", None, [])).beliefs) == 3  # type: ignore[arg-type]
 
 
