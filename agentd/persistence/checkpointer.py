@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from agentd.mail.mail_client import MailClient
@@ -19,6 +19,7 @@ from agentd.persistence.group_commit import ATOMIC_PATIENCE, BUSY_PATIENCE, Batc
 from agentd.persistence.restore import RestoredState
 from agentd.runtime.mind_runner import MindRunner
 from commd.client.receive_once import Numbered
+from commd.common.alarm import Alarm
 from schemas.wire.codec import Wire, codec
 from schemas.wire.records import Action, Note
 
@@ -60,8 +61,9 @@ class Checkpointer:
         mailing.given = partial(commits.give, self)
         self._begun: dict[str, ActionInFlight] = {}
         """Actions that no commit has yet."""
-        self._waiting: list[asyncio.Future[None]] = []
-        """Done when the actions in `_begun` are on disk."""
+        self._waiting: dict[str, tuple[float, Callable[[], None]]] = {}
+        """Actions that are not on disk: the loop time until which they wait, and what is called then."""
+        self._alarm = Alarm(self._begin_unkept)
         self._ended: list[str] = []
         self._since: float | None = None
         """Loop time of the oldest change that is not captured."""
@@ -88,30 +90,30 @@ class Checkpointer:
 
     # --- actions ---
 
-    def begun(self, action: Action) -> asyncio.Future[None]:
+    def begun(self, action: Action, then: Callable[[], None]) -> None:
         """Note an action that is about to be requested; the next `look` begins to save it.
 
-        The future is done when it is on disk, or after `ACTION_PATIENCE`.
+        `then()` is called when it is on disk, or after `ACTION_PATIENCE`.
         """
-        loop = asyncio.get_running_loop()
         self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
-        waiting: asyncio.Future[None] = loop.create_future()
         if self._commits.problem:
             self.counters["actions_unkept"] += 1
-            waiting.set_result(None)
-            return waiting
+            then()
+            return
+        due = asyncio.get_running_loop().time() + ACTION_PATIENCE
+        self._waiting[action.id] = due, then
+        self._alarm.by(due)
 
-        def late() -> None:
-            if not waiting.done():
-                waiting.set_result(None)
-                self.counters["actions_unkept"] += 1
-                log.warning(
-                    "agent=%s action=%s begins before it is written down: the disk is slow", self._agent, action.id
-                )
-
-        loop.call_later(ACTION_PATIENCE, late)
-        self._waiting.append(waiting)
-        return waiting
+    def _begin_unkept(self) -> None:
+        """Let actions begin that have waited for too long."""
+        for identity, (due, then) in list(self._waiting.items()):
+            if asyncio.get_running_loop().time() < due:
+                self._alarm.by(due)
+                return
+            del self._waiting[identity]
+            self.counters["actions_unkept"] += 1
+            log.warning("agent=%s action=%s begins before it is written down: the disk is slow", self._agent, identity)
+            then()
 
     def ended(self, identity: str) -> None:
         """Note that an action has ended; it is removed from the file when the mind has taken that."""
@@ -199,20 +201,17 @@ class Checkpointer:
                 batch.savings[self._agent] = saving
                 batch.members.append(self)
                 batch.soft &= not (sent or absorbed or saving.actions or exposed)
-        if sent or absorbed or self._waiting:
-            waiting, self._waiting = self._waiting, []
-            batch.done.append(partial(self._done, sent, absorbed, waiting))
+        if sent or absorbed or begun:
+            batch.done.append(partial(self._done, sent, absorbed, begun))
         return True
 
-    def _done(
-        self, sent: Sequence[Outgoing], absorbed: Mapping[Numbered, int], waiting: Sequence[asyncio.Future[None]]
-    ) -> None:
+    def _done(self, sent: Sequence[Outgoing], absorbed: Mapping[Numbered, int], begun: Iterable[str]) -> None:
         """Continue what has waited for a commit."""
         self._mailing.inbox.saved(absorbed)
         self._mailing.outbox.saved(sent)
-        for one in waiting:
-            if not one.done():
-                one.set_result(None)
+        for identity in begun:
+            if waiting := self._waiting.pop(identity, None):
+                waiting[1]()
 
     def add_mail(self, batch: Batch) -> None:
         """Add the mail of other agents of the daemon that the mind, as captured last, has not taken."""
@@ -244,3 +243,4 @@ class Checkpointer:
     def leave(self) -> None:
         """Take no part in commits any more."""
         self._commits.leave(self)
+        self._alarm.cancel()

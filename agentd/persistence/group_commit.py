@@ -18,6 +18,7 @@ from functools import partial
 from typing import Final, Protocol
 
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
+from commd.common.alarm import Alarm
 
 log = logging.getLogger("keeping")
 
@@ -95,11 +96,10 @@ class GroupCommit:
         """Wall seconds from `_last` to the next commit at least."""
         self._wrote = 0.0
         """Wall seconds that the last commit took until it was on disk."""
-        self._timer: asyncio.TimerHandle | None = None
+        self._alarm = Alarm(self.look)
         self._saving: asyncio.Future[None] | None = None
         """The commit under way."""
-        self._slow: asyncio.TimerHandle | None = None
-        """Notes when that takes too long."""
+        self._slow = Alarm(self._look_whether_slow)
 
     # --- when ---
 
@@ -136,14 +136,8 @@ class GroupCommit:
             due += patience
         if now >= due:
             self._begin(now)
-        elif self._timer is None or self._timer.when() > due:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._timer = self._loop.call_at(due, self._ring)
-
-    def _ring(self) -> None:
-        self._timer = None
-        self.look()
+        else:
+            self._alarm.by(due)
 
     async def flush(self, member: Member) -> None:
         """Wait until the present changes of an agent are on disk. Its mind must be at rest or leave."""
@@ -172,14 +166,18 @@ class GroupCommit:
         self._pause = max(SHARE * (self._loop.time() - now), min(WRITING * self._wrote, WRITING_MOST))
         if batch.savings and self._checkpoint is not None:
             self._saving = self._loop.create_future()
-            self._slow = self._loop.call_later(SLOW, self._is_slow)
+            self._slow.by(now + SLOW)
             self._hand_in(self._checkpoint, batch, self._saving, RETRY_FIRST)
         else:
             _call(batch.done)
 
-    def _is_slow(self) -> None:
-        """Note that the commit under way has neither succeeded nor failed."""
-        if not self.problem:
+    def _look_whether_slow(self) -> None:
+        """Note when the commit under way has neither succeeded nor failed for too long."""
+        if self._saving is None:
+            return
+        if self._loop.time() < self._last + SLOW:
+            self._slow.by(self._last + SLOW)
+        elif not self.problem:
             self.problem = f"the disk has not answered for {SLOW:g} s"
             log.error("nothing is kept, and mail waits: %s", self.problem)
 
@@ -231,8 +229,6 @@ class GroupCommit:
             self.problem = ""
         self._saving = None
         self._wrote = self._loop.time() - self._last
-        if self._slow is not None:
-            self._slow.cancel()
         saved.set_result(None)
         _call(batch.done)
         self.look()
@@ -241,9 +237,8 @@ class GroupCommit:
 
     async def close(self, forget: Iterable[str] = ()) -> None:
         """Close the file; remove the state of agents that `forget` names, so that they begin without a past."""
-        for timer in (self._slow, self._timer):
-            if timer is not None:
-                timer.cancel()
+        self._slow.cancel()
+        self._alarm.cancel()
         if self._saving is not None:
             self._saving.cancel()
         if self._checkpoint is None:

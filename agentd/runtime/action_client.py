@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterable
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable
+from functools import partial
 
 from msgspec.structs import replace
 
@@ -27,10 +27,6 @@ log = logging.getLogger("agent")
 
 ANSWER_PATIENCE = 2.0
 """Wall seconds for the bridge to say which actions of the former life still run, before the agent reasons."""
-
-
-Ending: TypeAlias = ActionStatus | Coroutine[Any, Any, ActionStatus]
-"""The end of an action, or what waits for it."""
 
 
 class _Left:
@@ -61,13 +57,15 @@ class ActionClient:
         feed: Callable[[ActionDone], None],
         on_interrupted: Callable[[Literal], None],
         tasks: Tasks,
+        afterwards: Callable[[Callable[[], None]], None],
     ) -> None:
         """`life` makes the ids of this life's actions unique; `action_requests` is None without a robot.
 
-        `feed` gives the mind the end of an action, `on_interrupted` that of one for which no plan waits.
+        `feed` gives the mind the end of an action, `on_interrupted` that of one for which no plan waits; `afterwards`
+        calls something behind the turn that follows.
         """
         self._agent, self._life, self._action_requests, self._checkpointer = agent, life, action_requests, checkpointer
-        self._feed, self._on_interrupted, self._tasks = feed, on_interrupted, tasks
+        self._feed, self._on_interrupted, self._tasks, self._afterwards = feed, on_interrupted, tasks, afterwards
         self._left: dict[str, _Left] = {}
         self._identities: dict[int, str] = {}
         """The ids of the actions that intentions wait for, by number; empty: not requested yet."""
@@ -79,12 +77,11 @@ class ActionClient:
         It is noted here, in the turn of the effect, so that the save of this turn has it.
         """
         self._identities[effect.id] = ""
-        ending: Ending | Exception
         try:
-            ending = self._ask(effect)
-        except Exception as error:  # it fails this plan, not the daemon with all its agents
-            ending = error
-        self._tasks.spawn(self._perform(effect.id, ending))
+            if refused := self._refused(effect):
+                self._end(effect.id, _ended("refused", "request", refused))
+        except Exception as defect:
+            self._fail(effect.id, defect)
 
     def cancel(self, number: int) -> None:
         """Cancel the action with this number in the mind (1 or more): the intention that waited for it is gone."""
@@ -94,44 +91,48 @@ class ActionClient:
         elif identity is not None and self._action_requests is not None:
             self._tasks.spawn(self._action_requests.cancel(identity))
 
-    def _ask(self, effect: PerformAction) -> Ending:
-        """Note an action, and return its end or what waits for it."""
+    def _refused(self, effect: PerformAction) -> str:
+        """Note an action, to be requested when that is on disk. Returns why it cannot be; empty: it can."""
         if self._action_requests is None:
-            return _ended("refused", "request", f"agent {self._agent} has no robot to do {effect.name}")
+            return f"agent {self._agent} has no robot to do {effect.name}"
         try:
             parameters = tuple(map(to_wire, effect.parameters))
         except BadTerm as bad:
-            return _ended("refused", "request", f"{effect.name}: {bad}")
+            return f"{effect.name}: {bad}"
         for left in self._left.values():
             if not left.joined and (left.action.name, left.action.parameters) == (effect.name, parameters):
                 left.joined = True
-                return self._join(effect.id, left)
+                self._tasks.spawn(self._join(effect.id, left))
+                return ""
         identity = f"{self._agent}:{self._life}:{effect.id}"
         action = Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters)
-        return self._request(self._action_requests, effect.id, action, self._checkpointer.begun(action))
+        self._checkpointer.begun(action, partial(self._request, self._action_requests, effect.id, action))
+        return ""
 
-    async def _request(
-        self, requests: ActionRequests, number: int, action: Action, kept: asyncio.Future[None]
-    ) -> ActionStatus:
+    def _request(self, requests: ActionRequests, number: int, action: Action) -> None:
         self._identities[number] = action.id
-        return _DROPPED if number in self._dropped else await requests.perform(action, kept=kept)
-
-    async def _perform(self, number: int, ending: Ending | Exception) -> None:
-        defect: Exception | None = None
         try:
-            if isinstance(ending, Exception):
-                raise ending
-            status = ending if isinstance(ending, ActionStatus) else await ending
-        except Exception as error:  # the intention must not wait forever
-            defect, status = error, _ended("failed", None, f"defect in agentd: {type(error).__name__}: {error}")
+            if number in self._dropped:
+                self._end(number, _DROPPED)
+            else:
+                requests.begin(action, partial(self._end, number))
+        except Exception as defect:
+            self._fail(number, defect)
+
+    def _fail(self, number: int, defect: Exception) -> None:
+        """Let a defect fail the plan, which must not wait forever, and not the daemon with all its agents."""
+        what = {"message": f"performing an action of agent {self._agent}", "exception": defect}
+        asyncio.get_running_loop().call_exception_handler(what)
+        if number in self._identities:
+            self._end(number, _ended("failed", None, f"defect in agentd: {type(defect).__name__}: {defect}"))
+
+    def _end(self, number: int, status: ActionStatus) -> None:
         if identity := self._identities.pop(number):
             self._checkpointer.ended(identity)
         self._dropped.discard(number)
         self._feed(ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or ""))
-        if defect is not None:
-            raise defect
         if status.id:  # after the mind's turn: the intention does not wait for the log
-            asyncio.get_running_loop().call_soon(log.info, "agent=%s %s", self._agent, describe(status))
+            self._afterwards(partial(log.info, "agent=%s %s", self._agent, describe(status)))
 
     # --- actions of a former life ---
 
@@ -182,17 +183,18 @@ class ActionClient:
         self._checkpointer.ended(left.action.id)
         return _interrupted(left.action, status.state, status.reason)
 
-    async def _join(self, number: int, left: _Left) -> ActionStatus:
+    async def _join(self, number: int, left: _Left) -> None:
         """Wait for the end of an action that a former life has begun."""
         assert left.status is not None
         if number in self._dropped:  # the plan that was about to wait is gone
             left.joined = False
             if left.action.id not in self._left:  # it has ended meanwhile
                 self._on_interrupted(self._ended(left, left.status.result()))
-            return _DROPPED
+            self._end(number, _DROPPED)
+            return
         self._identities[number] = left.action.id
         log.info("agent=%s goes on with %s, which a former life has begun", self._agent, left.action.name)
-        return await asyncio.shield(left.status)
+        self._end(number, await asyncio.shield(left.status))
 
 
 def _ended(state: State, cause: Cause | None, reason: str) -> ActionStatus:

@@ -170,6 +170,7 @@ class AgentHost:
             self._done,
             self._interrupted,
             self._tasks,
+            bus.afterwards,
         )
         self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
         self._viewer = Viewer(bus, clock, self._runner, part, self._control, self._tracing, self._prints)
@@ -292,6 +293,8 @@ class AgentHost:
         await self._end_atomic_plan()
         await self._checkpointer.finish()
         await self._mailing.outbox.drain(LEAVE)
+        if self._action_requests is not None:
+            self._action_requests.close()
         await self._tasks.end()
         await self._checkpointer.finish()
         self._checkpointer.leave()

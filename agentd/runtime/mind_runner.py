@@ -14,6 +14,7 @@ from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input
 from commd.bus.bus import Bus
+from commd.common.alarm import Alarm
 from commd.common.clock import Clock
 
 SLICE: Final = 500
@@ -82,8 +83,7 @@ class MindRunner:
                 self._timer.within_at_most(BELIEVED_WITHIN)
                 return
             self._turn_due = True
-            if not self._bus.afterwards(self._turn_now):
-                self._loop.call_soon(self._turn_now)
+            self._bus.afterwards(self._turn_now)
         else:
             self._timer.set()
 
@@ -153,7 +153,7 @@ class WakeupTimer:
         self._loop = asyncio.get_running_loop()
         self._set = False
         self._sleeper: asyncio.Future[None] | None = None
-        self._alarm: asyncio.TimerHandle | None = None
+        self._alarm = Alarm(self._ring)
         self._due: float | None = None
         """Loop time at which the task is to be woken at the latest."""
 
@@ -177,12 +177,8 @@ class WakeupTimer:
         if seconds is None:
             self._due = None
             return
-        self._due = due = self._loop.time() + seconds
-        if self._alarm is not None:
-            if self._alarm.when() <= due:
-                return  # if it fires too early, it is started again
-            self._alarm.cancel()
-        self._alarm = self._loop.call_at(due, self._ring)
+        self._due = self._loop.time() + seconds
+        self._alarm.by(self._due)
 
     def within_at_most(self, seconds: float) -> None:
         """Wake the task in `seconds` (wall clock, 0 or more) at the latest, or when it is to be woken before."""
@@ -206,16 +202,13 @@ class WakeupTimer:
     def close(self) -> None:
         """Cancel the timer."""
         self._due = None
-        if self._alarm is not None:
-            self._alarm.cancel()
-            self._alarm = None
+        self._alarm.cancel()
 
     def _ring(self) -> None:
-        self._alarm = None
         if self._due is None:
             return
         if self._due > self._loop.time() + EARLY:
-            self._alarm = self._loop.call_at(self._due, self._ring)
+            self._alarm.by(self._due)
             return
         self._due = None
         self.set()

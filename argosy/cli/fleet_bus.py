@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from functools import partial
 from typing import Any, TypeVar
@@ -138,9 +138,8 @@ class FleetBus(Bus):
         timeout: float,
         *,
         limit: int = BACKLOG,
-        ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
-        """Like `Bus.query`; for an unreached board the reply says why. `ready` is awaited once per board.
+        """Like `Bus.query`; for an unreached board the reply says why.
 
         `timeout`: wall seconds; `limit`: queued replies of one board.
         """
@@ -159,7 +158,7 @@ class FleetBus(Bus):
                 await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
                 return
             try:
-                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit, ready=ready)) as its:
+                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
                     async for reply in its:
                         await replies.put(reply)
             except BusClosed as closed:

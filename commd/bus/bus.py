@@ -98,12 +98,12 @@ class Bus(QuerySession):
         """Call `handler(up)` whenever the connection to the router is made or lost."""
         self._on_router.append(handler)
 
-    def afterwards(self, handler: Callable[[], None]) -> bool:
-        """Call `handler()` in this pass of the loop, behind all that is handed over in it; False if nothing is.
+    def afterwards(self, handler: Callable[[], None]) -> None:
+        """Call `handler()` behind all that is handed over in this pass of the loop, or in the next if nothing is.
 
         A pass takes 20 ms of a flood, and at least 64 items. For handlers that act on several items together.
         """
-        return self._dispatch.afterwards(handler)
+        self._dispatch.afterwards(handler)
 
     def header(self, stream: str, source: str = "") -> Header:
         """Return the next header of one stream of records of `source` (this daemon by default), counted from 1."""
@@ -342,8 +342,8 @@ class Bus(QuerySession):
         if was == self.router_up:
             return
         if self._had_router:
-            for replies in self._asked:
-                replies.put_nowait(ROUTER_LOST)
+            for end in self._asked.copy():
+                end(ROUTER_LOST)
         self._had_router = True
         away = self._away.end()
         if not self.router_up:

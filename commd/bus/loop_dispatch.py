@@ -116,11 +116,12 @@ class LoopDispatch:
             return found, False
         return found, True
 
-    def afterwards(self, handler: Callable[[], None]) -> bool:
-        """Call `handler()` behind all that is handed over now, in the same pass. Returns False if nothing is."""
+    def afterwards(self, handler: Callable[[], None]) -> None:
+        """Call `handler()` behind all that is handed over now, in the same pass, or in the next pass if nothing is."""
         if self._running:
             self._later.append(handler)
-        return self._running
+        else:
+            self.loop.call_soon(handler)
 
     def _run(self) -> None:
         self._called = False  # before the queue is read: whoever puts something now calls again

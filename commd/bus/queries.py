@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine, Iterator
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, contextmanager
 from functools import partial
@@ -149,8 +149,8 @@ class QuerySession:
         self._threads = ThreadPoolExecutor(REPLY_THREADS, "answering")
         self._checked_keys: set[str] = set()
         """Keys whose first record was searched for fields that this version does not know."""
-        self._asked: set[asyncio.Queue[zenoh.Reply | str | float | None]] = set()
-        """Of the queries that wait for replies."""
+        self._asked: set[Callable[[str], None]] = set()
+        """Of the queries that wait for replies: what ends them with an error."""
 
     def serve(
         self,
@@ -262,46 +262,83 @@ class QuerySession:
         return errors
 
     async def query(
+        self, key: str, ask: Record | None, answer: type[R], timeout: float, *, limit: int = BACKLOG
+    ) -> AsyncGenerator[Reply[R], None]:
+        """Query as `ask` does and yield each reply on arrival. No reply at all: nobody serves the key.
+
+        For a stream of replies; `ask_one` and `ask_all` are for the rest. Close it (`aclosing`) if it is not exhausted.
+        The query ends after `timeout` wall seconds at the latest; the caller must notice a missing final reply. At most
+        `limit` replies wait; further ones are dropped and counted.
+        """
+        replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue()
+
+        def heard(reply: Reply[R] | None) -> None:
+            if reply is not None and replies.qsize() >= limit:
+                self.counters["dropped"] += 1
+            else:
+                replies.put_nowait(reply)
+
+        def end() -> None:
+            self.counters["queries_unended"] += 1
+            replies.put_nowait(_timed_out(key.partition("?")[0], timeout))
+            replies.put_nowait(None)
+
+        close = self.ask(key, ask, answer, timeout, heard)
+        late = self._loop.call_later(timeout + LAST_WORD, end)
+        try:
+            while (reply := await replies.get()) is not None:
+                yield reply
+        finally:
+            late.cancel()
+            close()
+
+    def ask(
         self,
         key: str,
         ask: Record | None,
         answer: type[R],
         timeout: float,
-        *,
-        limit: int = BACKLOG,
-        ready: Callable[[], Awaitable[bool]] | None = None,
-    ) -> AsyncGenerator[Reply[R], None]:
-        """Query all that serve `key` and yield each reply on arrival. No reply at all: nobody serves it.
+        heard: Callable[[Reply[R] | None], None],
+    ) -> Callable[[], None]:
+        """Query all that serve `key`; call `heard(reply)` on the event loop on arrival, and at the end `heard(None)`.
 
-        For a stream of replies; `ask_one` and `ask_all` are for the rest. Close it (`aclosing`) if it is not exhausted.
-        The key may have parameters, `key?a=b;c=d`.
-        Ends when all have answered, when the router is lost or back (the last reply says so: Zenoh may never end such a
-        query), or after `timeout` wall seconds; the caller must notice a missing final reply. At most `limit` replies
-        wait; further ones are dropped and counted. `ready` is awaited when all is prepared, before `timeout` begins;
-        if it returns False, nothing is asked.
+        The key may have parameters, `key?a=b;c=d`. Ends when all have answered, when Zenoh ends it after `timeout` wall
+        seconds, or when the router is lost or back (the last reply says so: Zenoh may never end such a query). Returns
+        what ends it before, after which nothing is heard. Raises BusClosed if it cannot be sent, BadRecord if `ask`
+        cannot be encoded.
         """
-        replies: asyncio.Queue[zenoh.Reply | str | float | None] = asyncio.Queue()
         token = zenoh.CancellationToken()
+        over = False
 
-        def arrived(reply: zenoh.Reply | None) -> None:
-            if reply is not None and replies.qsize() >= limit:
-                self.counters["dropped"] += 1
-            else:
-                replies.put_nowait(reply)
+        def arrived(reply: zenoh.Reply | str | None) -> None:
+            nonlocal over
+            if over:
+                return
+            if isinstance(reply, zenoh.Reply):
+                heard(self._read_reply(bare, reply, answer, timeout))
+                return
+            over = True
+            self._asked.discard(arrived)
+            if reply is not None:
+                heard(Reply(bare, None, reply))
+            heard(None)
+
+        def close() -> None:
+            nonlocal over
+            if not over:
+                over = True
+                self._asked.discard(arrived)
+                self._dispatch.afterwards(token.cancel)  # the caller does not wait for it
 
         options: dict[str, Any] = {}
         if ask is not None:
             made = codec(type(ask))
             options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
         bare = key.partition("?")[0]
-        selector = key if bare != key else self._known.of(key)
-        handler = self._dispatch.replies(arrived)
-        if ready is not None and not await ready():
-            return
         try:
             self._session.get(
-                selector,
-                handler,
+                key if bare != key else self._known.of(key),
+                self._dispatch.replies(arrived),
                 consolidation=zenoh.ConsolidationMode.NONE,
                 target=zenoh.QueryTarget.ALL,
                 timeout=timeout,
@@ -310,23 +347,8 @@ class QuerySession:
             )
         except zenoh.ZError as error:
             raise BusClosed(f"cannot ask {key}: {error}") from None
-        late = self._loop.call_later(timeout + LAST_WORD, replies.put_nowait, float(timeout))
-        self._asked.add(replies)
-        try:
-            while (reply := await replies.get()) is not None:
-                match reply:
-                    case float():
-                        self.counters["queries_unended"] += 1
-                        yield _timed_out(bare, timeout)
-                        return
-                    case str():
-                        yield Reply(bare, None, reply)
-                        return
-                yield self._read_reply(bare, reply, answer, timeout)
-        finally:
-            self._asked.discard(replies)
-            late.cancel()
-            self._loop.call_soon(token.cancel)  # the caller does not wait for it
+        self._asked.add(arrived)
+        return close
 
     def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R], timeout: float) -> Reply[R]:
         if reply.ok is None:

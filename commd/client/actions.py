@@ -6,13 +6,16 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable
-from contextlib import aclosing, suppress
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 
 from msgspec.structs import replace
 
-from commd.bus.bus import Bus
+from commd.bus.bus import Bus, Reply
 from commd.bus.errors import BusClosed, BusError
 from commd.client.percept_sync import PerceptSync
+from commd.common.alarm import Alarm
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys
@@ -32,6 +35,33 @@ AFTER_PATIENCE = 2.0
 bridge's next health record at the latest."""
 RETRY = 0.2
 _HANGS = "bridge_lost: the bridge is alive but sends no health records: it hangs"
+_UNWANTED = "the agent has dropped it"
+
+
+@dataclass(eq=False)
+class _Request:
+    """An action that is asked for until it has ended; times are those of the event loop."""
+
+    action: Action
+    on_end: Callable[[ActionStatus], None]
+    on_status: Callable[[ActionStatus], None] | None
+    attempt: int
+    heard: float
+    """When it was begun, or its last status came."""
+    until: float
+    """When it has failed."""
+    late: str
+    """Why it has failed then."""
+    due: float = 0.0
+    """When it is looked at: its query is silent, or the next one is due."""
+    reason: str = "bridge_lost: nobody serves this action"
+    """Why it fails if it is asked in vain for too long."""
+    wanted: bool = True
+    """Whether the agent still wants it."""
+    taken: bool = False
+    """Whether this query had a status."""
+    close: Callable[[], None] | None = None
+    """Ends the query; None between two queries."""
 
 
 class ActionRequests:
@@ -49,118 +79,161 @@ class ActionRequests:
         self._to_wall = to_wall
         self.counters: Counter[str] = Counter()
         self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
-        self._wanted: dict[str, bool] = {}
-        """Running actions, and whether the agent still wants them."""
-        self._timers: set[asyncio.Timeout] = set()
-        """Of the queries that wait for replies."""
-        bridge.fell_silent.append(self._give_up)
+        self._loop = asyncio.get_running_loop()
+        self._running: dict[str, _Request] = {}
+        self._alarm = Alarm(self._look)
+        self._closed = False
+        bridge.fell_silent.append(self._look)
 
     async def perform(
         self,
         action: Action,
         patience: float = ACCEPT_PATIENCE,
         on_status: Callable[[ActionStatus], None] | None = None,
-        kept: asyncio.Future[None] | None = None,
     ) -> ActionStatus:
-        """Request an action and return its final status; the bridge has `patience` wall seconds to accept it.
+        """Request an action as `begin` does, and return its final status."""
+        ended: asyncio.Future[ActionStatus] = self._loop.create_future()
 
-        The query is repeated with the same id after `ACTION_ASKED_AGAIN` without a status, and when the router is lost
-        or back; the bridge joins it to the running action, or replies how that ended. Never raises, and always ends:
-        the action has failed after `BUS_GRACE` without a status, and after the bridge's deadline. `on_status` is called
-        with each status before the final one. An `attempt` above 1 follows a request of an earlier process: the bridge
-        starts nothing, and refuses an unknown id. `kept` is awaited before the first query.
-        """
-        self._wanted[action.id] = True
+        def end(status: ActionStatus) -> None:
+            if not ended.done():
+                ended.set_result(status)
+
+        self.begin(action, end, patience, on_status)
         try:
-            status = await self._follow(action, patience, on_status, kept)
+            return await ended
         finally:
-            del self._wanted[action.id]
-        if status.after is not None:
-            await self._perceiving.seen(status.header.boot, status.after, AFTER_PATIENCE)
-        self.counters[status.state] += 1
-        return status
+            self._forget(action.id)
 
-    async def _follow(
+    def begin(
         self,
         action: Action,
-        patience: float,
-        on_status: Callable[[ActionStatus], None] | None,
-        kept: asyncio.Future[None] | None,
-    ) -> ActionStatus:
-        loop, reason = asyncio.get_running_loop(), "bridge_lost: nobody serves this action"
-        key, attempt, heard = keys.action(self._bus.fleet, self._agent, action.name), action.attempt, loop.time()
-        until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
+        on_end: Callable[[ActionStatus], None],
+        patience: float = ACCEPT_PATIENCE,
+        on_status: Callable[[ActionStatus], None] | None = None,
+    ) -> None:
+        """Request an action; `on_end` is called once, with its final status, on the event loop.
 
-        def ended(state: State, cause: Cause, why: str) -> ActionStatus:
-            return ActionStatus(id=action.id, state=state, result=False, cause=cause, reason=why, name=action.name)
+        The bridge has `patience` wall seconds to accept it. The query is repeated with the same id after
+        `ACTION_ASKED_AGAIN` without a status, and when the router is lost or back; the bridge joins it to the running
+        action, or replies how that ended. It always ends: the action has failed after `BUS_GRACE` without a status, and
+        after the bridge's deadline. `on_status` is called with each status before the final one. An `attempt` above 1
+        follows a request of an earlier process: the bridge starts nothing, and refuses an unknown id.
+        """
+        if self._closed:
+            return
+        now, late = self._loop.time(), f"the bridge has not taken it within {patience:g} s"
+        one = _Request(action, on_end, on_status, action.attempt, now, now + patience, late)
+        self._running[action.id] = one
+        self._ask(one)
 
-        def failed(why: str) -> ActionStatus:
-            return ended("failed", "unreachable", why)
+    def close(self) -> None:
+        """Ask for nothing any more; nobody hears the ends of what runs."""
+        self._closed = True
+        for identity in list(self._running):
+            self._forget(identity)
+        self._alarm.cancel()
 
-        async def ready() -> bool:
-            if kept is not None:
-                await kept
-            timer.reschedule(min(until, loop.time() + ACTION_ASKED_AGAIN))
-            return self._wanted[action.id]  # the agent may have dropped it meanwhile
+    def _forget(self, identity: str) -> _Request | None:
+        one = self._running.pop(identity, None)
+        if one is not None and one.close is not None:
+            one.close()
+        return one
 
-        while True:
-            taken = silent = False
-            if not self._wanted[action.id]:  # repeated now, it could begin after its cancellation
-                return ended("cancelled", "cancelled", "the agent has dropped it")
-            if self._bridge.hangs:
-                return failed(_HANGS)
-            request = replace(action, header=self._bus.header("action", self._agent), attempt=attempt)
-            try:
-                async with (
-                    asyncio.timeout_at(until) as timer,
-                    aclosing(self._bus.query(key, request, ActionStatus, QUERY_TIMEOUT, ready=ready)) as replies,
-                ):
-                    self._timers.add(timer)
-                    async for reply in replies:
-                        if reply.record is None:
-                            reason = reply.error
-                            continue
-                        if reply.record.final:
-                            return reply.record
-                        heard, taken = loop.time(), True
-                        if on_status is not None:
-                            on_status(reply.record)
-                        if reply.record.deadline is not None:
-                            until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
-                            late = "no outcome within its deadline"
-                        timer.reschedule(min(until, heard + ACTION_ASKED_AGAIN))
-                        reason = "bridge_lost: its answers ended without an outcome"
-                    if not taken and not self._wanted[action.id]:
-                        return ended("cancelled", "cancelled", "the agent has dropped it")
-            except BadRecord as bad:
-                return ended("failed", "request", f"cannot be sent: {bad}")
-            except BusClosed as closed:
-                reason = f"bridge_lost: {closed}"
-            except TimeoutError:
-                if self._bridge.hangs:
-                    return failed(_HANGS)
-                silent = True  # the query is broken, or the bridge is busy; its health shows whether it hangs
-            finally:
-                self._timers.discard(timer)
-            if self._bridge.gone:
-                return failed("bridge_lost: the bridge of this robot is not running")
-            if loop.time() >= until:
-                return failed(late)
-            if not silent and loop.time() - max(heard, self._bridge.router_since) > BUS_GRACE:
-                return failed(reason if self._bus.router_up else "bridge_lost: no router")
-            attempt += taken  # a request without any reply may not have arrived: it must still begin
+    def _ask(self, one: _Request) -> None:
+        """Send the query of an action."""
+        if not one.wanted:  # repeated now, it could begin after its cancellation
+            self._fail(one, _UNWANTED, "cancelled", "cancelled")
+            return
+        if self._bridge.hangs:
+            self._fail(one, _HANGS)
+            return
+        key = keys.action(self._bus.fleet, self._agent, one.action.name)
+        request = replace(one.action, header=self._bus.header("action", self._agent), attempt=one.attempt)
+        one.taken = False
+        try:
+            one.close = self._bus.ask(key, request, ActionStatus, QUERY_TIMEOUT, partial(self._heard, one))
+        except BadRecord as bad:
+            self._fail(one, f"cannot be sent: {bad}", cause="request")
+        except BusClosed as closed:
+            one.reason = f"bridge_lost: {closed}"
+            self._ask_again(one, silent=False)
+        else:
+            self._watch(one, min(one.until, self._loop.time() + ACTION_ASKED_AGAIN))
+
+    def _heard(self, one: _Request, reply: Reply[ActionStatus] | None) -> None:
+        """Take a reply to the query of an action, None: its end."""
+        status = None if reply is None else reply.record
+        if reply is None and not one.taken and not one.wanted:
+            self._fail(one, _UNWANTED, "cancelled", "cancelled")
+        elif reply is None:
+            self._ask_again(one, silent=False)
+        elif status is None:
+            one.reason = reply.error
+        elif status.final:
+            self._end(one, status)
+        else:
+            one.heard, one.taken = self._loop.time(), True
+            if one.on_status is not None:
+                one.on_status(status)
+            if status.deadline is not None:
+                one.until = one.heard + self._to_wall(status.deadline) + ASKERS_MARGIN
+                one.late = "no outcome within its deadline"
+            one.reason = "bridge_lost: its answers ended without an outcome"
+            self._watch(one, min(one.until, one.heard + ACTION_ASKED_AGAIN))
+
+    def _ask_again(self, one: _Request, *, silent: bool) -> None:
+        """Repeat a query that has ended, or is `silent`, unless the action has failed."""
+        now, close, one.close = self._loop.time(), one.close, None
+        if silent and close is not None:
+            close()
+        if self._bridge.gone:
+            self._fail(one, "bridge_lost: the bridge of this robot is not running")
+        elif now >= one.until:
+            self._fail(one, one.late)
+        elif not silent and now - max(one.heard, self._bridge.router_since) > BUS_GRACE:
+            self._fail(one, one.reason if self._bus.router_up else "bridge_lost: no router")
+        else:
+            one.attempt += one.taken  # a request without any reply may not have arrived: it must still begin
             self.counters["asked_again"] += 1
-            await asyncio.sleep(RETRY)
+            self._watch(one, now + RETRY)
 
-    def _give_up(self) -> None:
-        """End all waiting: the bridge hangs."""
-        for timer in [timer for timer in self._timers if not timer.expired()]:
-            timer.reschedule(asyncio.get_running_loop().time())
+    def _watch(self, one: _Request, due: float) -> None:
+        one.due = due
+        self._alarm.by(due)
+
+    def _look(self) -> None:
+        """Look at what is due, or at everything if the bridge hangs."""
+        for one in list(self._running.values()):
+            if self._bridge.hangs:
+                self._fail(one, _HANGS)
+            elif one.due > self._loop.time():
+                self._alarm.by(one.due)
+            elif one.close is None:
+                self._ask(one)
+            else:  # the query is broken, or the bridge is busy; its health shows whether it hangs
+                self._ask_again(one, silent=True)
+
+    def _fail(self, one: _Request, why: str, state: State = "failed", cause: Cause = "unreachable") -> None:
+        name = one.action.name
+        self._end(one, ActionStatus(id=one.action.id, state=state, result=False, cause=cause, reason=why, name=name))
+
+    def _end(self, one: _Request, status: ActionStatus) -> None:
+        """Report the end of an action, behind the percepts that it refers to."""
+
+        def report() -> None:
+            self.counters[status.state] += 1
+            one.on_end(status)
+
+        self._forget(one.action.id)
+        if status.after is None:
+            report()
+        else:
+            self._perceiving.when_seen(status.header.boot, status.after, AFTER_PATIENCE, report)
 
     async def cancel(self, identity: str) -> None:
         """Ask the bridge to end an action that the agent has dropped, and do not repeat its query."""
-        if identity in self._wanted:
-            self._wanted[identity] = False
+        if (one := self._running.get(identity)) is not None:
+            one.wanted = False
         key = keys.cancel(self._bus.fleet, self._agent)
         loop = asyncio.get_running_loop()
         began = loop.time()

@@ -45,7 +45,8 @@ class PerceptSync:
         self._bus, self._agent, self._robot, self._on_change = bus, agent, robot, on_change
         self._reported = ""
         self._doubt = asyncio.Event()
-        self._waiting: list[tuple[int, asyncio.Future[None]]] = []
+        self._waiting: list[tuple[int, asyncio.TimerHandle, Callable[[], None]]] = []
+        """What waits for a percept: its seq, when that is too late, what is called."""
         self._left = ""
         """The boot of the bridge before the present one, until a repair confirms that."""
         self._repaired_at = 0.0
@@ -76,20 +77,19 @@ class PerceptSync:
         """The bridge is gone: remove its percepts."""
         self._tell(self.percepts.clear(), self._by_hand.percepts)
 
-    async def seen(self, boot: str, seq: int, patience: float) -> bool:
-        """Wait until the percept with this seq was applied, at most `patience` wall seconds. Returns whether it was."""
+    def when_seen(self, boot: str, seq: int, patience: float, then: Callable[[], None]) -> None:
+        """Call `then` when the percept with this seq was applied, or after `patience` wall seconds; now if it was."""
         if self.percepts.boot != boot or self.percepts.seq >= seq:
-            return True
-        arrival = asyncio.get_running_loop().create_future()
-        self._waiting.append((seq, arrival))
-        try:
-            await asyncio.wait_for(arrival, patience)
-        except TimeoutError:
+            then()
+            return
+
+        def late() -> None:
+            self._waiting.remove(waiting)
             self.counters["late"] += 1
-            return False
-        finally:
-            self._waiting = [(at, other) for at, other in self._waiting if other is not arrival]
-        return True
+            then()
+
+        waiting = (seq, asyncio.get_running_loop().call_later(patience, late), then)
+        self._waiting.append(waiting)
 
     async def run(self) -> None:
         """Repair the set whenever that is needed, for ever."""
@@ -192,6 +192,8 @@ class PerceptSync:
                 self._on_change(change)
 
     def _tell_waiting(self) -> None:
-        for seq, arrival in self._waiting:
-            if self.percepts.seq >= seq and not arrival.done():
-                arrival.set_result(None)
+        for waiting in [one for one in self._waiting if self.percepts.seq >= one[0]]:
+            self._waiting.remove(waiting)
+            _, timer, then = waiting
+            timer.cancel()
+            then()

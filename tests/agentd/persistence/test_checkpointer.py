@@ -152,11 +152,12 @@ async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_o
     await until(lambda: bool(agent.host.health().notes), "the hanging disk is reported")
     (note,) = agent.host.health().notes
     assert note.code == "state_not_kept"
-    checkpointer = agent.host._checkpointer
+    checkpointer, began = agent.host._checkpointer, list[bool]()
     assert checkpointer is not None
     for number in range(100):
-        assert checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
+        checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto"), lambda: began.append(True))
         checkpointer.ended(f"b:1:{number}")
+    assert len(began) == 100
     assert (checkpointer._begun, checkpointer._ended) == ({}, [])
     agent.disk.open.set()
     await until(lambda: agent.host.health().notes == (), "it is kept again")
@@ -169,9 +170,10 @@ async def test_an_action_that_is_about_to_start_survives_a_power_failure(connect
     checkpointer = agent.host._checkpointer
     assert checkpointer is not None
     await until(lambda: bool(agent.disk.savings), "it is kept once")
-    begun = checkpointer.begun(Action(id="b:1:1", agent="b", name="goto"))
+    begun = asyncio.Event()
+    checkpointer.begun(Action(id="b:1:1", agent="b", name="goto"), begun.set)
     checkpointer.look(quiet=True)
-    await begun
+    await begun.wait()
     kept = zip(agent.disk.savings, agent.disk.soft, strict=True)
     assert [soft for saving, soft in kept if saving.actions] == [False]
     await agent.end()
@@ -357,7 +359,9 @@ async def test_an_atomic_plan_is_kept_whole_though(
     if ends == "an action begins":
         checkpointer = agent.host._checkpointer
         assert checkpointer is not None
-        await checkpointer.begun(Action(id="a:1:1", agent="a", name="goto"))
+        begun = asyncio.Event()
+        checkpointer.begun(Action(id="a:1:1", agent="a", name="goto"), begun.set)
+        await begun.wait()
         assert "5000" in agent.prints or checkpointer.counters["actions_unkept"]
         await agent.die()
     else:

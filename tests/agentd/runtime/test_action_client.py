@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -289,8 +289,12 @@ class Alone:
         self.told: list[object] = []
         self.tasks: list[asyncio.Task[None]] = []
         action_requests, tell = cast(ActionRequests, hands), self.told.append
-        kept = cast(Checkpointer, SimpleNamespace(begun=lambda action: None, ended=lambda identity: None))
-        self.action_client = ActionClient("a", "2", action_requests, kept, tell, tell, cast(Tasks, self))
+        self.on_disk: list[Callable[[], None]] = []
+        """What waits until an action is written down."""
+        begun, ended = lambda action, then: self.on_disk.append(then), lambda identity: None
+        kept = cast(Checkpointer, SimpleNamespace(begun=begun, ended=ended))
+        soon = asyncio.get_running_loop().call_soon
+        self.action_client = ActionClient("a", "2", action_requests, kept, tell, tell, cast(Tasks, self), soon)
 
     def spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))
@@ -304,6 +308,19 @@ class Alone:
 LEFT = Action(id="a:1:1", agent="a", name="goto", parameters=(1,))
 DONE = ActionDone(7, True, "", "succeeded")
 DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled", "cancelled")
+
+
+@async_test
+async def test_an_action_that_is_dropped_before_it_is_on_disk_is_not_requested() -> None:
+    hands = Hands()
+    alone = Alone(hands)
+    alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
+    assert alone.told == []
+    alone.action_client.cancel(7)
+    for then in alone.on_disk:
+        then()
+    assert await alone.ended() == [DROPPED]
+    assert hands.asked == []
 
 
 @async_test

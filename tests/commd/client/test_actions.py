@@ -241,27 +241,6 @@ async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_n
 
 
 @bus_test
-async def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whatever_the_bridge_does(
-    connect: Connect,
-) -> None:
-    async def know_nothing(query: Query[Cancel]) -> None:
-        query.reply(ActionStatus(id="uav:b:1", state="refused", result=False, reason="no such action"))
-
-    action_requests, _, bridge, watch = await act(connect, None)
-    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
-    kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    action_client = asyncio.create_task(action_requests.perform(request("takeoff", (5,)), 30, kept=kept))
-    await asyncio.sleep(0)
-    await action_requests.cancel("uav:b:1")
-    await bridge.close()
-    await until(lambda: watch.gone, "the bridge is gone")
-    kept.set_result(None)
-    status = await asyncio.wait_for(action_client, 120)
-    assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
-    assert action_requests.counters["asked_again"] == 0
-
-
-@bus_test
 async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(connect: Connect) -> None:
     asked: list[str] = []
 
