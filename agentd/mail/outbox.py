@@ -222,7 +222,7 @@ class Outbox:
             if why := receipt.refused.get(place):
                 self.counters["refused"] += 1
                 made = codec(Message)
-                message = made.decode(one.message, made.encoding(self.wire))
+                message = made.decode(one.message, made.encodings[self.wire])
                 log.warning("mail_refused id=%s receiver=%s why=%s", message.id, receiver, why)
                 self._on_refused(message, why)
             else:

@@ -123,7 +123,7 @@ class RestoredState:
 
 def _read(made: Codec[R], kept: bytes) -> R:
     """Decode a record in the wire format in which it was saved."""
-    return made.decode(kept, made.encoding("json" if kept[:1] == b"{" else "msgpack"))
+    return made.decode(kept, made.encodings["json" if kept[:1] == b"{" else "msgpack"])
 
 
 # --- the restored mind ---

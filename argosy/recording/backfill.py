@@ -160,7 +160,7 @@ class Backfill:
 
         def take(key: str, record: Record) -> None:
             nonlocal answered
-            heard = Heard(self._write_queue.now(), key, made.encode(record), made.encoding("json"), "query")
+            heard = Heard(self._write_queue.now(), key, made.encode(record), made.encodings["json"], "query")
             self._write_queue.put(heard)
             answered = True
 

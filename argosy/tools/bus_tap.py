@@ -170,7 +170,7 @@ class BusTap:
             payload = encoder.encode(perception, bus.wire)
             if (key, payload) not in by_several_boards:
                 by_several_boards.add((key, payload))
-                encoding = encoder.encoding(bus.wire)
+                encoding = encoder.encodings[bus.wire]
                 self._queue(Heard(key, payload, encoding, time.time(), time.monotonic(), last_known=True))
 
         for key in asked if str(every) not in asked else {str(every)}:

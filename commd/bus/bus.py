@@ -19,7 +19,7 @@ import zenoh
 from commd.bus import access_probe
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed
 from commd.bus.queries import ROUTER_LOST, Query, QuerySession, Reply
-from commd.bus.raw import Publisher, RawBus, matching
+from commd.bus.raw import Matched, Publisher, RawBus
 from commd.bus.router_endpoints import missing_addresses
 from commd.bus.session import Declaration, close_session, open_client, open_session, session_config, set_id
 from commd.bus.tls import Tls
@@ -119,7 +119,7 @@ class Bus(QuerySession):
         """
         made, wire = codec(type(record)), self.wire
         try:
-            payload, encoding = made.encode(record, wire), made.encoding(wire)
+            payload, encoding = made.encode(record, wire), made.encodings[wire]
             if publisher is not None:
                 publisher.put(payload, encoding)
                 return
@@ -175,9 +175,9 @@ class Bus(QuerySession):
                 handler(somebody)
 
         listener = publisher.declare_matching_listener(self._dispatch.callback(lambda status: changed(status.matching)))
-        if matching(publisher):
+        declared: list[Declaration] = [Declaration(listener), matched := Matched(publisher)]
+        if matched.matching:
             changed(True)
-        declared = [Declaration(listener), Declaration(publisher)]
         self._listened += declared
 
         def withdraw() -> None:

@@ -102,7 +102,7 @@ class Query(Generic[R]):
         """Send one reply on `key` (the query's own by default). Raises BadRecord if it cannot be encoded."""
         made, wire = codec(type(record)), self._session.wire
         try:
-            self._query.reply(key or self.key, made.encode(record, wire), encoding=made.encoding(wire))
+            self._query.reply(key or self.key, made.encode(record, wire), encoding=made.encodings[wire])
         except zenoh.ZError as error:
             self._lost(error)
 
@@ -333,7 +333,7 @@ class QuerySession:
         options: dict[str, Any] = {}
         if ask is not None:
             made = codec(type(ask))
-            options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
+            options = {"payload": made.encode(ask, self.wire), "encoding": made.encodings[self.wire]}
         bare = key.partition("?")[0]
         try:
             self._session.get(

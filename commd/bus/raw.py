@@ -70,17 +70,29 @@ class Subscription(Declaration):
         super().close()
 
 
-class Publisher(Declaration):
-    """Publishes on one key."""
+class Matched(Declaration):
+    """A publisher or querier."""
+
+    def __init__(self, declared: zenoh.Publisher | zenoh.Querier) -> None:
+        super().__init__(declared)
+        self._matched = declared
+
+    @property
+    def matching(self) -> bool:
+        """Whether somebody subscribes to, or serves, the key now."""
+        try:
+            status: Any = self._matched.matching_status  # an object that is always true, whatever its stub says
+            return bool(status.matching)
+        except zenoh.ZError:
+            return False
+
+
+class Publisher(Matched):
+    """Publishes on one key, for other processes."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         super().__init__(publisher)
         self._publisher = publisher
-
-    @property
-    def matching(self) -> bool:
-        """Whether somebody outside this process subscribes to the key now."""
-        return matching(self._publisher)
 
     def put(self, payload: bytes, encoding: str) -> None:
         """Publish; dropped if the route is congested. Raises OSError if the session is closed."""
@@ -90,17 +102,12 @@ class Publisher(Declaration):
             raise OSError(f"cannot put: {error}") from None
 
 
-class Querier(Declaration):
-    """Queries one key."""
+class Querier(Matched):
+    """Queries one key, in other processes."""
 
     def __init__(self, session: zenoh.Session, querier: zenoh.Querier, dispatch: LoopDispatch) -> None:
         super().__init__(querier)
         self._session, self._querier, self._dispatch = session, querier, dispatch
-
-    @property
-    def matching(self) -> bool:
-        """Whether somebody outside this process serves the key now."""
-        return matching(self._querier)
 
     async def ask(self, payload: bytes, encoding: str) -> AsyncGenerator[Sample, None]:
         """Query all that serve the key and yield each reply on arrival until all have ended, even if this is closed.
@@ -276,15 +283,6 @@ def refuse_busy(query: zenoh.Query) -> None:
     """Reply to a query that has no room to wait for the event loop."""
     with query:
         query.reply_err(b"busy: too many queries wait", encoding=zenoh.Encoding.TEXT_PLAIN)
-
-
-def matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
-    """Whether somebody subscribes to, or serves, the key of a declaration."""
-    try:
-        status: Any = declared.matching_status  # an object that is always true, whatever its stub says
-        return bool(status.matching)
-    except zenoh.ZError:
-        return False
 
 
 def _read_sample(sample: zenoh.Sample) -> Sample:

@@ -48,7 +48,7 @@ def list_mailboxes(db: Connection, now: float, state: Callable[[str], str]) -> M
 
 
 def _newest_dead(db: Connection) -> list[DeadLetter]:
-    read, encoding = codec(Message).decode, codec(Message).encoding("msgpack")
+    read, encoding = codec(Message).decode, codec(Message).encodings["msgpack"]
     found: list[DeadLetter] = []
     left = DEAD_BYTES
     rows = db.execute("SELECT code, text, stamp, size, message FROM dead ORDER BY place DESC LIMIT ?", (DEAD,))

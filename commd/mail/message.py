@@ -150,6 +150,6 @@ def named(text: str) -> Term:
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 
-MSGPACK = codec(Message).encoding("msgpack")
+MSGPACK = codec(Message).encodings["msgpack"]
 _UNREAD = msgspec.msgpack.Decoder(Message)
 """Without the hook that makes terms."""

@@ -260,7 +260,7 @@ def _unreadable(health: Health, wire: Wire) -> str:
     """Return why a health record cannot be read by others; empty if it can."""
     made = codec(Health)
     try:
-        made.decode(made.encode(health, wire), made.encoding(wire))
+        made.decode(made.encode(health, wire), made.encodings[wire])
     except BadRecord as bad:
         return str(bad)
     return ""

@@ -49,15 +49,12 @@ class Codec(Generic[R]):
         self.record = record
         self._json = msgspec.json.Decoder(record, dec_hook=decode_hook)
         self._msgpack = msgspec.msgpack.Decoder(record, dec_hook=decode_hook)
-        self._encodings = {wire: f"{media};argosy.{record.__name__}/{VERSION}" for wire, media in MEDIA.items()}
-        self._wires = {encoding: wire for wire, encoding in self._encodings.items()}
+        self.encodings = {wire: f"{media};argosy.{record.__name__}/{VERSION}" for wire, media in MEDIA.items()}
+        """The Encoding of this record on each wire."""
+        self._wires = {encoding: wire for wire, encoding in self.encodings.items()}
         self._known = frozenset(field.encode_name for field in msgspec.structs.fields(record))
         self._probe = msgspec.json.Decoder(dict[str, msgspec.Raw])
         self._probe_msgpack = msgspec.msgpack.Decoder(dict[str, msgspec.Raw])
-
-    def encoding(self, wire: Wire) -> str:
-        """Return the Encoding of this record on `wire`."""
-        return self._encodings[wire]
 
     def encode(self, record: R, wire: Wire = "json") -> bytes:
         """Return the bytes of `record`. Raises BadRecord if it is nested too deeply, has too large numbers, or is no

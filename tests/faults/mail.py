@@ -114,9 +114,9 @@ def _broken(chance: random.Random) -> tuple[bytes, str]:
     )
     match chance.randrange(4):
         case 0:
-            return chance.randbytes(chance.randrange(1, 3000)), codec(Mail).encoding("json")
+            return chance.randbytes(chance.randrange(1, 3000)), codec(Mail).encodings["json"]
         case 1:
-            return good[: chance.randrange(1, len(good) - 1)], codec(Mail).encoding("json")
+            return good[: chance.randrange(1, len(good) - 1)], codec(Mail).encodings["json"]
         case 2:
             return b"[" * 5000, ""
         case _:
@@ -140,7 +140,7 @@ async def _answered(bus: Bus, key: str) -> None:
     """Wait until mail without messages is answered. Zenoh matches a key of another board up to 0.1 s before its router
     has a route to it (it computes them at most so often), and until then a query ends without an answer."""
     mail = codec(Mail)
-    empty = mail.encode(Mail(), "json"), mail.encoding("json")
+    empty = mail.encode(Mail(), "json"), mail.encodings["json"]
 
     async def answered() -> bool:
         return await _ask(bus, key, empty) == [""]
@@ -155,8 +155,8 @@ async def _answered(bus: Bus, key: str) -> None:
 async def other_version(row: Row, office: Office) -> None:
     """A board with another major version of the records stands where bob's should be, until the right one comes."""
     daemon = await office.start("pi1")
-    foreign = codec(Mail).encoding("json").replace("/1", "/2")
-    receipts = codec(Receipt).encoding("json").replace("/1", "/2")
+    foreign = codec(Mail).encodings["json"].replace("/1", "/2")
+    receipts = codec(Receipt).encodings["json"].replace("/1", "/2")
     row.expect("/2" in foreign and "/2" in receipts, "the encoding carries a version")
     async with office.bus() as bus, office.program("ann") as ann:
         errors = await _ask(bus, keys.outbox(FLEET, "ann"), (b'{"messages":[]}', foreign))

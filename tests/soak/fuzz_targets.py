@@ -214,10 +214,10 @@ def _read_record(wire: Wire, data: bytes, rng: random.Random) -> None:
     for kind in (Perception, Action, Mail, rng.choice(list(RECORDS.values()))):
         made = codec(kind)
         try:
-            record = made.decode(data, made.encoding(wire))
+            record = made.decode(data, made.encodings[wire])
         except BadRecord:
             continue
-        made.unknown_fields(data, made.encoding(wire))
+        made.unknown_fields(data, made.encodings[wire])
         _take_terms(record)
 
 
@@ -416,7 +416,7 @@ def _recorded_mail() -> tuple[bytes, ...]:
 def _read_recorded_mail(data: bytes, _: random.Random) -> None:
     made, path = codec(MindInputs), Path(_folder().name, "mail.mcap")
     first = heard("argosy/test/uav/trace/inputs", _LIFE)
-    writer = write(path, (first, Heard(BEGIN, first.key, data, made.encoding("json"))), "none")
+    writer = write(path, (first, Heard(BEGIN, first.key, data, made.encodings["json"])), "none")
     writer.close(End("done", BEGIN))
     view, _notes = recorded_view(path, "uav")
     explain_view(view, "")

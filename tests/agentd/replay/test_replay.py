@@ -411,7 +411,7 @@ GIVEN: list[Any] = [
 def test_what_goes_in_crosses_the_wire_whole(item: Any, wire: Any) -> None:
     record = written(7, item, {})
     made = codec(MindInput)
-    crossed = made.decode(made.encode(record, wire), made.encoding(wire))
+    crossed = made.decode(made.encode(record, wire), made.encodings[wire])
     again = read(crossed)
     assert type(again) is type(item)
     assert repr(again) == repr(item)

@@ -47,7 +47,7 @@ class Fleet:
 
     def put(self, key: str, record: Record) -> None:
         """Record what is put on a key now."""
-        self.write(key, codec(type(record)).encode(record), codec(type(record)).encoding("json"))
+        self.write(key, codec(type(record)).encode(record), codec(type(record)).encodings["json"])
 
     def write(self, key: str, payload: bytes, encoding: str) -> None:
         """Record bytes that are put on a key now."""
@@ -287,7 +287,7 @@ def test_panels_and_widths_that_there_are_none_of_are_refused(flown: Path, capsy
 def test_records_that_this_version_cannot_read_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Fleet(tmp_path / "later.mcap")
     fly(fleet)
-    fleet.write(keys.percept(FLEET, "scout", "later"), b'{"name": 7}', codec(Perception).encoding("json"))
+    fleet.write(keys.percept(FLEET, "scout", "later"), b'{"name": 7}', codec(Perception).encodings["json"])
     assert main(["plot", str(fleet.close())]) == 0
     assert capsys.readouterr().err == (
         "note: 1 of its records Perception cannot be read: another version of Argosy wrote them\n"

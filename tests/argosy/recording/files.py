@@ -26,7 +26,7 @@ FACTS = Facts(recording="abc", fleet="test", started=BEGIN, version="9.9.9")
 def heard(key: str, record: Record, seconds: float = 0.0, wire: Wire = "json") -> Heard:
     """A record as it comes from the bus."""
     made = codec(type(record))
-    return Heard(BEGIN + round(seconds * SECOND), key, made.encode(record, wire), made.encoding(wire))
+    return Heard(BEGIN + round(seconds * SECOND), key, made.encode(record, wire), made.encodings[wire])
 
 
 def altitude(number: int, value: float, wire: Wire = "json") -> Heard:

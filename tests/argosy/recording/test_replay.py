@@ -101,7 +101,7 @@ async def test_it_says_all_in_order_and_at_the_times_of_the_recording(
 
 def codec_encoding(wire: Wire) -> str:
     """The Encoding of percepts."""
-    return codec(Perception).encoding(wire)
+    return codec(Perception).encodings[wire]
 
 
 @bus_test
@@ -380,4 +380,4 @@ def test_what_was_messagepack_is_the_same_record_again() -> None:
     data = to_json(inputs.payload)
     assert data is not None
     again = to_msgpack(data)
-    assert codec(MindInputs).decode(again, codec(MindInputs).encoding("msgpack")) == stretch(0)
+    assert codec(MindInputs).decode(again, codec(MindInputs).encodings["msgpack"]) == stretch(0)

@@ -213,7 +213,7 @@ RECORDS: list[tuple[str, Record, str]] = [
 @pytest.mark.parametrize(("key", "record", "line"), RECORDS, ids=lambda one: type(one).__name__)
 def test_a_record_is_shown_in_one_line(key: str, record: Record, line: str, wire: Wire, named: bool) -> None:
     made = codec(type(record))
-    assert line_of(f"argosy/f/{key}", made.encode(record, wire), made.encoding(wire) if named else "") == line
+    assert line_of(f"argosy/f/{key}", made.encode(record, wire), made.encodings[wire] if named else "") == line
 
 
 def test_every_record_of_the_table_is_shown_in_words() -> None:

@@ -101,7 +101,7 @@ class Run:
 
     def put(self, key: str, record: Record) -> Self:
         encoder = codec(type(record))
-        self.router.put(key, encoder.encode(record), encoding=encoder.encoding("json"))
+        self.router.put(key, encoder.encode(record), encoding=encoder.encodings["json"])
         return self
 
     def status(
@@ -131,7 +131,7 @@ class Run:
         server = self.network.open("board", "server", False, owner)
 
         def take(query: Query) -> None:
-            query.reply(query.key_expr, codec(Receipt).encode(answer), encoding=codec(Receipt).encoding("json"))
+            query.reply(query.key_expr, codec(Receipt).encode(answer), encoding=codec(Receipt).encodings["json"])
             query.drop()
 
         server.declare_queryable(key, SimpleNamespace(callback=take))
@@ -139,7 +139,7 @@ class Run:
             key,
             SimpleNamespace(callback=lambda reply: None, drop=None),
             payload=codec(Mail).encode(Mail(messages=tuple(messages))),
-            encoding=codec(Mail).encoding("json"),
+            encoding=codec(Mail).encodings["json"],
         )
         self._work()
         server.close()

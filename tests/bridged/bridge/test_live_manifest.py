@@ -179,7 +179,7 @@ def test_any_change_is_in_effect_or_refused_in_words(values: dict[str, Any], rem
     wires: tuple[Wire, ...] = ("json", "msgpack")
     for wire in wires:
         assert (
-            codec(LiveManifest).decode(codec(LiveManifest).encode(told, wire), codec(LiveManifest).encoding(wire))
+            codec(LiveManifest).decode(codec(LiveManifest).encode(told, wire), codec(LiveManifest).encodings[wire])
             == told
         )
 

@@ -22,7 +22,7 @@ WIRES: tuple[Wire, ...] = ("json", "msgpack")
 def test_every_kind_of_term_survives_the_wire(wire: Wire, parameters: tuple[Term, ...]) -> None:
     made = codec(Perception)
     sent = Perception(header=Header(seq=1, stamp=2, source="uav1", boot="b"), name="p", parameters=parameters)
-    back = made.decode(made.encode(sent, wire), made.encoding(wire))
+    back = made.decode(made.encode(sent, wire), made.encodings[wire])
     assert back == sent
     assert list(map(type, back.parameters)) == list(map(type, sent.parameters))
 
@@ -105,7 +105,7 @@ def test_another_major_version_or_record_is_refused_by_name() -> None:
 def test_each_record_of_the_next_major_version_is_refused_by_its_number(wire: Wire) -> None:
     own = [one for one in (*vars(records).values(), *vars(mind_records).values()) if isinstance(one, type)]
     for record in (one for one in own if issubclass(one, records.Record) and one is not records.Record):
-        encoding = codec(record).encoding(wire).rpartition("/")[0]
+        encoding = codec(record).encodings[wire].rpartition("/")[0]
         with pytest.raises(BadRecord, match="version 2 of the record, this daemon speaks version 1"):
             codec(record).decode(b"{}", f"{encoding}/2")
 

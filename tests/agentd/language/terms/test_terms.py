@@ -56,7 +56,7 @@ def test_the_standard_order_is_total(a: Any, b: Any, c: Any) -> None:
 def test_a_ground_term_comes_back_from_the_bus_as_it_went(term: Any, wire: Wire) -> None:
     codec = Codec(Perception)
     sent = Perception(name="b", parameters=(to_wire(term),))
-    back = codec.decode(codec.encode(sent, wire), codec.encoding(wire))
+    back = codec.decode(codec.encode(sent, wire), codec.encodings[wire])
     assert equal(from_wire(back.parameters[0]), term)
 
 
