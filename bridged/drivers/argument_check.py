@@ -35,11 +35,10 @@ def read_arguments(
 
     Raises BadArgument for the first that is wrong.
     """
-    allowed = entry.arities
-    if len(parameters) not in ((allowed,) if isinstance(allowed, int) else allowed):
-        most = count(entry.arity, "argument")
-        taken = most if isinstance(allowed, int) else f"{allowed.start} to {most}"
-        raise BadArgument(f"{signature(name, entry)} takes {taken}, got {len(parameters)}")
+    least, most = sum(one.default is None for one in entry.params), len(entry.params)
+    if not least <= len(parameters) <= most:
+        taken = f"{least} to " if least < most else ""
+        raise BadArgument(f"{signature(name, entry)} takes {taken}{count(most, 'argument')}, got {len(parameters)}")
     reader = _Reader(name, values)
     given = zip(entry.params, parameters, strict=False)  # those left out have a default
     return {one.name: one.default for one in entry.params if one.default is not None} | {

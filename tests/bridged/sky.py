@@ -6,7 +6,6 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -14,14 +13,13 @@ from bridged.bridge.bridge import Bridge
 from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.drivers.mavlink.transport.shared_links import SharedLink
 from bridged.simulation.vehicle.fault_injection import Faults, LinkFaults
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.vehicle import Vehicle
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import read_mission
-from schemas.wire.records import Action, ActionStatus, Header, Note, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Perception
 from schemas.wire.terms import Term
 from tests.bridged.components import Component
 
@@ -70,25 +68,6 @@ class VirtualClock(Clock):
         return int(self.wall() * 1e9)
 
 
-class Carrier:
-    """The link as the driver sees it."""
-
-    def __init__(self, world: Sky) -> None:
-        self.world = world
-
-    def send(self, link_client: object, message: Message) -> None:
-        """Take a message for the vehicle; it goes on its way with the next step."""
-        self.world.uplink.append(self.world.ours.pack(message))
-
-    def counters(self, link_client: object) -> dict[str, float]:
-        """No figures."""
-        return {}
-
-    def notes(self, link_client: object) -> list[Note]:
-        """No warnings."""
-        return []
-
-
 class Sky:
     """One vehicle, one bridge, and the air between them."""
 
@@ -131,7 +110,7 @@ class Sky:
         self.ours = Encoder(self.driver.identity.system, self.driver.identity.component)
         self._theirs = Encoder(self.vehicle.system, 1)
         self._at_vehicle, self._at_bridge = Framer(WireCounters()), Framer(WireCounters())
-        self.driver.link = cast(SharedLink, Carrier(self))
+        self.driver._send = lambda message: self.uplink.append(self.ours.pack(message))  # it leaves with the next step
         self._counter = 0
 
     def step(self) -> None:

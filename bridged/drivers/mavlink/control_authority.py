@@ -42,7 +42,8 @@ class ControlAuthority:
         self._flight, self._vehicle, self._runs, self._end = flight, flight.vehicle, runs, end
         self._by_agent = False
         """Whether an agent set the mode last, for all the bridge knows, or was handed the vehicle over."""
-        self._pending: _Override | None = None
+        self.pending: _Override | None = None
+        """A change of the mode for which the runs that moved the vehicle only wait for their end."""
         self._restarted = False
         """The mode of the next HEARTBEAT is one that the vehicle started with."""
         self._unreported = False
@@ -58,11 +59,6 @@ class ControlAuthority:
     def in_doubt(self) -> bool:
         """Whether others set the present mode, unless the vehicle has begun with it: its clock is being asked."""
         return self._vehicle.overridden and self._flight.now < self._doubt_until
-
-    @property
-    def pending(self) -> bool:
-        """Whether the runs that moved the vehicle only wait for their end."""
-        return self._pending is not None
 
     def heard(self, mode_before: int, was_armed: bool, *, again: bool) -> None:
         """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it.
@@ -126,13 +122,13 @@ class ControlAuthority:
 
     def rebooted(self) -> None:
         """The vehicle was restarted: its mode is the one that it begins with, set by nobody."""
-        self._restarted, self._by_agent, self._pending, self._doubt_until = True, False, None, -math.inf
+        self._restarted, self._by_agent, self.pending, self._doubt_until = True, False, None, -math.inf
         self._vehicle.overridden = False
         self._end_override()
 
     def look(self) -> None:
         """End the runs that moved the vehicle when others set the mode, as soon as the vehicle has reported why."""
-        pending, now = self._pending, self._flight.now
+        pending, now = self.pending, self._flight.now
         if self._unreported:
             self._report_override()
         if pending is None or now < self._doubt_until:
@@ -141,7 +137,7 @@ class ControlAuthority:
         moving = [run for run in self._runs if run.moves]
         if not warnings and now < pending.until and moving:
             return
-        self._pending = None
+        self.pending = None
         reason = f"the mode became {pending.mode}, which nobody here asked for ({self._flight.others})"
         for run in moving:
             self._end(run, Outcome("failed", f"{reason}: {warnings}" if warnings else reason, "pilot"))
@@ -151,8 +147,8 @@ class ControlAuthority:
 
         The vehicle's texts are waited for no longer.
         """
-        if self._pending is not None:
-            self._pending = replace(self._pending, until=self._flight.now)
+        if self.pending is not None:
+            self.pending = replace(self.pending, until=self._flight.now)
             self.look()
         if run.procedure.make_steps is arm and not self._vehicle.armed:
             self._vehicle.overridden = False  # whoever starts the motors answers for the flight
@@ -181,7 +177,7 @@ class ControlAuthority:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
         if any(run.procedure.sets_mode or _judges(run) for run in self._runs):
             return
-        self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
+        self.pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
             self._by_agent, self.override, self._unreported = False, name, True
         self._report_override()

@@ -7,8 +7,6 @@ import logging
 import time
 from collections.abc import Mapping
 
-from pymavlink.dialects.v20 import ardupilotmega as dialect
-
 from bridged.drivers.api import SAFETY, Execution, Order, Outcome, Setup, Value
 from bridged.drivers.mavlink.action_binding import bind_action, leads_down, may_lead_down, procedure_of
 from bridged.drivers.mavlink.actions import operator_requests
@@ -16,7 +14,7 @@ from bridged.drivers.mavlink.actions.context import Files, ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
-from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links, SharedLink
+from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links
 from bridged.drivers.mavlink.transport.signing import read_key
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
 from bridged.drivers.mavlink.vehicle.streams import unread
@@ -45,10 +43,23 @@ class MavlinkDriver(VehicleSession):
     def __init__(self, setup: Setup) -> None:
         """Raises SigningError for a passphrase that cannot be used."""
         robot = setup.robot
+        identity = our_ids(robot.failsafe, robot.sysid, robot.ids)
+        self.link_client = LinkClient(
+            setup.name,
+            robot.sysid,
+            Ids(identity.system, identity.component),
+            self.receive,
+            self.carry,
+            unread(setup.manifest),
+            None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
+            tuple(map(LinkAddress.parse, link_strings(robot.forward))),
+            setup.state,
+        )
+        """Carries packets to the vehicle, over a link that other robots may share."""
         super().__init__(
             setup.manifest,
-            our_ids(robot.failsafe, robot.sysid, robot.ids),
-            self._send_on_link,
+            identity,
+            self.link_client.send,
             setup.on_reading,
             setup.clock,
             limits=robot.limits,
@@ -59,22 +70,7 @@ class MavlinkDriver(VehicleSession):
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn
         self._links = Links.of(setup.shared)
-        self.link: SharedLink | None = None
-        """Carries packets to the vehicle; shared with other robots at it."""
-        self._link_client = LinkClient(
-            setup.name,
-            robot.sysid,
-            Ids(self.identity.system, self.identity.component),
-            self.receive,
-            self.carry,
-            unread(setup.manifest),
-            None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
-            tuple(map(LinkAddress.parse, link_strings(robot.forward))),
-            setup.state,
-        )
-        self._link_client.address.link_loss = self.flight.to_wall(self.link_loss)
-        self.unsendable = 0
-        """Messages so far that could not be packed."""
+        self.link_client.address.link_loss = self.flight.to_wall(self.link_loss)
         self.stalls = 0
         """How often so far the event loop was away for longer than `STALL`."""
 
@@ -82,8 +78,8 @@ class MavlinkDriver(VehicleSession):
         """Carry the vehicle's traffic until cancelled. Raises LinkError if it cannot be opened; may be run again."""
         loop = asyncio.get_running_loop()
         self.carry(False)  # so that a link that cannot be opened, also at another run, is reported down
-        async with self._links.seat(self._address, self._link_client) as self.link:
-            self.carry(self.link.up)
+        async with self._links.seat(self._address, self.link_client) as link:
+            self.carry(link.up)
             while True:
                 try:
                     self.tick()
@@ -185,8 +181,8 @@ class MavlinkDriver(VehicleSession):
     def adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest: other streams are requested."""
         super().adopt(manifest)
-        self._link_client.unread = unread(manifest)
-        self._link_client.address.link_loss = self.flight.to_wall(self.link_loss)
+        self.link_client.unread = unread(manifest)
+        self.link_client.address.link_loss = self.flight.to_wall(self.link_loss)
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""
@@ -197,25 +193,16 @@ class MavlinkDriver(VehicleSession):
             "streams_requested": self.streams.requested,
             "reboots": self.vehicle.reboots,
             "texts_dropped": self.warnings.dropped,
-            "unsendable": self.unsendable,
+            "unsendable": self.link_client.unsendable,
             "stalls": self.stalls,
         }
-        return counters if self.link is None else counters | self.link.counters(self._link_client)
+        return counters | (self.link_client.link.counters(self.link_client) if self.link_client.link else {})
 
     def notes(self) -> list[Note]:
         """Warnings that hold now."""
-        of_link = [] if self.link is None else self.link.notes(self._link_client)
-        return [*of_link, *super().notes()]
+        link = self.link_client.link
+        return [*(link.notes(self.link_client) if link else ()), *super().notes()]
 
     def _two(self) -> str:
         """Return the warning that two vehicles have the system id of ours, empty if there is one."""
-        return self._link_client.address.two_vehicles(time.monotonic())
-
-    def _send_on_link(self, message: dialect.MAVLink_message) -> None:
-        if self.link is None:
-            return
-        try:
-            self.link.send(self._link_client, message)
-        except ValueError as error:
-            self.unsendable += 1
-            log.error("not sent: %s", error)
+        return self.link_client.address.two_vehicles(time.monotonic())

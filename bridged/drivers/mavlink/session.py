@@ -28,6 +28,7 @@ from bridged.drivers.mavlink.actions.context import (
 from bridged.drivers.mavlink.actions.flight import HOLD, LEAVE_HOLD, SECURE, STAY, mode_action
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.autopilots.ardupilot import ArduPilot
+from bridged.drivers.mavlink.autopilots.autopilot import VelocityStream
 from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
@@ -347,7 +348,8 @@ class VehicleSession:
     def _step(self) -> None:
         """Let every procedure take one step; one that others have overridden only waits for its end."""
         self.control.look()
-        self._keep_velocity()
+        if self.flight.velocity is not None:
+            self._keep_velocity(self.flight.velocity)
         for run in list(self._runs):
             if run not in self._runs or (run.moves and self.control.pending):
                 continue
@@ -371,13 +373,11 @@ class VehicleSession:
                 self._report_state()
             run.end(outcome)
 
-    def _keep_velocity(self) -> None:
+    def _keep_velocity(self, stream: VelocityStream) -> None:
         """Stream the velocity that is flown; at its end the vehicle holds, on purpose, before the stream ends."""
-        stream, vehicle = self.flight.velocity, self.vehicle
-        if stream is None:
-            return
+        vehicle = self.vehicle
         asked = vehicle.mode == stream.mode or (self.flight.expects(stream.mode) and not stream.leaving)
-        if not asked or not vehicle.armed or self.vehicle.overridden:
+        if not asked or not vehicle.armed or vehicle.overridden:
             self.flight.velocity = None
             return
         stream.keep(self.flight.now)

@@ -39,8 +39,6 @@ class LinkCounters(WireCounters):
 
     sent: int = 0
     dropped: int = 0  # packets of ours that a full buffer or a link that was down swallowed
-    unroutable: int = 0  # packets of ours to a system that was never heard
-    moves: int = 0  # times that a system id began to speak from another address
     reopened: int = 0  # times that a link was lost and opened again
     errors: int = 0  # errors that the operating system reported on the way (nobody listens at the other end, ...)
 
@@ -185,7 +183,6 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        self._listens = link.address.kind == "udpin"
         self._transport: asyncio.DatagramTransport | None = None
         self._socket: socket.socket | None = None
         """The transport's: it reads one datagram in a pass of the event loop."""
@@ -200,13 +197,13 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._transport = transport
         self._socket = transport.get_extra_info("socket").dup()
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
-        if not self._listens:
+        if not self._link.listens:
             # The socket is connected: the kernel passes only what comes from there.
             self._add_peer("remote", str(self._link.address), None)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         for left in range(BURST - 1, -1, -1):
-            key: object = addr if self._listens else "remote"
+            key: object = addr if self._link.listens else "remote"
             peer = self._link.peers_by_key.get(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
             self._link.received(peer, data, datagram=True)
             if self._socket is None or not left:
@@ -231,7 +228,7 @@ class UdpSocket(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         self._link.counters.errors += 1
         number = exc.errno if isinstance(exc, OSError) else None
-        if number not in NOBODY_THERE and not (self._listens and number in NO_WAY):
+        if number not in NOBODY_THERE and not (self._link.listens and number in NO_WAY):
             self._lose(exc)
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -6,7 +6,7 @@ not fit is dropped and counted: late telemetry is worth less than fresh telemetr
 """
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -24,7 +24,7 @@ from bridged.drivers.mavlink.transport.endpoint import (
     open_serial,
     open_udp,
 )
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Encoder, Framer, Gate, SignedGate, check_ids
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, Gate, SignedGate, check_ids
 from bridged.drivers.mavlink.transport.signing import Signing
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
@@ -59,6 +59,8 @@ class Link:
     ) -> None:
         check_ids(*ids)
         self.address = address
+        self.listens = address.kind.endswith("in")
+        """Whether anybody may call; other links have one other end."""
         self.counters = LinkCounters()
         self.up = False
         self.why = "not open yet"
@@ -70,53 +72,34 @@ class Link:
         self._make_gate = make_gate or (lambda peer: SignedGate(lambda: self.signing))
         self.peers_by_key: dict[object, Peer] = {}
         """For endpoints: the other ends by the key under which they were added."""
-        self._routes: dict[int, Peer] = {}
-        self._autopilots: set[int] = set()
-        """Systems whose route is where their autopilot speaks."""
         self._endpoint: Endpoint | None = None
 
     @property
     def peers(self) -> list[Peer]:
         """The other ends that packets can be sent to now."""
-        return [peer for peer in self.peers_by_key.values() if peer.heard or not self.address.kind.endswith("in")]
-
-    def peer_of(self, sysid: int) -> Peer | None:
-        """Return where the system's autopilot was heard last; if it never was, any part of the system."""
-        return self._routes.get(sysid)
+        return [peer for peer in self.peers_by_key.values() if peer.heard or not self.listens]
 
     def send(
         self,
         message: dialect.MAVLink_message,
-        sysid: int | None = None,
+        peers: Sequence[Peer] | None = None,
         *,
         ids: Ids | None = None,
         signing: Signing | None = None,
     ) -> bool:
-        """Send to where `sysid` was heard last, or to every peer if it is None or 0.
+        """Send to some peers, by default to every one. Returns False if it was dropped for all of them.
 
-        `ids` and `signing` are the link's own if they are not given. True if the packet is on its way to at least one
-        peer. A link with one other end (udpout, tcp, serial) sends there in any case. Raises ValueError if a field of
-        the message does not fit into its type.
+        `ids` and `signing` are the link's own if they are not given. Raises ValueError if a field of the message does
+        not fit into its type.
         """
-        return self.send_to(self._targets(sysid), message, ids=ids, signing=signing)
-
-    def send_to(
-        self,
-        peers: Iterable[Peer],
-        message: dialect.MAVLink_message,
-        *,
-        ids: Ids | None = None,
-        signing: Signing | None = None,
-    ) -> bool:
-        """Send to some peers. Returns False if it was dropped for all of them."""
         ids, signing, packed = ids or self._ids, signing or self.signing, []
-        for peer in peers:
+        for peer in self.peers if peers is None else peers:
             if ids not in peer.encoders:  # each has its own sequence numbers
                 peer.encoders[ids] = Encoder(*ids)
             packed.append((peer, peer.encoders[ids].pack(message, signing)))
         sent = sum(peer.write(packet) for peer, packet in packed)
         self.counters.sent += sent
-        self.counters.dropped += len(packed) - sent
+        self.counters.dropped += len(packed) - sent if packed or self.listens else 1
         return sent > 0
 
     def pass_on(self, peers: Iterable[Peer], packet: bytes, most: int = MAX_QUEUED_BYTES) -> bool:
@@ -129,21 +112,14 @@ class Link:
         return sent > 0
 
     def peers_of(self, sysid: int) -> list[Peer]:
-        """Return every address where the system was heard lately: more than one if two vehicles have one id."""
+        """Return every address where the system was heard lately: more than one if two vehicles have one id.
+
+        A link with one other end sends there in any case.
+        """
+        if not self.listens:
+            return self.peers
         since = asyncio.get_running_loop().time() - STILL_THERE
         return [peer for peer in self.peers if peer.systems.get(sysid, since) > since]
-
-    def _targets(self, sysid: int | None) -> list[Peer]:
-        targets = self.peers
-        if sysid and self.address.kind in ("udpin", "tcpin"):
-            route = self._routes.get(sysid)
-            if route is None:
-                self.counters.unroutable += 1
-                return []
-            return [route]
-        if not targets:
-            self.counters.dropped += 1
-        return targets
 
     async def open(self) -> None:
         """For `open_link` and for links that do more: begin to carry bytes. Raises LinkError."""
@@ -164,8 +140,6 @@ class Link:
             await endpoint.close()
             self.set_state(False, "closed")
         self.peers_by_key.clear()
-        self._routes.clear()
-        self._autopilots.clear()
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """For endpoints: another end came up, or its first bytes came in."""
@@ -178,40 +152,20 @@ class Link:
 
     def drop_peer(self, key: object) -> None:
         """For endpoints: another end went away."""
-        peer = self.peers_by_key.pop(key, None)
-        if peer is not None:
-            self._routes = {sysid: route for sysid, route in self._routes.items() if route is not peer}
-            self._autopilots &= self._routes.keys()
+        self.peers_by_key.pop(key, None)
 
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
         """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link stays up."""
         loop = asyncio.get_running_loop()
         for message in peer.framer.feed_datagram(data) if datagram else peer.framer.feed(data):
-            sysid = message.get_srcSystem()
             peer.heard, peer.heard_at = True, loop.time()
-            peer.systems[sysid] = peer.heard_at
-            self._route(sysid, message.get_srcComponent(), peer)
+            peer.systems[message.get_srcSystem()] = peer.heard_at
             try:
                 self._on_packet(message, peer)
             except Exception as error:
                 loop.call_exception_handler(
                     {"message": f"{self.address}: handling {message.get_type()} failed", "exception": error}
                 )
-
-    def _route(self, sysid: int, component: int, peer: Peer) -> None:
-        """Route a system to its autopilot's peer: a camera or companion of the same id may use another address."""
-        if component == AUTOPILOT:
-            known = sysid in self._autopilots
-            self._autopilots.add(sysid)
-        elif sysid in self._autopilots:
-            return
-        else:
-            known = True
-        route = self._routes.get(sysid)
-        if route is not peer:
-            if route is not None and known:
-                self.counters.moves += 1
-            self._routes[sysid] = peer
 
     def set_state(self, up: bool, why: str) -> None:
         """For endpoints: packets can pass, or they cannot."""

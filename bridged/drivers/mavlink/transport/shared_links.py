@@ -64,9 +64,31 @@ class LinkClient:
     problems: list[Note] = field(default_factory=list)
     address: VehicleAddress = field(init=False)
     """Where its vehicle is, on a link at which anybody may call."""
+    link: SharedLink | None = None
+    """Where it is a client, from the first time on."""
+    unsendable: int = 0
+    """Messages so far that could not be packed."""
 
     def __post_init__(self) -> None:
         self.address = VehicleAddress(self.vehicle)
+
+    def send(self, message: dialect.MAVLink_message) -> None:
+        """Send to the vehicle where it is; if there are two, to each address where one was heard lately.
+
+        What is for a camera or gimbal goes to where that one was heard. It is lost while there is no link.
+        """
+        if self.link is None or (link := self.link.link) is None:
+            return
+        home = self.address.peer
+        part = self.link.parts.get((self.vehicle, getattr(message, "target_component", AUTOPILOT)))
+        home = home if part is None or part.closed else part
+        two = self.address.two_vehicles(asyncio.get_running_loop().time())
+        peers = link.peers_of(self.vehicle) if two or home is None or home.closed else [home]
+        try:
+            link.send(message, peers, ids=self.ids, signing=self.signing)
+        except ValueError as error:
+            self.unsendable += 1
+            log.error("not sent: %s", error)
 
 
 class Links:
@@ -113,7 +135,7 @@ class SharedLink:
         self._refused: dict[tuple[int, str, str], float] = {}
         self.homes: dict[tuple[int, int], tuple[Peer, float]] = {}
         """Where each part of each vehicle, by system and component, spoke last, and when."""
-        self._parts: dict[tuple[int, int], Peer] = {}
+        self.parts: dict[tuple[int, int], Peer] = {}
         """Where the parts of vehicles beside their autopilots, by system and component, spoke last."""
 
     @property
@@ -136,7 +158,7 @@ class SharedLink:
                     on_state=self._report_state,
                     make_gate=lambda peer: _ClientGate(self, peer),
                 )
-            self.link_clients[link_client.vehicle] = link_client
+            self.link_clients[link_client.vehicle], link_client.link = link_client, self
             for address in link_client.forward:
                 self._attach(link_client, address)
 
@@ -152,30 +174,12 @@ class SharedLink:
                 link, self.link = self.link, None
                 await link.close()
                 self.homes.clear()
-                self._parts.clear()
+                self.parts.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
                     self._signed.close()
                     self._timestamps = None
                     self._by_key.clear()
-
-    def send(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
-        """Send to a robot's vehicle where it is; if there are two, to each address where one was heard lately.
-
-        What is for a camera or gimbal goes to where that one was heard. Raises ValueError if the message cannot be
-        packed.
-        """
-        if self.link is None:
-            return
-        ids, signing, home = link_client.ids, link_client.signing, link_client.address.peer
-        part = self._parts.get((link_client.vehicle, getattr(message, "target_component", AUTOPILOT)))
-        home = home if part is None or part.closed else part
-        if link_client.address.two_vehicles(asyncio.get_running_loop().time()):
-            self.link.send_to(self.link.peers_of(link_client.vehicle), message, ids=ids, signing=signing)
-        elif home is not None and not home.closed:
-            self.link.send_to([home], message, ids=ids, signing=signing)
-        else:
-            self.link.send(message, link_client.vehicle, ids=ids, signing=signing)
 
     def notes(self, link_client: LinkClient) -> list[Note]:
         """Return the warnings of the link that hold now, and those of one robot's place at it."""
@@ -261,7 +265,7 @@ class SharedLink:
         link_client = self.link_clients.get(system)
         if link_client is not None and self.link is not None:
             asks = dialect.MAVLink_timesync_message(0, time.time_ns())
-            self.link.send_to([peer], asks, ids=link_client.ids, signing=link_client.signing)
+            self.link.send(asks, [peer], ids=link_client.ids, signing=link_client.signing)
 
     def _signing(self, link_client: LinkClient) -> Signing | None:
         """Return the signing of a key; all share one row of timestamps: a vehicle may hear packets to others."""
@@ -304,8 +308,8 @@ class SharedLink:
         if link_client := self.link_clients.get(system):
             # Cameras and companions may send from anywhere: their messages are not the vehicle's state.
             if message.get_srcComponent() != AUTOPILOT:
-                self._parts[system, message.get_srcComponent()] = peer
-            elif self.address.kind.endswith("in"):
+                self.parts[system, message.get_srcComponent()] = peer
+            elif self.link is not None and self.link.listens:
                 heartbeat, now = message.get_type() == "HEARTBEAT", asyncio.get_running_loop().time()
                 if not link_client.address.counts(peer, now, heartbeat=heartbeat):
                     return

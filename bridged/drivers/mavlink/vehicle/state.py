@@ -61,6 +61,8 @@ class Vehicle:
         """MAV_TYPE of its HEARTBEAT."""
         self.autopilot: int | None = None
         """MAV_AUTOPILOT of its HEARTBEAT; None before the first."""
+        self.not_commanded = ""
+        """Why nothing may be sent to it that commands or configures it; empty if it may."""
         self.connected = False
         """Heard within the link-loss time; set by the session."""
         self.heartbeats = 0
@@ -167,6 +169,7 @@ class Vehicle:
                 self.mode = message.custom_mode
                 if (message.type, message.autopilot) != (self.type, self.autopilot):
                     self.type, self.autopilot = message.type, message.autopilot
+                    self.not_commanded = _not_commanded(message.autopilot)
                     self.modes = table_of(self.declared, message.autopilot, message.type)
                 if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
                     self._rebooted()
@@ -217,27 +220,7 @@ class Vehicle:
     @property
     def contradiction(self) -> str:
         """That the vehicle is another kind than the manifest declares, for people; empty if it is not."""
-        return "" if self.unknown_autopilot else contradiction(self.declared, self.type)
-
-    @property
-    def unknown_autopilot(self) -> str:
-        """The name of an autopilot whose modes and commands this driver does not know; empty for ArduPilot and PX4.
-
-        Mode numbers, the frames of altitudes and what an acknowledgement means differ between autopilots.
-        """
-        if self.autopilot in (None, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4):
-            return ""
-        entry = dialect.enums["MAV_AUTOPILOT"].get(self.autopilot)
-        return entry.name.removeprefix("MAV_AUTOPILOT_") if entry else f"MAV_AUTOPILOT {self.autopilot}"
-
-    @property
-    def not_commanded(self) -> str:
-        """Why nothing may be sent to it that commands or configures it; empty if it may."""
-        if not (name := self.unknown_autopilot):
-            return ""
-        return (
-            f"the autopilot of the vehicle is {name}, and only ArduPilot and PX4 are commanded: it is listened to only"
-        )
+        return "" if self.not_commanded else contradiction(self.declared, self.type)
 
     @property
     def failsafe_acts(self) -> bool:
@@ -284,3 +267,15 @@ class Vehicle:
         self._boot_ms = 0
         self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0
         self.home = self.target = None
+
+
+def _not_commanded(autopilot: int) -> str:
+    """Return why an autopilot (MAV_AUTOPILOT) is not commanded; empty for ArduPilot and PX4.
+
+    Mode numbers, the frames of altitudes and what an acknowledgement means differ between autopilots.
+    """
+    if autopilot in (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4):
+        return ""
+    entry = dialect.enums["MAV_AUTOPILOT"].get(autopilot)
+    name = entry.name.removeprefix("MAV_AUTOPILOT_") if entry else f"MAV_AUTOPILOT {autopilot}"
+    return f"the autopilot of the vehicle is {name}, and only ArduPilot and PX4 are commanded: it is listened to only"

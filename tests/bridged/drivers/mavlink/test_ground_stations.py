@@ -198,13 +198,12 @@ async def test_a_rebooted_copter_speaks_from_another_port() -> None:
     link = await ear.open(port)
     with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
         await ear.until("HEARTBEAT", 5)
-        link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0), 1)
+        link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0))
         await ear.until("COMMAND_ACK", 1)
         beats = ear.count("HEARTBEAT")
         await ear.until("HEARTBEAT", beats + 3)
         await link.close()
     assert len({peer for peer, _ in ear.heard}) == 2
-    assert link.counters.moves == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -69,7 +69,7 @@ async def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() 
             await until(lambda vehicle=vehicle: vehicle.listen() is not None and for_all in vehicle.raw, "and 0/0")
         assert for_two not in vehicles[0].raw
         station.say(command(9))
-        counters = rides[0].driver._link_client.stations[0].counters
+        counters = rides[0].driver.link_client.stations[0].counters
         await until(lambda: counters.astray == 1, "a command for nobody is counted")
 
 
@@ -79,7 +79,7 @@ async def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() ->
     port, station = free_port(), Speaker(system=255, component=230)
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
         vehicle, mirror = Speaker(port), Speaker(port)
-        counters = ride.driver._link_client.stations[0].counters
+        counters = ride.driver.link_client.stations[0].counters
         vehicle.say(BEAT)
         await until(lambda: len(station.listen()) == 1, "the station sees the vehicle")
         for _ in range(20):
@@ -135,7 +135,7 @@ async def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_p
 async def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a_link_loss() -> None:
     port, station = free_port(), Speaker()
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
-        ride.driver._link_client.address.link_loss = 0.2
+        ride.driver.link_client.address.link_loss = 0.2
         before, after = Speaker(port), Speaker(port)
         before.say(BEAT)
         await until(lambda: len(station.listen()) == 1, "it is seen")
@@ -184,7 +184,7 @@ async def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets
 
         def dropped() -> bool:
             vehicle.send(texts)
-            counters = ride.driver._link_client.stations[2].counters
+            counters = ride.driver.link_client.stations[2].counters
             return counters.to_station > 0 and counters.dropped > 100
 
         vehicle.say(BEAT)
@@ -211,7 +211,7 @@ async def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_ke
         await until(lambda: ride.driver.heard, "the vehicle is heard")
         lost_before = ride.driver.counters()["link_dropped"]
         station = Speaker(port, 255, 230)
-        flooded = ride.driver._link_client.stations[0].counters
+        flooded = ride.driver.link_client.stations[0].counters
 
         def choked() -> bool:
             for _ in range(50):
