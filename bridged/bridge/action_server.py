@@ -19,9 +19,8 @@ from msgspec.structs import replace
 from bridged.bridge.action_log import ActionLog
 from bridged.bridge.composite_driver import CompositeDriver
 from bridged.bridge.lease import Lease
-from bridged.bridge.pause import Pause
 from bridged.bridge.percepts import PerceptPublisher
-from bridged.bridge.running_action import MAX_ID, MAX_REASON, Follower, RunningAction, Statuses, legible
+from bridged.bridge.running_action import MAX_ID, MAX_REASON, Follower, Pause, RunningAction, Statuses, legible
 from bridged.drivers.api import Execution, Order, Outcome, defers
 from bridged.drivers.argument_check import BadArgument, read_arguments
 from bridged.drivers.registry import OURS
@@ -88,7 +87,7 @@ class ActionServer:
     @property
     def paused(self) -> bool:
         """Whether the operator has paused the robot."""
-        return self._pause.lasts
+        return self._pause.since is not None
 
     def ask(self, agent: str, name: str, given: Action, follower: Follower) -> None:
         """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one."""
@@ -233,7 +232,7 @@ class ActionServer:
 
     def _look_at_lease(self) -> None:
         busy = bool(self._running) or self.paused
-        self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=busy, now=self._now())
+        self.lease.step(active=self._driver.active, heard=self._driver.own.heard, busy=busy, now=self._now())
 
     def _identified(self, agent: str, request: Action) -> Action:
         """Return the request with an id: requests by hand may have none."""
@@ -321,7 +320,6 @@ class ActionServer:
             self._tell(action, accepted)
         if action.execution.outcome is not None and action.execution.outcome.state != "succeeded":
             self._hold_for(taken)
-        self.step()
         self._note(action)
         try:
             self._action_log.keep()
@@ -348,7 +346,7 @@ class ActionServer:
 
     def _look_at_pause(self) -> None:
         """End a pause when others fly the robot; the actions that waited have failed."""
-        if not self.paused or not (mode := self._driver.overridden):
+        if not self.paused or not (mode := self._driver.own.overridden):
             return
         if self._holding is not None and not self._holding.over:
             return

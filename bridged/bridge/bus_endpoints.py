@@ -52,7 +52,8 @@ class Service:
         """`inject`: the mission allows actions by hand."""
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
-        self._percepts = {agent: bus.raw.publisher(keys.percepts(bus.fleet, agent)) for agent in self._agents}
+        of_agent = ((agent, keys.percepts(bus.fleet, agent)) for agent in self._agents)
+        self._percepts = {agent: (key, bus.raw.publisher(key)) for agent, key in of_agent}
         self._changes: dict[str, list[Perception]] = {}
         """What was published and is not put yet, by agent."""
         self._observed: set[str] = set()
@@ -80,8 +81,8 @@ class Service:
         """Put all changes so far: those of an agent together, and each by its name while somebody subscribes to it."""
         made, self._changes = self._changes, {}
         for agent, changes in made.items():
-            key = keys.percepts(self._bus.fleet, agent)
-            self._bus.put(key, Perceptions(changes=tuple(changes)), publisher=self._percepts[agent])
+            key, publisher = self._percepts[agent]
+            self._bus.put(key, Perceptions(changes=tuple(changes)), publisher=publisher)
             if agent in self._observed:
                 for perception in changes:
                     self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)

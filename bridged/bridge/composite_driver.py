@@ -177,11 +177,6 @@ class CompositeDriver:
         return self._moving and bool(self._manifest.orders) and (halt is None or halt.state != "succeeded")
 
     @property
-    def airborne(self) -> bool:
-        """Whether the robot is armed and off the ground."""
-        return self.own.airborne
-
-    @property
     def under_way(self) -> Order | None:
         """The order that is being carried out: as the robot shows itself, or the last one by an action."""
         if self.own.orders:
@@ -192,21 +187,6 @@ class CompositeDriver:
     def arms(self) -> bool:
         """Whether the robot itself tells that it is in use; of another one it is known from its actions alone."""
         return bool(self.own.orders)
-
-    @property
-    def heard(self) -> bool:
-        """Whether the robot can be heard."""
-        return self.own.heard
-
-    @property
-    def silence(self) -> float:
-        """Wall seconds since it was heard last."""
-        return self.own.silence
-
-    @property
-    def overridden(self) -> str:
-        """In what others have it."""
-        return self.own.overridden
 
     def speak_for_agent(self, present: bool) -> None:
         """Say whether an agent is there."""

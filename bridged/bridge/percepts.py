@@ -319,7 +319,7 @@ def _reader(field: Field, term: ToTerm) -> Reader:
             return _argument(field, message, term)
         if value == absent:
             raise _Absent
-        return number(_converted(value, scale, offset)) if converts else term(value)
+        return number(_converted(value, scale, offset) if converts else value)
 
     return read
 

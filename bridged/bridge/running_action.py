@@ -1,4 +1,4 @@
-"""An action that runs: its followers, its progress as percepts of its agent, and the statuses that tell of it."""
+"""An action that runs: its followers, its progress as percepts, its statuses, and the pause that stops its clock."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import get_args
 
 from msgspec.structs import replace
 
+from bridged.bridge.action_log import ActionLog
 from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Execution, Outcome
 from commd.common.clock import Clock
@@ -35,11 +36,13 @@ MAX_FIGURE_NAME = 100
 """Characters of a figure's name."""
 FEEDBACK = "feedback"
 """The percept of progress: `feedback(Action, Figure, Value)`."""
+PAUSED = "paused"
+"""The percept of the operator's pause: `paused(operator)`."""
 CAUSE = "cause"
 """The figure that is a text: what hinders the action."""
 NO_FIGURES: Mapping[str, float] = MappingProxyType({})
 _CAUSES = frozenset(get_args(Cause))
-log = logging.getLogger("action")
+log = logging.getLogger("actions")
 
 Follower = Callable[[ActionStatus | None], None]
 """Called with each status of an action from now on; the last one is final, or None if a newer query took the place."""
@@ -98,6 +101,54 @@ class RunningAction:
         for what in shown:
             percepts.show(agent, FEEDBACK, (action, Atom(what), told[what]), key=(0, 1))
         self.figures = frozenset(shown)
+
+
+class Pause:
+    """The operator's pause, in which deadlines do not run; one that a former run of the bridge has begun continues."""
+
+    def __init__(self, action_log: ActionLog, percepts: PerceptPublisher, robot: str, now: Callable[[], float]) -> None:
+        self._action_log, self._percepts, self._robot, self._now = action_log, percepts, robot, now
+        self.since: float | None = None
+        """Mission time at which it began; None = the robot is not paused."""
+        self._over = 0.0
+        """Mission seconds of the pauses that are over."""
+        if action_log.paused:
+            self.since = now()
+            self._show()
+
+    @property
+    def elapsed(self) -> float:
+        """Mission seconds so far without those of pauses."""
+        return (self._now() if self.since is None else self.since) - self._over
+
+    def begin(self) -> None:
+        """Begin a pause, unless one lasts."""
+        if self.since is None:
+            self.since = self._now()
+            self._changed("paused by the operator")
+
+    def end(self) -> None:
+        """End the pause if one lasts."""
+        if self.since is not None:
+            self._over += self._now() - self.since
+            self.since = None
+            self._changed("not paused any longer")
+
+    def _changed(self, said: str) -> None:
+        self._show()
+        log.info("robot=%s %s", self._robot, said)
+        try:
+            self._action_log.pause(self.since is not None)
+        except OSError as error:
+            log.error("robot=%s `%s` cannot be kept on disk: %s", self._robot, said, error.strerror)
+
+    def _show(self) -> None:
+        """Let every agent of the robot perceive `paused(operator)` while it lasts."""
+        for agent in self._percepts.sets:
+            if self.since is not None:
+                self._percepts.show(agent, PAUSED, (Atom("operator"),))
+            else:
+                self._percepts.withdraw(agent, PAUSED)
 
 
 class Statuses:

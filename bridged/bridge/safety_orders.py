@@ -98,7 +98,7 @@ class SafetyOrders:
         patience: float = 10.0,
     ) -> None:
         """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
-        self._server, self._driver, self._action_log = action_server, driver, action_log
+        self._server, self._driver, self._own, self._action_log = action_server, driver, driver.own, action_log
         self._clock, self._patience = clock, patience
         self._robot = action_server.robot
         self._sequence: asyncio.Task[None] | None = None
@@ -130,7 +130,7 @@ class SafetyOrders:
 
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
-        left, blocked = self._left if self._driver.overridden else None, None
+        left, blocked = self._left if self._own.overridden else None, None
         if self._server.blocked:
             text = f"no action is accepted: {self._server.blocked.reason}"
             ordered = Note("operator_order", text, self._action_log.ordered or "")
@@ -144,10 +144,10 @@ class SafetyOrders:
         Not while an action runs, a sequence of ours is carried out, the operator or a pilot has it or has paused it,
         somebody commands it by hand, or before any agent has flown it.
         """
-        server, driver = self._server, self._driver
-        others = driver.overridden or server.blocked or server.paused or server.by_hand or self._stopping
+        server = self._server
+        others = self._own.overridden or server.blocked or server.paused or server.by_hand or self._stopping
         busy = others or server.running or self._loss
-        return driver.airborne and driver.heard and not busy and bool(server.lease.answers)
+        return self._own.airborne and self._own.heard and not busy and bool(server.lease.answers)
 
     @property
     def _loss(self) -> bool:
@@ -273,7 +273,7 @@ class SafetyOrders:
 
         Returns the outcome, which says so.
         """
-        unanswered = outcome.state == "timed_out" or (outcome.state == "failed" and not self._driver.heard)
+        unanswered = outcome.state == "timed_out" or (outcome.state == "failed" and not self._own.heard)
         standing = self._server.paused or self._action_log.ordered
         if not (unanswered and standing and asked == self._asked) or self._stopping:
             return outcome
@@ -286,19 +286,19 @@ class SafetyOrders:
         server, driver, waits = self._server, self._driver, False
         while (server.paused or self._action_log.ordered) and not self._stopping:
             order = self._action_log.ordered
-            if driver.heard and not server.paused and not driver.active:
+            if self._own.heard and not server.paused and not driver.active:
                 return
-            if not driver.heard or driver.overridden:
-                if driver.heard and not waits:
+            if not self._own.heard or self._own.overridden:
+                if self._own.heard and not waits:
                     waits, what = True, "the operator's pause" if server.paused else f"the operator's {order}"
-                    log.warning("robot=%s %s waits: others have set %s", self._robot, what, driver.overridden)
+                    log.warning("robot=%s %s waits: others have set %s", self._robot, what, self._own.overridden)
                 await asyncio.sleep(LOOK)
                 continue
             if server.paused:
                 outcome = await self._confirmed(server.pause())
             elif order:
                 outcome = await self.carry_out(order, by_operator(order), block=True)
-            if driver.heard and outcome.state != "timed_out":
+            if self._own.heard and outcome.state != "timed_out":
                 return
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
@@ -375,7 +375,7 @@ class SafetyOrders:
     @property
     def _never_heard(self) -> bool:
         """Whether the robot was never heard: a former run of the bridge may have left it in flight."""
-        return not self._driver.heard and not math.isfinite(self._driver.silence)
+        return not self._own.heard and not math.isfinite(self._own.silence)
 
     @property
     def _may_move(self) -> bool:
@@ -412,16 +412,16 @@ class SafetyOrders:
             while self._back_at is not None and self._clock.now() < self._back_at + self._patience:  # noqa: ASYNC110 - as above
                 await asyncio.sleep(LOOK)  # an agent that is back may still take control, which ends the sequence
             outcome = await self._until_heard(step.order, why)
-            if self._driver.overridden:
+            if self._own.overridden:
                 break
             await self._clock.sleep(step.pause)
         for order in self._others(steps[-1].order) if steps else ():
-            if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
+            if outcome.state == "succeeded" or not self._driver.active or self._own.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
             log.error("robot=%s %s %s is ordered instead", self._robot, said, order)
             outcome = await self._until_heard(order, why)
-        if mode := self._driver.overridden:
+        if mode := self._own.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             if self._driver.under_way in COMING:
                 log.info("robot=%s %s; it comes home in %s, %s", self._robot, why, mode, others)
@@ -455,12 +455,12 @@ class SafetyOrders:
         outcome, again = Outcome("failed", f"the robot has no order `{order}`"), False
         if order not in self._driver.orders:
             return outcome
-        while self._driver.active and not self._driver.overridden:
+        while self._driver.active and not self._own.overridden:
             ending = Outcome("failed", f"{why}: {order}", "agent_lost", order)
             outcome = await self.carry_out(order, ending, block=False)
-            if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
+            if outcome.state == "succeeded" or (self._own.heard and (again or outcome.state != "timed_out")):
                 break
-            again = self._driver.heard
+            again = self._own.heard
             if outcome.state == "failed":
                 await asyncio.sleep(AGAIN)
         return outcome
@@ -481,7 +481,7 @@ class SafetyOrders:
 
         while stays() and self._clock.now() < until and not leave.is_set():
             await wait_at_most(leave, AGAIN)
-            if not self._secured and self._driver.heard:
+            if not self._secured and self._own.heard:
                 left = await self._leave_safe(order)
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
@@ -495,7 +495,7 @@ class SafetyOrders:
 
         Of a robot that is silent it is not known, and it may be heard again before the bridge has to go.
         """
-        return bool(self._driver.overridden) and self._driver.heard and self._driver.under_way not in COMING
+        return bool(self._own.overridden) and self._own.heard and self._driver.under_way not in COMING
 
     async def _leave_safe(self, order: Order) -> RobotLeft:
         """Give the order, or those of `FALLBACK` if it fails. Returns how the robot was left."""
@@ -510,12 +510,12 @@ class SafetyOrders:
         if not self._driver.active:
             said = self._as_last_heard("not armed" if self._driver.arms else "left as it is")
             said += "" if shown else ", and it was to arm since then"
-            return self._left_as("disarmed" if self._driver.heard and shown else "unconfirmed", said)
+            return self._left_as("disarmed" if self._own.heard and shown else "unconfirmed", said)
         outcome, done = Outcome("failed", "the robot has no such order"), order
         for attempt in (order, *self._others(order)):
             if attempt not in self._driver.orders:
                 continue
-            if mode := self._driver.overridden:
+            if mode := self._own.overridden:
                 under_way = self._driver.under_way
                 if under_way in COMING:
                     self._server.end_all("", _stops(f"; the vehicle comes home in {mode}"))
@@ -534,7 +534,7 @@ class SafetyOrders:
     async def _shows_arming(self) -> bool:
         """Wait for a report of the robot's state that shows whether it has armed as commanded. Returns if there is."""
         begun = self._clock.wall()
-        while not self._driver.active and (waited := self._clock.wall() - begun) < ARMING_SHOWS + self._driver.silence:
+        while not self._driver.active and (waited := self._clock.wall() - begun) < ARMING_SHOWS + self._own.silence:
             if waited >= ARMING_PATIENCE:
                 return False
             await asyncio.sleep(LOOK)
@@ -550,7 +550,7 @@ class SafetyOrders:
 
     def _as_last_heard(self, state: str) -> str:
         """Return a state of the vehicle for people, with its age if it cannot be heard."""
-        silence = self._driver.silence
-        if self._driver.heard:
+        silence = self._own.silence
+        if self._own.heard:
             return state
         return f"{state} when last heard {silence:.0f} s ago" if math.isfinite(silence) else "never heard"

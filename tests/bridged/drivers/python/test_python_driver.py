@@ -258,7 +258,7 @@ async def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
         told = Note("function_fails", text, "gpio.flood")
         await until(lambda: workshop.bridge.health().notes == (told,), "it is told")
         assert workshop.present("much") == []
-        assert not workshop.bridge.driver.heard
+        assert not workshop.bridge.driver.own.heard
 
 
 @pytest.mark.usefixtures("gpio")
