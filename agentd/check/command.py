@@ -1,4 +1,4 @@
-"""Find mistakes in a program before it runs: `check_program`, and the command `agentd check`."""
+"""Find mistakes in a program before it runs: `findings_of`, and the command `agentd check`."""
 
 from __future__ import annotations
 

@@ -14,10 +14,9 @@ from agentd.check.external_knowledge import Elsewhere, from_team
 from agentd.check.finding_kinds import Kind, finding
 from agentd.check.survey import survey
 from agentd.check.symbol_table import Survey
-from agentd.language.errors.suggestions import near
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree import nodes
-from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.errors import SyntaxErrors, near
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.discovery import LIBRARY, OF_JASON

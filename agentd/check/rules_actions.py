@@ -9,11 +9,11 @@ from agentd.check.external_knowledge import Arities, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import ANY_ARITY, Call, Mention, Survey
 from agentd.language.compiler.compile import mistake_in
-from agentd.language.errors.suggestions import near, similar
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import near
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.printer import source_text
-from schemas.files.findings import Finding
+from schemas.files.findings import Finding, nearest
 from schemas.manifest.model import Parameter, Values
 from schemas.mission.model import PERFORMATIVES
 
@@ -167,7 +167,7 @@ def unknown_performatives(survey: Survey) -> Iterator[Finding]:
     for call in survey.calls:
         match call.action.name, call.action.args:
             case (".send", (_, nodes.Structure() as term, _, *_)) | (".broadcast", (nodes.Structure() as term, _)):
-                meant = similar(term.functor, PERFORMATIVES, 0.75)
+                meant = nearest(term.functor, PERFORMATIVES, 0.75)
                 if meant is not None:
                     text = (
                         f"{term.functor} is not a performative that agents handle by themselves; did you mean {meant}?"

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Arities, Elsewhere, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import Mention, PlacedPlan, Survey, takes_all
-from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import near
 from schemas.files.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}

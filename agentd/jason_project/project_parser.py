@@ -17,8 +17,7 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from agentd.language.errors.suggestions import near
-from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, problem_at
+from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, near, problem_at
 from agentd.language.syntax_tree.nodes import NOWHERE, Position
 from agentd.language.syntax_tree.source import Source
 

@@ -9,21 +9,25 @@ from typing import TYPE_CHECKING, Any, Final
 
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.compiler.units import compile_formula
+from agentd.language.terms import order, source_annotations, terms
+from agentd.mind.beliefs import dynamic_formulas, term_copy, unification, work_limit
 from agentd.mind.beliefs.belief_base import BeliefBase
-from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
+from agentd.mind.data import formula_failure
 from agentd.mind.data.effects import Effect, Log
 from agentd.mind.data.inputs import Input, SignalRaised, TooDeep
 from agentd.mind.data.registry import Library
+from agentd.mind.execution import belief_updates, control_flow, goal_execution, goal_states, waiting
 from agentd.mind.execution.cycle import run_cycles
 from agentd.mind.execution.dropping import fail_too_deep
-from agentd.mind.execution.generated_code_api import RUNTIME
 from agentd.mind.execution.input_handling import heeds
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
+from agentd.mind.introspection import term_snapshot
 from agentd.mind.introspection.decision_log import Decisions
 from agentd.mind.introspection.decision_views import view_of, views_of
 from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
+from agentd.mind.plans import plan_terms
 from agentd.mind.plans.nested_plans import select
 from agentd.mind.plans.plan_library import PlanLibrary
 from agentd.mind.state import MindState
@@ -35,6 +39,29 @@ if TYPE_CHECKING:
 MOST_FRAMES: Final = 300_000
 """Plans that an intention may be in the middle of; a goal that calls itself without end fails beyond."""
 
+
+_NAMES: Final = {
+    terms: "EMPTY FALSE TRUE Expression List Literal Open Rest Var atom deref elements make_list",
+    source_annotations: "SELF",
+    order: "distinct ordered sorted_annots",
+    dynamic_formulas: "arithmetic call order same solve univ",
+    term_copy: "annots_with_tail detach is_ground resolve resolve_annots with_source",
+    unification: "bound_again in_default open_bare open_list open_structure subsets undo unify value",
+    work_limit: "too_much_work",
+    plan_terms: "capture",
+    formula_failure: "action_said_no constraint_failed test_failed",
+    belief_updates: "believe believed change_term disbelieve replace",
+    control_flow: "begin_rounds fork free_again join next_round present",
+    goal_execution: "achieve_term perform qualify run_term test_event test_term",
+    goal_states: "pending",
+    term_snapshot: "held",
+    waiting: "wait_until",
+}
+"""The modules that generated code may use, and what of them."""
+RUNTIME: Final[dict[str, Any]] = {
+    name: getattr(module, name) for module, names in _NAMES.items() for name in names.split()
+}
+"""The names that generated code may use besides its constants."""
 
 _SLEEPING: Final = SignalRaised.named("jag_sleeping")
 _AWAKING: Final = SignalRaised.named("jag_awaking")
@@ -209,7 +236,7 @@ class Mind(MindState):
         except Exception:  # a function of the program's may raise anything: what cannot be computed does not hold
             return False
         finally:
-            undo(trail, 0)
+            unification.undo(trail, 0)
             self.random, self.on_input, self.effects, self.now, self.warned = own
 
     def intention_views(self, most: int | None = None) -> list[IntentionView]:

@@ -93,7 +93,7 @@ def mistake_in(directive: nodes.Directive) -> str:
     """Return why a directive cannot be carried out: it does not exist, or its arguments are wrong; empty if it can."""
     name, block = directive.name.functor, directive.items is not None
     if name not in (_BLOCKS if block else USAGE):
-        from agentd.language.errors.suggestions import near  # a program without errors starts without these two
+        from agentd.language.syntax_tree.errors import near  # a program without errors starts without these two
         from agentd.language.syntax_tree.printer import source_text
 
         if block:
@@ -237,18 +237,25 @@ class Qualifier:
             case nodes.Goal(literal=literal):
                 return replace(item, literal=self.literal(literal))
             case nodes.Plan():
-                return self.plan(item)
+                plan: Any = self._inside(item)
+                return plan  # type: ignore[no-any-return]
         return item
 
-    def plan(self, plan: nodes.Plan) -> nodes.Plan:
-        return replace(
-            plan,
-            trigger=replace(plan.trigger, literal=self.literal(plan.trigger.literal)),
-            context=None if plan.context is None else self.formula(plan.context),
-            goal_condition=None if plan.goal_condition is None else self.formula(plan.goal_condition),
-            body=self.body(plan.body),
-            subplans=tuple(self.plan(p) for p in plan.subplans),
-        )
+    def _inside(self, node: Any) -> Any:
+        """A plan, trigger, body or statement with what is in it qualified; any other part is a formula."""
+        match node:
+            case tuple():
+                return tuple(map(self._inside, node))
+            case nodes.Trigger(literal=literal):
+                return replace(node, literal=self.literal(literal))
+            case nodes.Step():
+                return self._step(node)
+            case nodes.Plan() | nodes.Body() | nodes.If() | nodes.While() | nodes.For() | nodes.Fork():
+                names = [name for name in node.__struct_fields__ if name not in ("position", "label")]
+                return replace(node, **{name: self._inside(getattr(node, name)) for name in names})
+            case nodes.Node():
+                return self.formula(node)
+        return node
 
     def literal(self, literal: _Literal) -> _Literal:
         """A literal or variable of the block."""
@@ -284,39 +291,24 @@ class Qualifier:
         """Code in braces, which always belongs to the block; any other term unchanged."""
         match node:
             case nodes.PlanTerm(plan=plan):
-                return replace(node, plan=self.plan(plan))
+                return replace(node, plan=self._inside(plan))
             case nodes.TriggerTerm(trigger=trigger):
-                return replace(node, trigger=replace(trigger, literal=self.literal(trigger.literal)))
+                return replace(node, trigger=self._inside(trigger))
             case nodes.BodyTerm(body=body):
-                return replace(node, body=self.body(body))
+                return replace(node, body=self._inside(body))
             case nodes.RuleTerm(rule=rule):
                 return replace(node, rule=self._qualified(rule))
         return node
 
-    def body(self, body: nodes.Body) -> nodes.Body:
-        return replace(body, formulas=tuple(self.body_formula(f) for f in body.formulas))
-
-    def body_formula(self, node: Any) -> Any:
-        match node:
+    def _step(self, step: nodes.Step) -> nodes.Step:
+        match step:
             case nodes.Step(operator=nodes.Operator.ACTION, term=nodes.Structure()):
-                return node
+                return step
             case nodes.Step(operator=nodes.Operator.ACTION | nodes.Operator.TEST, term=term):
-                return replace(node, term=self.formula(term))
+                return replace(step, term=self.formula(term))
             case nodes.Step(term=nodes.Structure() as literal):
-                return replace(node, term=self.literal(literal))
-            case nodes.Step(term=term):
-                return replace(node, term=self.code(term))
-            case nodes.If(branches=branches, otherwise=otherwise):
-                return replace(
-                    node,
-                    branches=tuple((self.formula(c), self.body(b)) for c, b in branches),
-                    otherwise=None if otherwise is None else self.body(otherwise),
-                )
-            case nodes.While(condition=condition, body=body) | nodes.For(condition=condition, body=body):
-                return replace(node, condition=self.formula(condition), body=self.body(body))
-            case nodes.Fork(branches=branches):
-                return replace(node, branches=tuple(self.body(b) for b in branches))
-        return node
+                return replace(step, term=self.literal(literal))
+        return replace(step, term=self.code(step.term))
 
 
 def local_names(items: Iterable[nodes.Item], number: Iterator[int]) -> dict[str, str]:

@@ -133,21 +133,17 @@ class TermCompiler:
             case nodes.Structure():
                 return self._structure(node, scope)
             case nodes.ListTerm(items=items, tail=tail):
-                parts = [self.build(item, scope) for item in items]
+                built = [self.build(item, scope) for item in items]
                 end = "EMPTY" if tail is None else self.build(tail, scope)
-                return f"List({tuple_of(parts)}, {end})" if parts else end
+                return f"List({tuple_of(built)}, {end})" if built else end
             case nodes.Arithmetic():
                 return self._arithmetic(node, scope)
             case nodes.InternalAction(name=name, args=args):
                 return self._call(name, args, scope)
-            case nodes.Relation(operator=operator):
-                return self._expression(operator, node, scope)
-            case nodes.And():
-                return self._expression("&", node, scope)
-            case nodes.Or():
-                return self._expression("|", node, scope)
-            case nodes.Not():
-                return self._expression("not", node, scope)
+            case nodes.Relation() | nodes.And() | nodes.Or() | nodes.Not():
+                operator = node.operator if isinstance(node, nodes.Relation) else nodes.CONNECTIVES[type(node)]
+                operands = [self.build(part, scope) for part in parts(node) or ()]
+                return f"Expression({self.constant(operator)}, {tuple_of(operands)})"
             case nodes.TriggerTerm(trigger=inner):
                 for name in variables(inner):
                     self._variable(nodes.Variable(name), scope)
@@ -223,10 +219,6 @@ class TermCompiler:
         if node.tail is not None:
             parts.append(f"Rest({self.build(node.tail, scope)})")
         return tuple_of(parts)
-
-    def _expression(self, operator: str, node: nodes.Term, scope: Scope) -> str:
-        operands = [self.build(part, scope) for part in parts(node) or ()]
-        return f"Expression({self.constant(operator)}, {tuple_of(operands)})"
 
     def _code(self, inner: Any, scope: Scope) -> str:
         if self.linking:

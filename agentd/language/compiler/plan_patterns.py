@@ -21,6 +21,7 @@ They are the goal patterns of Hübner, Bordini and Wooldridge, "Programming decl
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from msgspec.structs import replace
@@ -144,18 +145,24 @@ def _inner(at: nodes.Position, args: Args, place: int, block: Block) -> Block:
     return PATTERNS[pattern.functor](at, pattern.args or args[:1], block)
 
 
-def _blind(
-    at: nodes.Position, args: Args, block: Block, place: int = 1, hopeless: nodes.Structure | None = None
-) -> Block:
+def _committed(at: nodes.Position, args: Args, block: Block, hopeless_at: int = 0, motive_at: int = 0) -> Block:
+    """The goal is tried again until it is achieved, believed to be hopeless, or its motive is lost.
+
+    ``hopeless_at`` and ``motive_at`` are the places of these two among the arguments, from 1; 0: there is none.
+    """
     goal = _goal(args)
+    hopeless, motive = (_goal(args, place) if place else None for place in (hopeless_at, motive_at))
     again = (nodes.Step(nodes.Operator.ACHIEVE, replace(goal, annotations=None), at),)
+    place = 1 + bool(hopeless_at) + bool(motive_at)
     kept = [item for item in _inner(at, args, place, block) if not _gives_up(item, goal)]
     hope = None if hopeless is None else nodes.Not(hopeless, at)
-    tries = _plan(at, "-", "!", goal, hope, again), _plan(at, "+", "!", goal, hope, again)
-    if hopeless is None:
-        return (*kept, *tries)
-    gives_up = _plan(at, "-", "!", goal, steps=(_call(at, ".fail"),))
-    return (*kept, *tries, gives_up, _plan(at, "+", "", hopeless, steps=(_call(at, ".fail_goal", goal),)))
+    plans = [_plan(at, "-", "!", goal, hope, again), _plan(at, "+", "!", goal, hope, again)]
+    if hopeless is not None:
+        plans.append(_plan(at, "-", "!", goal, steps=(_call(at, ".fail"),)))
+        plans.append(_plan(at, "+", "", hopeless, steps=(_call(at, ".fail_goal", goal),)))
+    if motive is not None:
+        plans.append(_plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),)))
+    return (*kept, *plans)
 
 
 def _gives_up(item: nodes.Item, goal: nodes.Structure) -> bool:
@@ -163,18 +170,6 @@ def _gives_up(item: nodes.Item, goal: nodes.Structure) -> bool:
     if not isinstance(item, nodes.Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
         return False
     return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)
-
-
-def _relativised(at: nodes.Position, args: Args, block: Block) -> Block:
-    goal, motive = _goal(args), _goal(args, 1)
-    ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
-    return (*_blind(at, args, block, 2), ends)
-
-
-def _open_minded(at: nodes.Position, args: Args, block: Block) -> Block:
-    goal, hopeless, motive = _goal(args), _goal(args, 1), _goal(args, 2)
-    ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
-    return (*_blind(at, args, block, 3, hopeless), ends)
 
 
 def _maintenance(at: nodes.Position, args: Args, block: Block) -> Block:
@@ -226,10 +221,10 @@ PATTERNS: Final[dict[str, Pattern]] = {
     "dg": _declarative,
     "bdg": _backtracking,
     "ebdg": _exclusive,
-    "bc": _blind,
-    "smc": lambda at, args, block: _blind(at, args, block, 2, _goal(args, 1)),
-    "rc": _relativised,
-    "omc": _open_minded,
+    "bc": _committed,
+    "smc": partial(_committed, hopeless_at=1),
+    "rc": partial(_committed, motive_at=1),
+    "omc": partial(_committed, hopeless_at=1, motive_at=2),
     "mg": _maintenance,
     "sga": _sequenced,
 }

@@ -15,10 +15,9 @@ from typing import Final
 
 from agentd.language.errors.error_context import BEGIN_TERM, CLOSERS, END_TERM, SIGNS, ErrorContext, sign_at
 from agentd.language.errors.lexical import COUNTING, foreign_sign
-from agentd.language.errors.suggestions import near
 from agentd.language.parser.lalr import machine
 from agentd.language.parser.lexer import END_OF_TEXT, Tokens, before_brackets
-from agentd.language.syntax_tree.errors import shown
+from agentd.language.syntax_tree.errors import near, shown
 from agentd.language.syntax_tree.source import Source
 from schemas.humanize import joined
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 from msgspec import Struct
 
 from agentd.language.parser.build_terms import string_value
-from agentd.language.parser.parse_tables import Tables, load
+from agentd.language.parser.parse_tables import load
 from agentd.language.syntax_tree.nodes import Belief, Item
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.syntax_tree.source import Source
@@ -156,16 +156,13 @@ class _Recogniser(Struct, frozen=True):
 
 @lru_cache(maxsize=1)
 def _recogniser() -> _Recogniser:
-    """Compiled on the first call: it takes 20 ms."""
-    return _patterns(load())
-
-
-def _patterns(tables: Tables) -> _Recogniser:
-    """The expressions for the terminals of a grammar.
+    """The expressions for the terminals of the grammar, compiled on the first call: it takes 20 ms.
 
     Nothing in them is tried twice (atomic groups, possessive repeats): the time is in proportion to the text's length.
     """
-    terminal = {name: f"(?>{_plain(pattern)})" for name, pattern in tables.patterns.items()}
+    tables = load()
+    captures = re.compile(r"(?<!\\)\((?!\?)")
+    terminal = {name: f"(?>{captures.sub('(?:', pattern)})" for name, pattern in tables.patterns.items()}
     ends = "(?![a-zA-Z0-9_])"
     name, quoted, blank = terminal["NAME"], terminal["QUOTED"], f"{terminal['BLANK']}?+"
     number, string = f"-?+{terminal['NUMBER']}", terminal["STRING"]
@@ -186,8 +183,3 @@ def _patterns(tables: Tables) -> _Recogniser:
     fact = rf"{skipped}(~?+{head}(?:\({several(DEEPEST)}\))?+(?:{annotations})?+){blank}\.{ends}"
     token = rf"(?:{name}|{quoted})\(?+|{number}|{string}|[\])[]"
     return _Recogniser(re.compile(fact), re.compile(token))
-
-
-def _plain(pattern: str) -> str:
-    """A pattern whose groups capture nothing."""
-    return re.sub(r"(?<!\\)\((?!\?)", "(?:", pattern)

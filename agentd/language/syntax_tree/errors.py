@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from agentd.language.syntax_tree.source import Source
-from schemas.files.findings import Finding
+from schemas.files.findings import Finding, nearest
 from schemas.humanize import escape_lines
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 SYNTAX = "syntax"
 """The kind of these findings."""
 
+CLOSE = 0.7
+"""The least similarity of two names in a program (`nearest`): a letter or two wrong or missing in a short one."""
 _WIDTH = 110
 """Characters of a source line that are shown."""
 
@@ -29,6 +31,12 @@ def shown(text: str) -> str:
     """A token as a message shows it: in one line, and not all of a very long one."""
     text = text.replace("\n", "\\n")
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def near(word: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean x?`` for a word that is probably misspelt, else nothing."""
+    found = nearest(word, known, CLOSE)
+    return "" if found is None else f"; did you mean {found}?"
 
 
 class Problem(Struct, frozen=True, order=True):

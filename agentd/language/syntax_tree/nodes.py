@@ -157,6 +157,9 @@ class Or(Node, frozen=True, eq=False):
     position: Position = NOWHERE
 
 
+CONNECTIVES: Final[dict[type, str]] = {And: "&", Or: "|", Not: "not"}
+
+
 class PlanTerm(Node, frozen=True, eq=False):
     """A plan in braces as a term."""
 

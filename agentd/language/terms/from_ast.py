@@ -93,11 +93,7 @@ class Instantiation:
                     return Expression(operator, made)
             case nodes.Relation(operator=operator):
                 return Expression(operator, made)
-            case nodes.And():
-                return Expression("&", made)
-            case nodes.Or():
-                return Expression("|", made)
-        return Expression("not", made)
+        return Expression(nodes.CONNECTIVES[type(node)], made)
 
     def annots(self, node: nodes.ListTerm | None) -> tuple[Any, ...]:
         """The annotations of a list of syntax: a bound tail adds its own, a free one takes the rest."""

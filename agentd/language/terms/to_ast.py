@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT
-from agentd.language.terms.terms import Code, Expression, List, Literal, Open, Rest, Var, deref, split
+from agentd.language.terms.terms import ARITHMETIC, Code, Expression, List, Literal, Open, Rest, Var, deref, split
 
 
 class NoSyntax(ValueError):
@@ -153,13 +153,7 @@ def _number(value: float) -> nodes.Number | nodes.Arithmetic:
 
 
 def _operation(operator: str, operands: tuple[Any, ...]) -> nodes.Term:
-    match operator:
-        case "&":
-            return nodes.And(*operands)
-        case "|":
-            return nodes.Or(*operands)
-        case "not":
-            return nodes.Not(*operands)
-        case "+" | "-" | "*" | "/" | "**" | "div" | "mod":
-            return nodes.Arithmetic(operator, operands)
-    return nodes.Relation(operator, *operands)
+    for kind, written in nodes.CONNECTIVES.items():
+        if written == operator:
+            return kind(*operands)  # type: ignore[no-any-return]
+    return nodes.Arithmetic(operator, operands) if operator in ARITHMETIC else nodes.Relation(operator, *operands)

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from agentd.language.compiler.units import Form
-from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import near
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail

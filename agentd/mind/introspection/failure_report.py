@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 from agentd.language.compiler.constants import signature_of
-from agentd.language.errors.suggestions import near, similar
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import CLOSE, near
 from agentd.language.syntax_tree.traversal import parts
 from agentd.language.terms.terms import Literal, deref
 from agentd.mind.beliefs.belief_base import RuleClause
@@ -28,6 +28,7 @@ from agentd.mind.introspection.term_snapshot import place, short_text
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
+from schemas.files.findings import nearest
 from schemas.wire.mind_records import RejectedView
 
 _MOST_SHOWN: Final = 5
@@ -181,7 +182,7 @@ def _goals_like(mind: MindState, goal: Any) -> Iterable[str]:
         view, arity = plan_view(same), len(same.syntax.trigger.literal.args)
         yield f"the plan {view.trigger} ({view.position}) takes {_arguments(arity)}, not {goal.sig.arity}"
         return
-    if found := similar(goal.sig.functor, known):
+    if found := nearest(goal.sig.functor, known, CLOSE):
         view = plan_view(known[found])
         yield f"did you mean {view.trigger} ({view.position})?"
 
@@ -192,7 +193,7 @@ def _arguments(number: int) -> str:
 
 def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
     """The question whether one of the known names is meant, if one is like a word."""
-    if found := similar(word, known):
+    if found := nearest(word, known, CLOSE):
         yield f"did you mean {found}?"
 
 
