@@ -6,13 +6,13 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
 
+from argosy.cli.arguments import expect_command, run_command
 from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.extras import EXTRAS, install_command
-from commd.process.command_line import check_command, command_parser
 from schemas.files.findings import Findings
 from schemas.humanize import escape_line
 
@@ -83,15 +83,16 @@ def _prepare_streams() -> None:
 
 
 def _run(given: list[str]) -> int:
-    if given and given[0] in GROUPS:
-        group: Callable[[list[str]], int] = import_module(f"argosy.{given[0]}.command").main
-        return group(given[1:])
     if given and given[0] in COMMANDS:  # import only that one
-        name = given[0]
-        add_arguments, run = _load(name)
-        command = command_parser("argosy", name, *COMMANDS[name])
-        add_arguments(command)
-        return run(command.parse_intermixed_args(given[1:]))  # options may be anywhere: nobody orders words in a hurry
+        name, *rest = given
+        module = import_module(f"argosy.{MODULES.get(name, f'{name}.command')}")
+        if name not in GROUPS:
+            return run_command("argosy", name, COMMANDS[name], (module.add_arguments, module.run), rest)
+        if rest and rest[0] in module.COMMANDS:
+            return run_command(f"argosy {name}", rest[0], module.COMMANDS[rest[0]], module.load(rest[0]), rest[1:])
+        return expect_command(
+            argparse.ArgumentParser(prog=f"argosy {name}", description=module.ABOUT), module.COMMANDS, rest
+        )
     from importlib.metadata import version  # daemons do without it: it is large
 
     parser = argparse.ArgumentParser(
@@ -101,12 +102,7 @@ def _run(given: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"argosy {version('argosy')}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, (text, _) in COMMANDS.items():
-        commands.add_parser(name, help=text)
-    check_command(parser, given, COMMANDS)
-    parser.parse_args(given)
-    return parser.error("expected the COMMAND first")
+    return expect_command(parser, COMMANDS, given)
 
 
 def _leave_no_broken_pipe() -> None:
@@ -192,7 +188,7 @@ COMMANDS = {
 """Help of each command, and the arguments of an example."""
 
 GROUPS = ("manifest", "keys", "params", "plan")
-"""Commands with commands of their own."""
+"""Commands with commands of their own: `ABOUT`, `COMMANDS` and `load` of their modules."""
 
 MODULES = {
     "act": "tools.act",
@@ -209,12 +205,6 @@ MODULES = {
     "wheelhouse": "deploy.wheelhouse_command",
 }
 """Modules of commands; the others are `command` in the folder of their name."""
-
-
-def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
-    """Import a command. Returns the functions that declare its arguments and run it."""
-    module = import_module(f"argosy.{MODULES.get(name, f'{name}.command')}")
-    return module.add_arguments, module.run
 
 
 if __name__ == "__main__":

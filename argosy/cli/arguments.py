@@ -6,6 +6,7 @@ import math
 import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
+from typing import NoReturn
 
 from commd.process.command_line import check_command, command_parser
 from schemas.files.units import Duration
@@ -16,23 +17,22 @@ Command = tuple[Callable[[ArgumentParser], None], Callable[[Namespace], int]]
 _COUNT = re.compile(r"0*[1-9][0-9]{0,8}")
 
 
-def run_subcommand(
-    prog: str, about: str, commands: Mapping[str, tuple[str, str]], load: Callable[[str], Command], given: list[str]
-) -> int:
-    """Run one of several `commands` (name to help and example); `load` imports only that one. Returns the exit code."""
-    if given and given[0] in commands:
-        name = given[0]
-        parser = command_parser(prog, name, *commands[name])
-        add_arguments, run = load(name)
-        add_arguments(parser)
-        return run(parser.parse_intermixed_args(given[1:]))  # options may be anywhere
-    parser = ArgumentParser(prog=prog, description=about)
+def run_command(prog: str, name: str, texts: tuple[str, str], command: Command, given: list[str]) -> int:
+    """Run a command with the arguments `given`; `texts`: its help and an example. Returns the exit code."""
+    parser = command_parser(prog, name, *texts)
+    add_arguments, run = command
+    add_arguments(parser)
+    return run(parser.parse_intermixed_args(given))  # options may be anywhere: nobody orders words in a hurry
+
+
+def expect_command(parser: ArgumentParser, commands: Mapping[str, tuple[str, str]], given: list[str]) -> NoReturn:
+    """End the process with the help or an error of `parser`: none of its `commands` (to help and example) is given."""
     choices = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (text, _) in commands.items():
         choices.add_parser(name, help=text)
     check_command(parser, given, commands)
     parser.parse_args(given)
-    return parser.error("expected the COMMAND first")
+    parser.error("expected the COMMAND first")
 
 
 def name(text: str) -> str:

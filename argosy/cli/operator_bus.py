@@ -50,9 +50,14 @@ class Where:
     tls: Tls | None = None
     """This machine's keys."""
     mission: Mission | None = None
+    """The mission, if one is given."""
+    boards: Mission | None = None
     """With keys: the mission, for a session with each of its boards."""
-    robots: tuple[str, ...] = ()
-    """Robots of the mission, if one is given."""
+
+    @property
+    def whose(self) -> str:
+        """The fleet, as text."""
+        return "any fleet" if self.fleet == ANY else f"fleet `{self.fleet}`"
 
 
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
@@ -85,7 +90,7 @@ def where(args: Namespace) -> Where:
         each = mission if tls is not None and not args.router else None
         here = "" if args.router or each else router_of(mission.fleet, mission.router.endpoint)
         router = args.router or (f"the boards of {mission.path.name}" if each else here)
-        return Where(mission.fleet, router, tls, each, tuple(mission.robots))
+        return Where(mission.fleet, router, tls, mission, each)
     router = args.router or (DEFAULT_ROUTER if tls is not None else router_of(args.fleet or "", DEFAULT_ROUTER))
     return Where(args.fleet or ANY, router, tls)
 
@@ -94,8 +99,8 @@ def where(args: Namespace) -> Where:
 async def operator_bus(place: Where) -> AsyncIterator[Bus]:
     """Open the bus as the operator. Raises BusClosed if no router answers, Findings for unusable keys."""
     who = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
-    if place.mission is not None and place.tls is not None:
-        async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=who, daemon="argosy") as bus:
+    if place.boards is not None and place.tls is not None:
+        async with open_fleet_bus(place.boards, place.tls, ROUTER_PATIENCE, name=who, daemon="argosy") as bus:
             yield bus
         return
     async with open_bus(
@@ -124,7 +129,7 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
                 code = await work(bus, place)
             except CommandError as error:
                 code, failed = error.code, error
-            if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
+            if code != EXIT_DONE and place.boards is not None and bus.name in place.boards.security.observers:
                 print(f"note: `{bus.name}` is an observer in the mission: it may not give orders", file=sys.stderr)
             if failed is not None:
                 raise failed

@@ -12,7 +12,6 @@ from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.observer import FleetObserver, Wanted
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
-from schemas.mission.model import Mission
 from schemas.wire import keys
 
 DIAL_AGAIN = 1.0
@@ -29,7 +28,6 @@ class FleetLink:
     def __init__(
         self,
         place: Where,
-        mission: Mission | None,
         wanted: Wanted = Wanted(),  # noqa: B008 - it is frozen
         *,
         choosing: bool = False,
@@ -40,7 +38,7 @@ class FleetLink:
         `notify` takes problems and losses of the router as text.
         """
         self.place, self._wanted, self._choosing, self._notify = place, wanted, choosing, notify
-        self.model = FleetModel(steady_clock, fleet="" if place.fleet == ANY else place.fleet, mission=mission)
+        self.model = FleetModel(steady_clock, fleet="" if place.fleet == ANY else place.fleet, mission=place.mission)
         self.bus: Bus | None = None
         self.problem = ""
         """Why no fleet is observed; empty: one is, or the router is dialled for the first time."""
@@ -121,8 +119,7 @@ class FleetLink:
         observer.start()
         try:
             while True:
-                if self.place.mission is not None:
-                    self.unreached = tuple(await unreached(bus))
+                self.unreached = tuple(await unreached(bus))
                 await asyncio.sleep(LOOK_AGAIN)
         finally:
             self._observer = None

@@ -15,7 +15,7 @@ from getpass import getpass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from argosy.cli.arguments import Command, run_subcommand
+from argosy.cli.arguments import Command
 from argosy.keys.key_index import (
     SECRET,
     SOON_DAYS,
@@ -36,6 +36,7 @@ from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 if TYPE_CHECKING:
     from argosy.keys.key_store import KeyStore  # imports cryptography
 
+ABOUT = "Certificates of a fleet's machines and operators."
 COMMANDS = {
     "init": (
         "create a fleet's certificate authority, and certificates for everybody in its mission",
@@ -63,12 +64,8 @@ PASSWORD = "ARGOSY_KEYS_PASSWORD"
 """Environment variable with the password of the fleet's secret, instead of a prompt."""
 
 
-def main(given: list[str]) -> int:
-    """Run `argosy keys COMMAND ...`. Returns the exit code."""
-    return run_subcommand("argosy keys", "Certificates of a fleet's machines and operators.", COMMANDS, _load, given)
-
-
-def _load(name: str) -> Command:
+def load(name: str) -> Command:
+    """Return what declares the arguments of a command, and what runs it."""
     kind = name.removeprefix("add-")
     if kind != name:
         return add_add_arguments, partial(add, kind=kind)

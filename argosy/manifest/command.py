@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from argosy.cli.arguments import Command, run_subcommand
+from argosy.cli.arguments import Command
 
+ABOUT = "Manifests of robots: in files, and of running bridges."
 COMMANDS = {
     "check": ("check manifests and print every mistake", "copter manifests/turtle.toml"),
     "schema": ("print the JSON Schema of manifests, for editors", ""),
@@ -16,13 +17,8 @@ COMMANDS = {
 }
 
 
-def main(given: list[str]) -> int:
-    """Run `argosy manifest COMMAND ...`. Returns the exit code."""
-    about = "Manifests of robots: in files, and of running bridges."
-    return run_subcommand("argosy manifest", about, COMMANDS, _load, given)
-
-
-def _load(name: str) -> Command:
+def load(name: str) -> Command:
+    """Return what declares the arguments of a command, and what runs it."""
     if name in ("check", "schema", "convert"):
         from argosy.manifest import file_commands
 

@@ -7,7 +7,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from argosy.cli.arguments import Command, run_subcommand
+from argosy.cli.arguments import Command
 from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, fleet_of, note, on_the_bus, put_out
 from argosy.cli.vehicle_requests import ask_vehicle, check_new, write_whole
@@ -20,6 +20,7 @@ from schemas.humanize import count, printable
 from schemas.wire import keys
 from schemas.wire.vehicle_records import ParameterRequest, VehicleParameters
 
+ABOUT = "Parameters of the vehicle of a running robot; files of Mission Planner, MAVProxy and QGroundControl."
 COMMANDS = {
     "save": ("save all parameters of a vehicle to a file", "uav1 uav1.param"),
     "diff": ("compare a vehicle's parameters with a file; exit code 1 if they differ", "uav1 uav1.param"),
@@ -30,13 +31,8 @@ COMMANDS = {
 }
 
 
-def main(given: list[str]) -> int:
-    """Run `argosy params COMMAND ...`. Returns the exit code."""
-    about = "Parameters of the vehicle of a running robot; files of Mission Planner, MAVProxy and QGroundControl."
-    return run_subcommand("argosy params", about, COMMANDS, _load, given)
-
-
-def _load(name: str) -> Command:
+def load(name: str) -> Command:
+    """Return what declares the arguments of a command, and what runs it."""
     return {
         "save": (add_save_arguments, save_parameters),
         "diff": (add_diff_arguments, diff_parameters),

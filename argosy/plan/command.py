@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from argosy.cli.arguments import Command, run_subcommand
+from argosy.cli.arguments import Command
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import Where, add_fleet_arguments, fleet_of, note, on_the_bus, put_out
 from argosy.cli.vehicle_requests import ask_vehicle, check_new, write_whole
@@ -20,19 +20,15 @@ from schemas.humanize import columns, count, printable
 from schemas.wire import keys
 from schemas.wire.vehicle_records import PlanItem, StoredPlan
 
+ABOUT = "Plan files of ground stations: .plan of QGroundControl, .waypoints (QGC WPL 110) of Mission Planner."
 COMMANDS = {
     "show": ("check a plan file of QGroundControl or Mission Planner and list its items", "survey.plan"),
     "save": ("save the mission that a running robot's vehicle stores", "uav1 flown.waypoints"),
 }
 
 
-def main(given: list[str]) -> int:
-    """Run `argosy plan COMMAND ...`. Returns the exit code."""
-    about = "Plan files of ground stations: .plan of QGroundControl, .waypoints (QGC WPL 110) of Mission Planner."
-    return run_subcommand("argosy plan", about, COMMANDS, _load, given)
-
-
-def _load(name: str) -> Command:
+def load(name: str) -> Command:
+    """Return what declares the arguments of a command, and what runs it."""
     return {"show": (add_show_arguments, show_plan), "save": (add_save_arguments, save_plan)}[name]
 
 

@@ -19,7 +19,7 @@ from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import json_lines, printable
 from schemas.liveness import SILENT_AFTER
-from schemas.mission.model import Mission, load_mission
+from schemas.mission.model import Mission
 from schemas.wire import keys
 from schemas.wire.records import Health
 
@@ -53,16 +53,15 @@ def run(args: Namespace) -> int:
     """Print the status. Returns 0 if every expected daemon is up, 1 if not."""
     if args.mission and args.fleet:
         raise BadInput("argosy status: the mission names its fleet: leave out --fleet")
-    mission = load_mission(args.mission) if args.mission else None
 
     async def ask(bus: Bus, where: Where) -> int:
-        fleet_status = call_the_roll(bus, where.fleet, mission)
+        fleet_status = call_the_roll(bus, where.fleet, where.mission)
         await settled(fleet_status, args.wait)
         fleet = where.fleet if where.fleet != ANY else ANY_FLEET
         if args.watch:
             return await _watch(fleet_status, bus, fleet, args)
         rows = fleet_status.rows()
-        _view(fleet, mission, args)(rows)
+        _view(fleet, args)(rows)
         for one in await unreached(bus):
             print(f"note: {one}", file=sys.stderr)
         return EXIT_DONE if well(rows) else EXIT_FAILED
@@ -94,23 +93,17 @@ def well(rows: list[Row]) -> bool:
     return bool(rows) and all(row.well for row in rows)
 
 
-def _view(fleet: str, mission: Mission | None, args: Namespace) -> Callable[[list[Row]], None]:
+def _view(fleet: str, args: Namespace) -> Callable[[list[Row]], None]:
     """Return a function that prints the rows: as a table on a terminal, as lines in a pipe, or as JSON."""
     if args.json:
         return lambda rows: print(json_lines(to_json(fleet, rows, well(rows))))
     if args.plain or not sys.stdout.isatty():
-        return lambda rows: _print_lines(fleet, rows)
+        return lambda rows: print("\n".join([*map(status_line, rows), summary(fleet, rows)]))
     from rich.console import Console
 
     from argosy.status.table import table
 
     return lambda rows: Console().print(table(summary(fleet, rows), rows))
-
-
-def _print_lines(fleet: str, rows: list[Row]) -> None:
-    for row in rows:
-        print(status_line(row))
-    print(summary(fleet, rows))
 
 
 async def _watch(fleet_status: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:

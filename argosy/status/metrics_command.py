@@ -21,7 +21,6 @@ from argosy.status.command import add_roll_arguments, call_the_roll
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_FAILED
 from schemas.files.units import host_and_port
-from schemas.mission.model import load_mission
 from schemas.wire.records import Health
 
 LISTEN = "127.0.0.1:9464"
@@ -57,11 +56,10 @@ def run(args: Namespace) -> int:
     """Serve until ctrl-C."""
     if args.mission and args.fleet:
         raise BadInput("argosy metrics: the mission names its fleet: leave out --fleet")
-    mission = load_mission(args.mission) if args.mission else None
     host, port = host_and_port(args.listen)
 
     async def serve(bus: Bus, where: Where) -> int:
-        fleet_status = call_the_roll(bus, where.fleet, mission)
+        fleet_status = call_the_roll(bus, where.fleet, where.mission)
         fleet = "" if where.fleet == ANY else where.fleet
         page = Page(lambda: Fleet(fleet, fleet_status.rows(), bus.router_up, fleet_status.dropped).page())
         try:

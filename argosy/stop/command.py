@@ -8,7 +8,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import Final, get_args
 
 from argosy.cli.errors import CommandError
-from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
+from argosy.cli.operator_bus import Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryTimeout
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -79,7 +79,8 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
         print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{why}", flush=True)
         return outcome.ok
 
-    known = [robot for robot in where.robots if not wanted or robot in wanted]
+    named = where.mission.robots if where.mission is not None else ()
+    known = [robot for robot in named if not wanted or robot in wanted]
     orders = [asyncio.create_task(stopped(where.fleet, robot)) for robot in known]
     absent: list[str] = []
     try:
@@ -108,8 +109,7 @@ def _absent(where: Where, wanted: list[str], known: list[str], there: list[str])
         others = f"; there is {', '.join(sorted(set(there)))}" if there else ""
         print(f"{robot}: its bridge is not on the bus at {where.router}{others}", file=sys.stderr)
     if not (there or known or wanted):
-        what = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-        why = f"no bridge of {what} is on the bus at {where.router}: nothing was ordered"
+        why = f"no bridge of {where.whose} is on the bus at {where.router}: nothing was ordered"
         print(f"error: {why}; if a robot moves, its pilot has to take over", file=sys.stderr)
     return absent
 

@@ -114,7 +114,7 @@ def run(args: Namespace) -> int:
 
 async def _session(bus: Bus, where: Where, agent: str) -> Bus:
     """Return the session with the board of the agent's robot: routers do not forward requests of operators."""
-    mission = where.mission
+    mission = where.boards
     if not isinstance(bus, FleetBus) or mission is None:
         return bus
     members: dict[str, Agent | Client] = {**mission.agents, **mission.clients}
@@ -154,8 +154,8 @@ async def _nobody(bus: Bus, where: Where, agent: str) -> str:
     guarded = rules if bus.guarded else ""
     if agent in there:
         return f"agent `{agent}` is there, and no bridge answers for a robot of it{guarded}"
-    of = f" of fleet `{where.fleet}`" if where.fleet != ANY else ""
-    its = where.mission is None or agent not in where.mission.mailboxes
+    of = f" of {where.whose}" if where.fleet != ANY else ""
+    its = where.boards is None or agent not in where.boards.mailboxes
     why = f": {unknown('agent', agent, sorted(there))}" if its else ""
     return f"no bridge{of} at {where.router} answers for `{agent}`{why}{guarded}"
 

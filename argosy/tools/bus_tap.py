@@ -17,7 +17,7 @@ from threading import Lock
 import zenoh
 
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Where, names_there, note
+from argosy.cli.operator_bus import Where, names_there, note
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from schemas.wire import keys
@@ -210,8 +210,7 @@ async def note_who_is_there(bus: Bus, where: Where, text: str | None, seconds: f
     of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
     quiet = f"nothing was published{of} within {seconds:g} s"
     if not there:
-        of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-        who = f"no daemon of {of} is on the bus at {where.router}"
+        who = f"no daemon of {where.whose} is on the bus at {where.router}"
     else:
         fleets: dict[str, list[str]] = {}
         for fleet, name in sorted(there):

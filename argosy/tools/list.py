@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from argosy.cli.arguments import duration
 from argosy.cli.errors import complain
 from argosy.cli.operator_bus import (
-    ANY,
     Where,
     add_fleet_arguments,
     names_there,
@@ -77,8 +76,7 @@ def run(args: Namespace) -> int:
         if left_out:
             note(f"{left_out} records were left out: more is published than is listed")
         if not names:
-            of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-            complain(f"error: no daemon of {of} is on the bus at {where.router}")
+            complain(f"error: no daemon of {where.whose} is on the bus at {where.router}")
         return EXIT_DONE if names else EXIT_FAILED
 
     return on_the_bus(args, look)

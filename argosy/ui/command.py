@@ -28,7 +28,6 @@ from argosy.ui.server import application
 from commd.bus.tls import identity_of
 from commd.process.log_handler import one_line
 from commd.process.process import EXIT_DONE
-from schemas.mission.model import load_mission
 
 PORT = 8080
 LISTEN = "127.0.0.1"
@@ -61,9 +60,9 @@ def run(args: Namespace) -> int:
     _log_defects_in_one_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
         raise BadInput(f"--tiles: {args.tiles} is no folder")
-    place, mission = where(args), load_mission(args.mission) if args.mission else None
+    place = where(args)
     identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
-    return asyncio.run(_serve(args, FleetSession(place, mission, identity, tiles=args.tiles is not None)))
+    return asyncio.run(_serve(args, FleetSession(place, identity, tiles=args.tiles is not None)))
 
 
 def _log_defects_in_one_line(log: logging.Logger) -> None:

@@ -27,7 +27,6 @@ from argosy.ui.view_builders import (
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
 from argosy.ui.view_structs import DefectView, HeadView, MessageView, OrderedView, SeenMind
 from commd.process.log_handler import one_line
-from schemas.mission.model import Mission
 from schemas.version import RELEASE
 from schemas.wire.records import Header, Outcome
 
@@ -46,10 +45,10 @@ TRACK = 500
 class FleetSession:
     """Everything that the server shows and does. Views are made only while a page is open."""
 
-    def __init__(self, place: Where, mission: Mission | None, identity: str = "", tiles: bool = False) -> None:
+    def __init__(self, place: Where, identity: str = "", tiles: bool = False) -> None:
         """`identity` is the name in our certificate, if we have one; `tiles`: there are tiles for the map."""
-        self.place, self.mission, self.identity = place, mission, identity
-        self.link = FleetLink(place, mission, WANTED, choosing=True, notify=_report)
+        self.place, self.mission, self.identity = place, place.mission, identity
+        self.link = FleetLink(place, WANTED, choosing=True, notify=_report)
         self.model = self.link.model
         self.shown = Shown(self._tracks)
         self._run = self.model.run

@@ -12,7 +12,6 @@ from argparse import ArgumentParser, Namespace
 from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_fleet_arguments, where
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.mission.model import Mission, load_mission
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -25,19 +24,19 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Show the fleet until the user leaves. Raises BadInput without a terminal."""
-    mission, place = load_mission(args.mission) if args.mission else None, where(args)
+    place = where(args)
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise BadInput("argosy watch needs a terminal; in a pipe use argosy status, argosy echo or argosy why")
     logging.getLogger().addHandler(logging.NullHandler())  # the view shows what the bus would log
-    return asyncio.run(_show(place, mission, args.filter))
+    return asyncio.run(_show(place, args.filter))
 
 
-async def _show(place: Where, mission: Mission | None, words: str) -> int:
+async def _show(place: Where, words: str) -> int:
     from argosy.fleet_model.link import FleetLink
     from argosy.watch.app import WatchApp
     from argosy.watch.row_text import glyphs_of
 
-    link = FleetLink(place, mission)
+    link = FleetLink(place)
     app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup

@@ -1,4 +1,4 @@
-"""All key expressions of Argosy in one table, the functions that build them, and names.
+"""All key expressions of Argosy in one table, functions that return them, and names.
 
 A key is `argosy/{fleet}/` followed by a key of the table. The sender is in the key because access control can enforce
 only keys. A name of a fleet, agent, robot or board is one chunk of a key.
@@ -7,6 +7,7 @@ only keys. A name of a fleet, agent, robot or board is one chunk of a key.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -115,130 +116,68 @@ CHANNELS = (
 )
 
 
-def percepts(fleet: str, agent: str) -> str:
-    """Return the key of the changes of an agent's percepts; `*` for all agents."""
-    return f"{ROOT}/{fleet}/{agent}/percepts"
+def _with_name(rest: str) -> Callable[[str, str], str]:
+    return lambda fleet, name: f"{ROOT}/{fleet}/{name}/{rest}"
 
 
-def percept_by_hand(fleet: str, agent: str, name: str) -> str:
-    """Return the key on which a percept is given to an agent by hand; `*` for all of them."""
-    return f"{ROOT}/{fleet}/{agent}/percept_by_hand/{name}"
+def _with_two(rest: str) -> Callable[[str, str, str], str]:
+    return lambda fleet, name, last: f"{ROOT}/{fleet}/{name}/{rest}/{last}"
 
 
-def percept(fleet: str, agent: str, name: str) -> str:
-    """Return the key of a percept of an agent, published only while there are subscribers; `**` for all of them."""
-    return f"{ROOT}/{fleet}/{agent}/percept/{name}"
-
-
-def action(fleet: str, agent: str, name: str) -> str:
-    """Return the key of an action of an agent; `*` for the bridge's queryable."""
-    return f"{ROOT}/{fleet}/{agent}/action/{name}"
-
-
-def cancel(fleet: str, agent: str) -> str:
-    """Return the key on which an agent cancels its actions."""
-    return f"{ROOT}/{fleet}/{agent}/cancel"
-
-
-def status(fleet: str, agent: str, name: str) -> str:
-    """Return the key of action statuses for observers."""
-    return f"{ROOT}/{fleet}/{agent}/status/{name}"
-
-
-def outbox(fleet: str, agent: str) -> str:
-    """Return the key on which an agent hands mail to its board's commd."""
-    return f"{ROOT}/{fleet}/{agent}/outbox"
-
-
-def inbox(fleet: str, agent: str) -> str:
-    """Return the key on which commd hands an agent its mail."""
-    return f"{ROOT}/{fleet}/{agent}/inbox"
-
-
-def mail(fleet: str, receiver: str, sender: str) -> str:
-    """Return the key of mail between boards, served by the receiver's commd."""
-    return f"{ROOT}/{fleet}/{receiver}/mail/{sender}"
-
-
-def services(fleet: str, board: str) -> str:
-    """Return the key of a board's agents and services; `*` for all boards."""
-    return f"{ROOT}/{fleet}/{board}/services"
-
-
-def service_requests(fleet: str, board: str, agent: str) -> str:
-    """Return the key of an agent's requests to its board's directory."""
-    return f"{ROOT}/{fleet}/{board}/services/{agent}"
-
-
-def mailboxes(fleet: str, board: str) -> str:
-    """Return the key of the list of a board's mail; `*` for all boards."""
-    return f"{ROOT}/{fleet}/{board}/mailboxes"
-
-
-def neighbour_mail(fleet: str, agent: str) -> str:
-    """Return the key of the list of mail within an agentd, by its first agent; `*` for all."""
-    return f"{ROOT}/{fleet}/{agent}/neighbour_mail"
-
-
-def mission(fleet: str, board: str) -> str:
-    """Return the key of the mission file that a board runs; `*` for all boards."""
-    return f"{ROOT}/{fleet}/{board}/mission"
-
-
-def checkup(fleet: str, board: str) -> str:
-    """Return the key of a board's self-check."""
-    return f"{ROOT}/{fleet}/{board}/checkup"
-
-
-def mind(fleet: str, agent: str) -> str:
-    """Return the key of an agent's beliefs and intentions."""
-    return f"{ROOT}/{fleet}/{agent}/mind"
-
-
-def trace(fleet: str, agent: str, part: str) -> str:
-    """Return the key of a mind's trace: `inputs`, `decisions` or `activity`; published only while there are
-    subscribers."""
-    return f"{ROOT}/{fleet}/{agent}/trace/{part}"
-
-
-def control(fleet: str, agent: str) -> str:
-    """Return the key of an operator's orders to a mind, if the mission allows them."""
-    return f"{ROOT}/{fleet}/{agent}/control"
-
-
-def manifest(fleet: str, robot: str) -> str:
-    """Return the key on which a robot's manifest is read and changed, and published after each change."""
-    return f"{ROOT}/{fleet}/{robot}/manifest"
-
-
-def parameters(fleet: str, robot: str) -> str:
-    """Return the key on which a vehicle's parameters are read, and one of them is set."""
-    return f"{ROOT}/{fleet}/{robot}/parameters"
-
-
-def stored_plan(fleet: str, robot: str) -> str:
-    """Return the key on which the mission that a vehicle stores is read."""
-    return f"{ROOT}/{fleet}/{robot}/stored_plan"
-
-
-def stop(fleet: str, robot: str) -> str:
-    """Return the key of operators' orders to a robot."""
-    return f"{ROOT}/{fleet}/{robot}/stop"
-
-
-def run(fleet: str, operator: str) -> str:
-    """Return the key of the state of an operator's run; `*` for all operators."""
-    return f"{ROOT}/{fleet}/{operator}/run"
+# Functions that return a key from the fleet and the names in it, in the order of the key; each may be `*`.
+percepts = _with_name("percepts")
+"""Changes of an agent's percepts."""
+percept_by_hand = _with_two("percept_by_hand")
+"""A percept that is given to an agent by hand: agent and percept."""
+percept = _with_two("percept")
+"""A percept of an agent, published only while there are subscribers: agent and percept; `**` for all percepts."""
+action = _with_two("action")
+"""An action of an agent: agent and action; `*` for the bridge's queryable."""
+cancel = _with_name("cancel")
+"""Where an agent cancels its actions."""
+status = _with_two("status")
+"""Action statuses for observers: agent and action."""
+outbox = _with_name("outbox")
+"""Where an agent hands mail to its board's commd."""
+inbox = _with_name("inbox")
+"""Where commd hands an agent its mail."""
+mail = _with_two("mail")
+"""Mail between boards, served by the receiver's commd: receiver and sender."""
+services = _with_name("services")
+"""A board's agents and services."""
+service_requests = _with_two("services")
+"""An agent's requests to its board's directory: board and agent."""
+mailboxes = _with_name("mailboxes")
+"""The list of a board's mail."""
+neighbour_mail = _with_name("neighbour_mail")
+"""The list of mail within an agentd, by its first agent."""
+mission = _with_name("mission")
+"""The mission file that a board runs."""
+checkup = _with_name("checkup")
+"""A board's self-check."""
+mind = _with_name("mind")
+"""An agent's beliefs and intentions."""
+trace = _with_two("trace")
+"""A mind's trace, published only while there are subscribers: agent, and `inputs`, `decisions` or `activity`."""
+control = _with_name("control")
+"""An operator's orders to a mind, if the mission allows them."""
+manifest = _with_name("manifest")
+"""Where a robot's manifest is read and changed, and published after each change."""
+parameters = _with_name("parameters")
+"""Where a vehicle's parameters are read, and one of them is set."""
+stored_plan = _with_name("stored_plan")
+"""Where the mission that a vehicle stores is read."""
+stop = _with_name("stop")
+"""Operators' orders to a robot."""
+run = _with_name("run")
+"""The state of an operator's run."""
+health = _with_two("health")
+"""A daemon's health: name and daemon."""
 
 
 def alive(fleet: str, name: str, daemon: str, boot: str) -> str:
     """Return the key of the liveliness token of one process of a daemon for one name."""
     return f"{ROOT}/{fleet}/{name}/alive/{daemon}/{boot}"
-
-
-def health(fleet: str, name: str, daemon: str) -> str:
-    """Return the key of a daemon's health."""
-    return f"{ROOT}/{fleet}/{name}/health/{daemon}"
 
 
 def parse(key: str) -> tuple[str, str, list[str]] | None:

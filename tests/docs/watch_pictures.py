@@ -46,7 +46,7 @@ def _on_free_ports(folder: Path) -> Path:
 
 
 async def _look(router: str) -> dict[str, str]:
-    link = FleetLink(Where("sar", router), None)
+    link = FleetLink(Where("sar", router))
     app, screens = WatchApp(link), dict[str, str]()
     dialling = asyncio.create_task(link.run())
     try:

@@ -6,7 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +117,9 @@ async def served(
     """Serve a fleet; without a place nobody looks for a router."""
     before = sessions_under_way()  # one that another test has left, and Zenoh does not end, is not the page's
     auth = AuthGuard(listen, free_port())
-    following = FleetSession(place or Where("sar", NOWHERE), mission, identity, tiles=tiles is not None)
+    following = FleetSession(
+        replace(place or Where("sar", NOWHERE), mission=mission), identity, tiles=tiles is not None
+    )
     runner = web.AppRunner(application(auth, following, tiles), access_log=None, shutdown_timeout=1)
     link = asyncio.create_task(following.link.run()) if place is not None else None
     jar = aiohttp.CookieJar(unsafe=True)  # of an address

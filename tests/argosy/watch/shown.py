@@ -19,7 +19,7 @@ from tests.support import buses
 
 def link_to(fleet: Fleet) -> FleetLink:
     """A link that has reached the fleet and dials nowhere."""
-    link = FleetLink(Where(FLEET, "tcp/127.0.0.1:7447"), None)
+    link = FleetLink(Where(FLEET, "tcp/127.0.0.1:7447"))
     link.model, link.reached, link.since = fleet.model, True, fleet.at
     return link
 
