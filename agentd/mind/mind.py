@@ -20,7 +20,6 @@ from agentd.mind.data.registry import Library
 from agentd.mind.execution import belief_updates, control_flow, goal_execution, goal_states, waiting
 from agentd.mind.execution.cycle import run_cycles
 from agentd.mind.execution.dropping import fail_too_deep
-from agentd.mind.execution.input_handling import heeds
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
 from agentd.mind.introspection import term_snapshot
@@ -175,10 +174,6 @@ class Mind(MindState):
     def copy_from(self, other: Mind) -> None:
         """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""
         copy_mind(self, other)
-
-    def heeds(self, item: Input) -> bool:
-        """Whether anything of the mind may wait for an input: see `agentd.mind.execution.input_handling.heeds`."""
-        return heeds(self, item)
 
     def step(self, now: float) -> list[Effect]:
         """Run one reasoning cycle at mission time ``now`` in seconds and return its effects, in order."""

@@ -13,6 +13,7 @@ from typing import Final, TypeAlias
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input
+from agentd.mind.execution.input_handling import heeds
 from commd.bus.bus import Bus
 from commd.common.alarm import Alarm
 from commd.common.clock import Clock
@@ -79,7 +80,7 @@ class MindRunner:
         if self._turn_due:
             return
         if self._timer.asleep:
-            if not self.mind.heeds(item):
+            if not heeds(self.mind, item):
                 self._timer.within_at_most(BELIEVED_WITHIN)
                 return
             self._turn_due = True

@@ -102,7 +102,7 @@ class ActionLog:
         self._syncer = ThreadPoolExecutor(1, thread_name_prefix="action-log")
         self._sync: Future[None] | None = None
         self._unsynced = False
-        """An id was begun since a sync was asked for."""
+        """Something was written since a sync was asked for."""
         make_private_folder(path.parent)
         self._read()
         self._fresh = path.with_suffix(".new")
@@ -119,13 +119,14 @@ class ActionLog:
 
         `keep` is to be called soon.
         """
-        self._unsynced = True
         self._append(Entry(action.id, self._wall(), action.agent, action.name))
 
     def keep(self) -> None:
-        """Sync the records soon, so that they outlive a power loss. Raises OSError."""
+        """Sync soon what has been written, so that it outlives a power loss. Raises OSError."""
         if self._unsynced:
-            self._keep_through_power_loss()
+            self._unsynced = False
+            if self._sync is None or self._sync.running() or self._sync.done():  # else one waits that will do that
+                self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
 
     def finish(self, agent: str, status: ActionStatus) -> None:
         """Record how an id ended, as much as the answer to a repeated request needs, and sync it. Raises OSError.
@@ -145,7 +146,7 @@ class ActionLog:
             order=status.order,
         )
         self._append(entry)
-        self._keep_through_power_loss()
+        self.keep()
 
     def find(self, action: str) -> Entry | None:
         """Return the record of an id, None if it was not begun within the last hour and is not one of the `LAST`."""
@@ -188,7 +189,7 @@ class ActionLog:
         """Record what the operator ordered, if it is new, and sync it."""
         if standing != self._standing:
             self._append(standing)
-            self._keep_through_power_loss()
+            self.keep()
 
     def close(self) -> None:
         """Close the file; a sync under way ends by itself."""
@@ -199,19 +200,13 @@ class ActionLog:
         self._remember(entry)
         self._file.write(_line(entry))
         self._file.flush()
+        self._unsynced = True
         if self._rewriting is None and self._file.tell() > self._rewrite_at:
             self._copied = self._file.tell()
             self._rewriting = self._syncer.submit(_write, self._fresh, self._kept())
         elif self._rewriting is not None and self._rewriting.done():
             self._replace(self._rewriting)
             self._rewriting = None
-
-    def _keep_through_power_loss(self) -> None:
-        """Sync what has been written, unless a sync that has not begun yet will do that."""
-        self._unsynced = False
-        waits = self._sync is not None and not self._sync.running() and not self._sync.done()
-        if not waits:
-            self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
 
     def _kept(self) -> list[Entry]:
         return [*self._entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
@@ -264,8 +259,8 @@ class ActionLog:
             log.error("%s cannot be made smaller: %s", self.path, error.strerror)
         else:
             before.close()
-            self._file, self._sync = file, None
-            self._keep_through_power_loss()
+            self._file, self._sync, self._unsynced = file, None, True
+            self.keep()
         self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
 
 

@@ -63,6 +63,8 @@ class _Slot:
     due: float
     """When the next change may be published, in mission seconds."""
     heard_at: float
+    period: float
+    """Mission seconds between two changes at the entry's rate."""
     waiting: Parameters | None = None
     """The newest value, held back by the rate."""
 
@@ -130,8 +132,8 @@ class PerceptPublisher:
             if now_declared is None or _identity(now_declared, manifest) != _identity(slot.entry, manifest):
                 self._remove(key)
             else:
-                slot.due += _period(now_declared) - _period(slot.entry)
-                slot.entry = now_declared
+                slot.due += _period(now_declared) - slot.period
+                slot.entry, slot.period = now_declared, _period(now_declared)
                 if slot.waiting is not None:
                     self._wake.set()
         self._use(manifest)
@@ -219,30 +221,26 @@ class PerceptPublisher:
             while len(self._slots) >= MAX_BELIEFS:
                 self.dropped += 1
                 self._remove(next(iter(self._slots)))
-            slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now)
+            slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now, _period(entry))
             self._publish_slot(slot, parameters, now)
-            if entry.ttl is not None:
-                self._tick_by(now + entry.ttl * self._ttl_scale)
-            return
-        since, slot.heard_at = now - slot.heard_at, now
-        if entry.buf == "update" and not _changed(entry.deadband, slot.published, parameters):
-            slot.waiting = None
-        elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry) or since >= STEADY * _period(entry):
-            self._publish_slot(slot, parameters, now)
+            due = math.inf if entry.ttl is None else now + entry.ttl * self._ttl_scale
         else:
-            slot.waiting = parameters
-            self._tick_by(slot.due)
-
-    def _tick_by(self, due: float) -> None:
+            since, slot.heard_at = now - slot.heard_at, now
+            if entry.buf == "update" and not _changed(entry.deadband, slot.published, parameters):
+                slot.waiting = None
+                return
+            if entry.buf == "add" or now >= slot.due - JITTER * slot.period or since >= STEADY * slot.period:
+                self._publish_slot(slot, parameters, now)
+                return
+            slot.waiting, due = parameters, slot.due
         if due < self.next_tick:
             self.next_tick = due
             self._wake.set()
 
     def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
-        period = _period(slot.entry)
         slot.published, slot.waiting = parameters, None
-        in_turn = -JITTER * period <= now - slot.due < period
-        slot.due = (slot.due if in_turn else now) + period  # one that came late does not hold up the next
+        in_turn = -JITTER * slot.period <= now - slot.due < slot.period
+        slot.due = (slot.due if in_turn else now) + slot.period  # one that came late does not hold up the next
         self._send(self.sets, slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
 
     def _withdraw(self, name: str) -> None:

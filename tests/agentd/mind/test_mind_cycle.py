@@ -9,6 +9,7 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal
 from agentd.mind.data.effects import PerformAction, Print
 from agentd.mind.data.inputs import ActionDone, PerceptReplaced
+from agentd.mind.execution.input_handling import heeds
 from schemas.wire.mind_records import WaitView
 from schemas.wire.terms import Variable
 from tests.agentd.minds import World, mind_of, run
@@ -79,7 +80,7 @@ def test_the_snapshot_tells_goals_positions_and_what_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("program", "heeds"),
+    ("program", "heeded"),
     [
         ("q. +q <- .print(p). r :- p(1).", False),
         ("+p(_) <- .print(p).", True),
@@ -91,12 +92,12 @@ def test_the_snapshot_tells_goals_positions_and_what_is_waited_for() -> None:
         ("+jag_sleeping <- .print(asleep).", True),
     ],
 )
-def test_a_mind_heeds_a_percept_that_a_plan_or_a_wait_is_for(program: str, heeds: bool) -> None:
+def test_a_mind_heeds_a_percept_that_a_plan_or_a_wait_is_for(program: str, heeded: bool) -> None:
     def seen(number: float) -> PerceptReplaced:
         return PerceptReplaced(Literal(signature("p", 1), (number,)))
 
     mind = mind_of(program)
-    assert mind.heeds(seen(1.0)), "the first one of its kind"
+    assert heeds(mind, seen(1.0)), "the first one of its kind"
     World(mind).feed(seen(1.0))
-    assert mind.heeds(seen(2.0)) is heeds
-    assert mind.heeds(ActionDone(1, True))
+    assert heeds(mind, seen(2.0)) is heeded
+    assert heeds(mind, ActionDone(1, True))
