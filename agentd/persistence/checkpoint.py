@@ -73,19 +73,27 @@ MIGRATIONS: Final = (
     """,
 )
 """The scripts that bring a database from version N to N + 1; the first one begins with an empty file."""
-TABLES: Final = (
-    "belief",
-    "predicate",
-    "plan",
-    "pending",
-    "value",
-    "absorbed",
-    "incoming",
-    "outgoing",
-    "receiver",
-    "action",
-)
-"""Those that have rows of each agent."""
+TABLES: Final = {
+    "belief": (3, "rank"),
+    "predicate": (3, "number"),
+    "plan": (3, "rank"),
+    "pending": (5, "queued number"),
+    "value": (3, "name"),
+    "absorbed": (5, "sender numbering"),
+    "incoming": (3, "number"),
+    "outgoing": (5, "number"),
+    "receiver": (3, "name"),
+    "action": (4, "id"),
+}
+"""Those with rows of each agent: the number of columns, and the names of the key's columns after `agent`."""
+_PUT: Final = {
+    table: f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * columns)})"  # noqa: S608
+    for table, (columns, _) in TABLES.items()
+}
+_REMOVE: Final = {
+    table: f"DELETE FROM {table} WHERE agent = ? AND " + " AND ".join(f"{column} = ?" for column in key.split())  # noqa: S608
+    for table, (_, key) in TABLES.items()
+}
 
 Synchronous = Literal["FULL", "NORMAL"]
 _ENDINGS: Final = ("", "-wal", "-shm", ENDING)
@@ -284,6 +292,11 @@ class Checkpoint:
         It is on disk when this returns. If `soft` it survives the end of the process only, not a power cut: nobody else
         has heard of it.
         """
+        with self._transaction(soft) as database:
+            self._write(database, savings)
+
+    @contextmanager
+    def _transaction(self, soft: bool = False) -> Iterator[sqlite3.Connection]:
         with self._lock, _as_checkpoint_error(self.path, "written"):
             if self._database is None:
                 self._open()
@@ -293,7 +306,7 @@ class Checkpoint:
                 self._soft = soft
             try:
                 self._database.execute("BEGIN IMMEDIATE")
-                self._write(self._database, savings)
+                yield self._database
                 self._database.execute("COMMIT")
             except BaseException:
                 self._undo()
@@ -313,59 +326,32 @@ class Checkpoint:
                 self._numbers[name] = number
         each = [(self._numbers[name], saving) for name, saving in savings.items()]
         minds = [(n, saving.mind) for n, saving in each if saving.mind is not None]
-        for statement, rows in (
-            (
-                "DELETE FROM belief WHERE agent = ? AND rank = ?",
-                [(n, rank) for n, m in minds for rank in m.beliefs_gone],
-            ),
-            ("INSERT OR REPLACE INTO belief VALUES (?, ?, ?)", [(n, *row) for n, m in minds for row in m.beliefs]),
-            (
-                "INSERT OR REPLACE INTO predicate VALUES (?, ?, ?)",
-                [(n, *row) for n, m in minds for row in m.predicates],
-            ),
-            ("DELETE FROM plan WHERE agent = ? AND rank = ?", [(n, rank) for n, m in minds for rank in m.plans_gone]),
-            ("INSERT OR REPLACE INTO plan VALUES (?, ?, ?)", [(n, *row) for n, m in minds for row in m.plans]),
-            (
-                "DELETE FROM pending WHERE agent = ? AND queued = ? AND number = ?",
-                [(n, *key) for n, m in minds for key in m.pending_gone],
-            ),
-            (
-                "INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?, ?)",
-                [(n, *key, int(origin), event) for n, m in minds for key, origin, event in m.pending],
-            ),
-            (
-                "INSERT OR REPLACE INTO value VALUES (?, ?, ?)",
-                [(n, *row) for n, m in minds for row in m.values.items()],
-            ),
-            ("INSERT OR REPLACE INTO incoming VALUES (?, ?, ?)", [(n, *row) for n, s in each for row in s.incoming]),
-            (
-                "DELETE FROM incoming WHERE agent = ? AND number = ?",
-                [(n, number) for n, s in each for number in s.taken],
-            ),
-            (
-                "INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?, ?)",
-                [(n, *row) for n, s in each for row in s.outgoing],
-            ),
-            (
-                "DELETE FROM outgoing WHERE agent = ? AND number = ?",
-                [(n, number) for n, s in each for number in s.delivered],
-            ),
-            (
-                "INSERT OR REPLACE INTO receiver VALUES (?, ?, ?)",
-                [(n, *row) for n, s in each for row in s.next_seq.items()],
-            ),
-            (
-                "INSERT OR REPLACE INTO action VALUES (?, ?, ?, ?)",
-                [(n, i, *a) for n, s in each for i, a in s.actions.items()],
-            ),
-            ("DELETE FROM action WHERE agent = ? AND id = ?", [(n, identity) for n, s in each for identity in s.ended]),
-            (
-                "UPDATE agent SET numbering = ?, lives = ?, program = ? WHERE number = ?",
-                [(*s.life, n) for n, s in each if s.life is not None],
-            ),
-        ):
+
+        def put(table: str, rows: list[tuple[Any, ...]]) -> None:
             if rows:  # a statement without rows takes time too, while an action waits
-                database.executemany(statement, rows)
+                database.executemany(_PUT[table], rows)
+
+        def remove(table: str, rows: list[tuple[Any, ...]]) -> None:
+            if rows:
+                database.executemany(_REMOVE[table], rows)
+
+        remove("belief", [(n, rank) for n, m in minds for rank in m.beliefs_gone])
+        put("belief", [(n, *row) for n, m in minds for row in m.beliefs])
+        put("predicate", [(n, *row) for n, m in minds for row in m.predicates])
+        remove("plan", [(n, rank) for n, m in minds for rank in m.plans_gone])
+        put("plan", [(n, *row) for n, m in minds for row in m.plans])
+        remove("pending", [(n, *key) for n, m in minds for key in m.pending_gone])
+        put("pending", [(n, *key, int(origin), event) for n, m in minds for key, origin, event in m.pending])
+        put("value", [(n, *row) for n, m in minds for row in m.values.items()])
+        put("incoming", [(n, *row) for n, s in each for row in s.incoming])
+        remove("incoming", [(n, number) for n, s in each for number in s.taken])
+        put("outgoing", [(n, *row) for n, s in each for row in s.outgoing])
+        remove("outgoing", [(n, number) for n, s in each for number in s.delivered])
+        put("receiver", [(n, *row) for n, s in each for row in s.next_seq.items()])
+        put("action", [(n, i, *a) for n, s in each for i, a in s.actions.items()])
+        remove("action", [(n, identity) for n, s in each for identity in s.ended])
+        if lives := [(*s.life, n) for n, s in each if s.life is not None]:
+            database.executemany("UPDATE agent SET numbering = ?, lives = ?, program = ? WHERE number = ?", lives)
         if absorbed := [(n, *whose, seq) for n, saving in each for whose, seq in saving.absorbed.items()]:
             self._write_absorbed(database, absorbed)
 
@@ -391,21 +377,11 @@ class Checkpoint:
 
     def forget(self, agents: Iterable[str]) -> None:
         """Remove the state of agents. Raises CheckpointError."""
-        with self._lock, _as_checkpoint_error(self.path, "written"):
-            if self._database is None:
-                self._open()
-                assert self._database is not None
-            rows = [(self._numbers[name],) for name in agents if name in self._numbers]
-            try:
-                self._database.execute("BEGIN IMMEDIATE")
-                for table in TABLES:
-                    self._database.executemany(f"DELETE FROM {table} WHERE agent = ?", rows)  # noqa: S608
-                self._database.executemany("DELETE FROM agent WHERE number = ?", rows)
-                self._database.execute("COMMIT")
-            except BaseException:
-                self._undo()
-                raise
-            self._look_up()
+        with self._transaction() as database:
+            rows = [(self._numbers.pop(name),) for name in agents if name in self._numbers]
+            for table in TABLES:
+                database.executemany(f"DELETE FROM {table} WHERE agent = ?", rows)  # noqa: S608
+            database.executemany("DELETE FROM agent WHERE number = ?", rows)
 
     def close(self) -> None:
         """Close the file and keep it; one without agents is removed. Raises CheckpointError."""

@@ -75,22 +75,24 @@ class Difference:
     replayed_next: tuple[Act, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Result:
     """The agreement of a recorded and a replayed mind."""
 
     agent: str
     program: str
-    batches: int
-    inputs: int
-    cycles: int
+    batches: int = 0
+    inputs: int = 0
+    cycles: int = 0
     """Those that agree: up to the difference, if there is one."""
-    decisions: int
-    effects: int
-    until: float
+    decisions: int = 0
+    effects: int = 0
+    until: float = 0.0
     """Mission time in seconds up to which they agree."""
     proven: int = 0
     """Batches whose recorded digest is the same."""
+    unheard: int = 0
+    """Batches that have no digest: nobody listened when they were made."""
     unlike: tuple[int, ...] = ()
     """`compare`: batches in which the recorded program itself differs from the recording."""
     difference: Difference | None = None
@@ -102,19 +104,7 @@ class Result:
         """Whether there is no difference, and the recorded program itself agrees with the recording."""
         return self.difference is None and not self.unlike
 
-
-class _Tally:
-    """Counts the agreeing parts."""
-
-    def __init__(self, rebuilt: ReplayedMind) -> None:
-        self._rebuilt = rebuilt
-        self.batches = self.inputs = self.cycles = self.decisions = self.effects = self.proven = 0
-        self.unheard = 0
-        """Batches that have no digest."""
-        self.unlike: list[int] = []
-        self.notes: list[str] = []
-
-    def batch(self, batch: MindInputs, *, alike: bool = True) -> None:
+    def add(self, batch: MindInputs, *, alike: bool = True) -> None:
         """Count a replayed batch; `alike`: its digest, if it has one, is the same."""
         self.batches += 1
         self.inputs += len(batch.inputs)
@@ -124,35 +114,22 @@ class _Tally:
         elif alike:
             self.proven += 1
         else:
-            self.unlike.append(batch.number)
+            self.unlike = (*self.unlike, batch.number)
 
-    def count(self, done: Iterable[Done]) -> None:
-        for one in done:
-            if one.decides:
-                self.decisions += 1
-            else:
-                self.effects += 1
+    def count(self, done: list[Done]) -> None:
+        """Count decisions, which failures are too, and effects."""
+        deciding = sum(one.decides for one in done)
+        self.decisions += deciding
+        self.effects += len(done) - deciding
 
-    def result(self, difference: Difference | None = None) -> Result:
+    def complete(self, until: float, difference: Difference | None = None) -> Result:
+        """Add how it ended, at `until` mission seconds; return the result."""
+        self.until, self.difference = until, difference
         if difference is None and self.unheard:
-            self.notes.append(
-                f"{self.unheard} of {self.batches} batches have no digest: nobody listened when they were made"
+            self.notes = (
+                f"{self.unheard} of {self.batches} batches have no digest: nobody listened when they were made",
             )
-        initial = self._rebuilt.initial
-        return Result(
-            agent=self._rebuilt.agent,
-            program=initial.program,
-            batches=self.batches,
-            inputs=self.inputs,
-            cycles=self.cycles,
-            decisions=self.decisions,
-            effects=self.effects,
-            until=self._rebuilt.now,
-            proven=self.proven,
-            unlike=tuple(self.unlike),
-            difference=difference,
-            notes=tuple(self.notes),
-        )
+        return self
 
 
 Progress = Callable[[MindInputs], None]
@@ -166,17 +143,17 @@ def replay(
     Raises CannotReplay.
     """
     rebuilt, rest = _first(batches)
-    tally, before = _Tally(rebuilt), 0
+    tally, before = Result(rebuilt.agent, rebuilt.initial.program), 0
     for batch in rest:
         done = rebuilt.feed(batch)
         if batch.digest and digest_of(done, rebuilt.initial.decisions > 0) != (batch.decided, batch.digest):
-            return tally.result(_where(rebuilt, batch, done, before, decisions))
-        tally.batch(batch)
+            return tally.complete(rebuilt.now, _where(rebuilt, batch, done, before, decisions))
+        tally.add(batch)
         before = batch.last
         tally.count(done)
         if progress is not None:
             progress(batch)
-    return tally.result()
+    return tally.complete(rebuilt.now)
 
 
 def compare(
@@ -196,7 +173,7 @@ def compare(
     rebuilt, rest = _first(batches)
     initial = rebuilt.initial
     first = next(rest)
-    other, tally = ReplayedMind(first, program=_texts(initial, program, files)), _Tally(rebuilt)
+    other, tally = ReplayedMind(first, program=_texts(initial, program, files)), Result(rebuilt.agent, initial.program)
     keys = _Keys()
     for batch in chain((first,), rest):
         rebuilt.take(batch)
@@ -209,15 +186,16 @@ def compare(
             if place is not None:
                 tally.count(own[:place])
                 tally.cycles = rebuilt.mind.cycle - 1
-                return tally.result(_parting(rebuilt, other, batch, rest, own[place:], others[place:]))
+                until = rebuilt.now
+                return tally.complete(until, _parting(rebuilt, other, batch, rest, own[place:], others[place:]))
             tally.count(own)
         rebuilt.end_of_batch()
         other.end_of_batch()
         alike = not batch.digest or digest_of(exact, initial.decisions > 0) == (batch.decided, batch.digest)
-        tally.batch(batch, alike=alike)
+        tally.add(batch, alike=alike)
         if progress is not None:
             progress(batch)
-    return tally.result()
+    return tally.complete(rebuilt.now)
 
 
 def acts(
@@ -281,37 +259,25 @@ def _where(
     rebuilt: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
 ) -> Difference:
     """Find the first difference in a batch with another digest, by the recorded decisions."""
-    own = [one for one in done if type(one.what) is tuple]
-    views = [(one, view) for one in own if (view := rebuilt.view_of(one)) is not None]
-    known = {_decided(view): (one, view) for one, view in views}
-    recorded = [d for some in decisions if some.agent == rebuilt.agent for d in some.decisions]
-    recorded = [d for d in recorded if before < d.cycle <= batch.last]
-    inputs = tuple(f"cycle {cycle}: {given_text(item)}" for cycle, item in rebuilt.lasts)
-    for view in recorded:
-        if _decided(view) in known:
-            continue
-        mine = next(((one, v) for one, v in views if one.cycle >= view.cycle), None)
-        act = Act(view.cycle, view.time, "decision", _decision_text(view), view)
-        return Difference(
-            cycle=view.cycle,
-            time=view.time,
-            batch=batch.number,
-            exact=True,
-            recorded=act,
-            replayed=None if mine is None else _act(rebuilt, mine[0]),
-            inputs=inputs,
-            replayed_next=tuple(_act(rebuilt, one) for one in done if one.cycle > view.cycle)[:NEXT],
-        )
+    views = [(one, view) for one in done if type(one.what) is tuple and (view := rebuilt.view_of(one)) is not None]
+    known = {_decided(view) for _, view in views}
+    own = (view for some in decisions if some.agent == rebuilt.agent for view in some.decisions)
+    lost = next((view for view in own if before < view.cycle <= batch.last and _decided(view) not in known), None)
+    mine = None if lost is None else next((one for one, _ in views if one.cycle >= lost.cycle), None)
     return Difference(
-        cycle=batch.last,
-        time=rebuilt.now,
+        cycle=batch.last if lost is None else lost.cycle,
+        time=rebuilt.now if lost is None else lost.time,
         batch=batch.number,
-        exact=False,
-        recorded=None,
-        replayed=None,
-        inputs=inputs,
-        replayed_next=tuple(_act(rebuilt, one) for one in done[:NEXT]),
+        exact=lost is not None,
+        recorded=None if lost is None else Act(lost.cycle, lost.time, "decision", _decision_text(lost), lost),
+        replayed=None if mine is None else _act(rebuilt, mine),
+        inputs=_inputs(rebuilt),
+        replayed_next=tuple(_act(rebuilt, one) for one in done if lost is None or one.cycle > lost.cycle)[:NEXT],
     )
+
+
+def _inputs(rebuilt: ReplayedMind) -> tuple[str, ...]:
+    return tuple(f"cycle {cycle}: {given_text(item)}" for cycle, item in rebuilt.lasts)
 
 
 def _decided(view: DecisionView) -> tuple[Any, ...]:
@@ -364,7 +330,7 @@ def _parting(
 ) -> Difference:
     """Describe a difference; `own` and `others` are the differing acts of this cycle. Find the next acts of each."""
     cycle, time = rebuilt.mind.cycle, rebuilt.now
-    inputs = tuple(f"cycle {at}: {given_text(item)}" for at, item in rebuilt.lasts)
+    inputs = _inputs(rebuilt)
     recorded, replayed = (_act(rebuilt, own[0]) if own else None), (_act(other, others[0]) if others else None)
     mine, theirs = [_act(rebuilt, one) for one in own[1:]], [_act(other, one) for one in others[1:]]
     limit, here = cycle + NEXT_CYCLES, batch

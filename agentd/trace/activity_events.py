@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Final
+from typing import Final, Literal
 
 from agentd.conversion.log_format import line_of
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.terms.terms import Literal
+from agentd.language.terms import terms
 from agentd.mind.data.effects import Effect, Log, PerformAction, Print, StopTeam
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.mind.introspection.term_snapshot import short_text
@@ -27,8 +27,13 @@ LONGEST: Final = 2_000
 OFFICE: Final = "mail"
 """The sender of notices about mail that was not delivered."""
 UNDELIVERED: Final = "undelivered"
+Kind = Literal["print", "log", "action", "outcome", "sent", "received", "undelivered", "stopped"]
 _DETAIL: Final = signature("detail", 1)
 """The annotation of a notice with more than its code."""
+
+
+def _speech(mail: Mail) -> dict[str, str]:
+    return {"performative": mail.performative, "in_reply_to": mail.in_reply_to}
 
 
 class ActivityEvents:
@@ -47,24 +52,17 @@ class ActivityEvents:
         """Note an effect of the cycle with this number (0 or more)."""
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
-                text = called(name, parameters)[:LONGEST]
-                self._action(
-                    ActivityEvent(cycle=cycle, time=self._now(), kind="action", text=text, id=self._action_id(number))
-                )
-                return
-        if not self.listened:
-            return
-        match effect:
+                self._action(self._event(cycle, "action", called(name, parameters), id=self._action_id(number)))
+            case _ if not self.listened:
+                pass
             case Print() | Log() if self._lines >= MOST_LINES:
                 self._left_out += 1
             case Print(text=text):
-                self._line(ActivityEvent(cycle=cycle, time=self._now(), kind="print", text=text[:LONGEST]))
+                self._line(self._event(cycle, "print", text))
             case Log(level=level):
-                text = line_of(effect)[:LONGEST]
-                self._line(ActivityEvent(cycle=cycle, time=self._now(), kind="log", text=text, state=level))
+                self._line(self._event(cycle, "log", line_of(effect), state=level))
             case StopTeam(exit_code=code, delay=delay):
-                text = f"it stops the team in {delay:g} s with exit code {code}"
-                self.add(ActivityEvent(cycle=cycle, time=self._now(), kind="stopped", text=text))
+                self.add(self._event(cycle, "stopped", f"it stops the team in {delay:g} s with exit code {code}"))
             case _:
                 pass
 
@@ -73,69 +71,51 @@ class ActivityEvents:
         if self._is_full():
             self._left_out += len(receivers)
             return
-        text, identity = short_text(mail.content)[:LONGEST], self._mail_id(mail.msg_id)
+        text, identity = short_text(mail.content), self._mail_id(mail.msg_id)
         for receiver in receivers:
-            self.add(
-                ActivityEvent(
-                    cycle=cycle,
-                    time=self._now(),
-                    kind="sent",
-                    text=text,
-                    id=identity,
-                    other=receiver,
-                    performative=mail.performative,
-                    in_reply_to=mail.in_reply_to,
-                )
-            )
+            self.add(self._event(cycle, "sent", text, id=identity, other=receiver, **_speech(mail)))
 
     def given(self, cycle: int, item: Given) -> None:
         """Note an input of the cycle with this number (0 or more)."""
         if type(item) is ActionDone:
             state = item.state or ("succeeded" if item.ok else "failed")
-            identity, time = self._action_id(item.id), self._now()
-            self._action(
-                ActivityEvent(cycle=cycle, time=time, kind="outcome", id=identity, state=state, reason=item.reason)
-            )
+            identity = self._action_id(item.id)
+            self._action(self._event(cycle, "outcome", id=identity, state=state, reason=item.reason))
         elif type(item) is Mail and self._is_full():
             self._left_out += 1
         elif type(item) is Mail and self.listened:
             self.add(self._undelivered(cycle, item) or self._received(cycle, item))
 
     def _received(self, cycle: int, mail: Mail) -> ActivityEvent:
-        answers = mail.in_reply_to
-        return ActivityEvent(
-            cycle=cycle,
-            time=self._now(),
-            kind="received",
-            text=short_text(mail.content)[:LONGEST],
-            id=mail.msg_id,
-            other=mail.sender,
-            performative=mail.performative,
-            in_reply_to=self._mail_id(answers) if answers.endswith(f".{self._agent}") else answers,
-        )
+        speech = _speech(mail)
+        if mail.in_reply_to.endswith(f".{self._agent}"):
+            speech["in_reply_to"] = self._mail_id(mail.in_reply_to)
+        return self._event(cycle, "received", short_text(mail.content), id=mail.msg_id, other=mail.sender, **speech)
 
     def _undelivered(self, cycle: int, mail: Mail) -> ActivityEvent | None:
         """Return the event of a notice `undelivered(Receiver, Performative, Content, Why)`; None for other mail."""
         notice = mail.content
         if (
             mail.sender != OFFICE
-            or type(notice) is not Literal
+            or type(notice) is not terms.Literal
             or notice.sig.functor != UNDELIVERED
             or len(notice.args) < 4
         ):
             return None
         receiver, performative, content = map(short_text, notice.args[:3])
-        details = (one.args[0] for one in notice.annots if type(one) is Literal and one.sig == _DETAIL)
-        return ActivityEvent(
-            cycle=cycle,
-            time=self._now(),
-            kind="undelivered",
-            text=content[:LONGEST],
+        details = (one.args[0] for one in notice.annots if type(one) is terms.Literal and one.sig == _DETAIL)
+        return self._event(
+            cycle,
+            "undelivered",
+            content,
             id=mail.msg_id.removeprefix(f"{UNDELIVERED}."),
             other=receiver,
             performative=performative,
             reason=str(next(details, notice.args[3])),
         )
+
+    def _event(self, cycle: int, kind: Kind, text: str = "", **fields: str) -> ActivityEvent:
+        return ActivityEvent(cycle=cycle, time=self._now(), kind=kind, text=text[:LONGEST], **fields)
 
     def _action_id(self, number: int) -> str:
         return f"{self._agent}:{self._boot}:{number}"
