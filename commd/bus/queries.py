@@ -314,7 +314,7 @@ class QuerySession:
             nonlocal over
             if over:
                 return
-            if isinstance(reply, zenoh.Reply):
+            if reply is not None and not isinstance(reply, str):  # a trial has replies of its own
                 heard(self._read_reply(bare, reply, answer, timeout))
                 return
             over = True
