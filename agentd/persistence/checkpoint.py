@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
+from msgspec import Struct
+
 from agentd.mind.persistence.rows import MindChanges, StoredMind
 from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
 from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt, set_aside
@@ -120,31 +122,33 @@ class ActionInFlight(NamedTuple):
     parameters: bytes
 
 
-@dataclass(slots=True)
-class Saving:
+class Saving(Struct):
     """The changes of one agent in a transaction; whatever is not given stays unchanged."""
 
     mind: MindChanges | None = None
-    absorbed: dict[tuple[str, str], int] = field(default_factory=dict)
+    absorbed: dict[tuple[str, str], int] = {}
     """The number of the last message that the mind has taken, by sender and numbering."""
-    incoming: list[tuple[int, bytes]] = field(default_factory=list)
+    incoming: list[tuple[int, bytes]] = []
     """Messages of other agents of the daemon that the mind has not taken, by their place."""
-    taken: list[int] = field(default_factory=list)
+    taken: list[int] = []
     """Places of those that it has taken."""
-    outgoing: list[Outgoing] = field(default_factory=list)
+    outgoing: list[Outgoing] = []
     """New messages."""
-    delivered: list[int] = field(default_factory=list)
+    delivered: list[int] = []
     """Numbers of the messages to remove."""
-    next_seq: dict[str, int] = field(default_factory=dict)
+    next_seq: dict[str, int] = {}
     """The number of the next message, by receiver."""
-    actions: dict[str, ActionInFlight] = field(default_factory=dict)
+    actions: dict[str, ActionInFlight] = {}
     """New actions, by id."""
-    ended: list[str] = field(default_factory=list)
+    ended: list[str] = []
     """Ids of the actions to remove."""
     life: LifeRow | None = None
 
     def __bool__(self) -> bool:
-        return any(getattr(self, name) for name in self.__slots__)
+        return self != _NOTHING
+
+
+_NOTHING: Final = Saving()
 
 
 class LifeRow(NamedTuple):

@@ -313,13 +313,14 @@ class ActionServer:
         action = RunningAction(request, entry, held, until, deadline, accepted, now, arguments, held=True)
         action.followers.append((request.header.source, follower))
         self._running[request.id] = action
-        self._wake.set()
         if not self.paused:
             self._perform(action)
         if request.id in self._running:  # one that is over has sent its last status
             self._tell(action, accepted)
         if action.execution.outcome is not None and action.execution.outcome.state != "succeeded":
             self._hold_for(taken)
+        if request.id in self._running or self._driver.active:
+            self._wake.set()
         self._note(action)
         try:
             self._action_log.keep()

@@ -163,6 +163,8 @@ class ActionRequests:
     def _heard(self, one: _Request, reply: Reply[ActionStatus] | None) -> None:
         """Take a reply to the query of an action, None: its end."""
         status = None if reply is None else reply.record
+        if self._running.get(one.action.id) is not one:
+            return
         if reply is None and not one.taken and not one.wanted:
             self._fail(one, _UNWANTED, "cancelled", "cancelled")
         elif reply is None:
@@ -170,6 +172,7 @@ class ActionRequests:
         elif status is None:
             one.reason = reply.error
         elif status.final:
+            one.close = None  # the bridge ends the query: to cancel it costs more than to hear its end
             self._end(one, status)
         else:
             one.heard, one.taken = self._loop.time(), True

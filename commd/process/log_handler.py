@@ -192,6 +192,9 @@ def begin_logging(daemon: str) -> LogHandler:
     when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
     handler.setFormatter(LineFormatter("" if stderr().structured else f"{when}%(levelname)s {daemon} %(name)s "))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
+    # no line tells where it was logged; to find that out would take longer than the rest of it (logging HOWTO)
+    logging._srcfile = None
+    logging.logThreads = logging.logMultiprocessing = logging.logProcesses = False
     return handler
 
 

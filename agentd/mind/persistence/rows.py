@@ -35,7 +35,10 @@ class MindChanges(Struct):
     """Descriptions of items that cannot be kept, each once. They have no rows; older rows of them are removed."""
 
     def __bool__(self) -> bool:
-        return any(getattr(self, name) for name in self.__struct_fields__)
+        return self != _UNCHANGED
+
+
+_UNCHANGED = MindChanges()
 
 
 class StoredMind(Struct):
