@@ -27,7 +27,7 @@ log = logging.getLogger("keeping")
 
 MAIL_EVERY = 0.005
 """Wall seconds from the beginning of a commit to that of the next for which mail or a receipt waits."""
-NEAR_EVERY = 0.02
+NEAR_EVERY = 0.1
 """The same for mail between agents of the daemon, which waits for no commit."""
 OTHERS_EVERY = 0.5
 """The same for all else."""
@@ -201,6 +201,7 @@ class Checkpointer:
                 batch.savings[self._agent] = saving
                 batch.members.append(self)
                 batch.soft &= not (sent or absorbed or saving.actions or exposed)
+        batch.messages += len(sent)
         if sent or absorbed or begun:
             batch.done.append(partial(self._done, sent, absorbed, begun))
         return True

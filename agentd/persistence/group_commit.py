@@ -22,12 +22,14 @@ from commd.common.alarm import Alarm
 
 log = logging.getLogger("keeping")
 
-SHARE: Final = 4.0
+SHARE: Final = 9.0
 """Time from the beginning of a commit to that of the next, in multiples of the time in which the minds stood still."""
 WRITING: Final = 2.0
 """The same in multiples of the time that the disk took for the last one, so that it rests in between..."""
-WRITING_MOST: Final = 0.02
-"""... up to so many wall seconds: mail must not wait longer for a slow disk than that itself takes."""
+EACH_MESSAGE: Final = 0.002
+"""Wall seconds for each message that the last one let leave: where mail flows, more messages share a commit..."""
+PAUSE_MOST: Final = 0.02
+"""... both up to so many wall seconds: mail must not wait longer for a slow disk than that itself takes."""
 BUSY_PATIENCE: Final = 0.5
 """Wall seconds for which a commit waits for a busy mind whose messages others have taken."""
 ATOMIC_PATIENCE: Final = 10.0
@@ -50,6 +52,8 @@ class Batch:
     """The agents that it holds."""
     soft: bool = True
     """Whether it must survive the end of the process only, not a power cut: nobody else has heard of what it keeps."""
+    messages: int = 0
+    """Messages that it lets leave the daemon."""
     done: list[Callable[[], None]] = field(default_factory=list)
     """To be called when it is on disk."""
 
@@ -163,7 +167,8 @@ class GroupCommit:
             if flush[0] not in self._asked:
                 self._flushes.remove(flush)
                 batch.done.append(partial(_set, flush[1]))
-        self._pause = max(SHARE * (self._loop.time() - now), min(WRITING * self._wrote, WRITING_MOST))
+        pause = max(WRITING * self._wrote, EACH_MESSAGE * batch.messages)
+        self._pause = max(SHARE * (self._loop.time() - now), min(pause, PAUSE_MOST))
         if batch.savings and self._checkpoint is not None:
             self._saving = self._loop.create_future()
             self._slow.by(now + SLOW)

@@ -100,11 +100,17 @@ class ReceiveOnce:
         """Act on a message that was handed over; seq 0: one without a number."""
 
     def _of(self, whose: Numbered) -> Progress:
-        numberings = self._progress.setdefault(whose.sender, OrderedDict())
-        progress = numberings.setdefault(whose.numbering, Progress())
-        numberings.move_to_end(whose.numbering)
-        while len(numberings) > NUMBERINGS:
+        sender, numbering = whose
+        numberings = self._progress.get(sender)
+        if numberings is None:
+            numberings = self._progress[sender] = OrderedDict()
+        progress = numberings.get(numbering)
+        if progress is not None:
+            numberings.move_to_end(numbering)
+            return progress
+        if len(numberings) >= NUMBERINGS:
             numberings.popitem(last=False)
+        progress = numberings[numbering] = Progress()
         return progress
 
     def _done(self, whose: Numbered, seq: int) -> None:
@@ -114,8 +120,8 @@ class ReceiveOnce:
         progress.handed = max(progress.handed, seq)
 
     def _is_done(self, whose: Numbered, seq: int) -> bool:
-        numberings = self._progress.get(whose.sender, OrderedDict[str, Progress]())
-        return whose.numbering in numberings and seq <= numberings[whose.numbering].done
+        numberings = self._progress.get(whose.sender)
+        return numberings is not None and whose.numbering in numberings and seq <= numberings[whose.numbering].done
 
     def _notify(self) -> None:
         changed, self._changed = self._changed, asyncio.Event()

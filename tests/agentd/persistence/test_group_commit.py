@@ -34,12 +34,12 @@ class Disk:
 
 
 class Busy:
-    """An agent that always has something to be saved within `within` seconds."""
+    """An agent that always has something to be saved within `within` seconds, and `messages` to be sent."""
 
     atomic = False
 
-    def __init__(self, commits: GroupCommit, within: float) -> None:
-        self._commits, self._within = commits, within
+    def __init__(self, commits: GroupCommit, within: float, messages: int) -> None:
+        self._commits, self._within, self._messages = commits, within, messages
 
     def look(self) -> None:
         self._commits.ask(self, self._within)
@@ -47,6 +47,7 @@ class Busy:
     def capture(self, batch: Batch, now: float) -> bool:
         batch.savings["bob"] = Saving()
         batch.members.append(self)
+        batch.messages += self._messages
         asyncio.get_running_loop().call_soon(self.look)
         return True
 
@@ -58,16 +59,25 @@ class Busy:
 
 
 @pytest.mark.parametrize(
-    ("takes", "within", "apart"),
-    [(0.0005, 0.005, 0.005), (0.0005, 0.02, 0.02), (0.004, 0.005, 0.008), (0.015, 0.005, 0.02), (0.03, 0.005, 0.03)],
+    ("takes", "within", "messages", "apart"),
+    [
+        (0.0005, 0.005, 0, 0.005),
+        (0.0005, 0.02, 0, 0.02),
+        (0.004, 0.005, 0, 0.008),
+        (0.015, 0.005, 0, 0.02),
+        (0.03, 0.005, 0, 0.03),
+        (0.0005, 0.005, 2, 0.005),
+        (0.0005, 0.005, 5, 0.01),
+        (0.0005, 0.005, 500, 0.02),
+    ],
 )
 @virtual_test
-async def test_a_commit_follows_when_it_may_and_a_fast_disk_has_rested_as_long_as_it_wrote(
-    takes: float, within: float, apart: float
+async def test_a_commit_follows_when_it_may_and_waits_for_a_slow_disk_and_for_mail_that_flows(
+    takes: float, within: float, messages: int, apart: float
 ) -> None:
     disk = Disk(takes)
     commits = GroupCommit(cast(Checkpoint, disk), cast(Executor, disk))
-    Busy(commits, within).look()
+    Busy(commits, within, messages).look()
     await asyncio.sleep(1.0)
     between = [after - before for before, after in zip(disk.began[1:], disk.began[2:], strict=False)]
     assert between == pytest.approx([apart] * len(between))

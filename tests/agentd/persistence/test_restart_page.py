@@ -31,7 +31,7 @@ def test_the_figures_of_the_page_are_those_of_the_code() -> None:
         f"for {checkpointer.ACTION_PATIENCE:g} s at most",
         f"nothing, for {actions.BUS_GRACE:g} s",
         f"back within {presence.AGENT_GRACE:g} s",
-        f"at most {1 / checkpointer.MAIL_EVERY:g} times a second, {1 / group_commit.WRITING_MOST:g} on a slow disk",
+        f"at most {1 / checkpointer.MAIL_EVERY:g} times a second, {1 / group_commit.PAUSE_MOST:g} on a slow disk",
         f"at most {1 / checkpointer.NEAR_EVERY:g} times a second",
         f"at the latest after {checkpointer.BUSY_PATIENCE:g} s",
         f"{outbox.MOST_FOR_ONE:,} messages to this receiver, or {outbox.MOST_BYTES // 2**20} MB",
