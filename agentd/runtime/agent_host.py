@@ -256,11 +256,9 @@ class AgentHost:
             self._checkpointer.look(quiet=not mind.ready or (control.paused and mind.atomic is None))
             if ready:
                 return 0.0
-            due = None if control.paused else mind.wake_at
-            pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-            if control.left is not None:
-                pauses.append(control.left)
-            return min(pauses, default=None)
+            if control.paused:
+                return control.left
+            return None if (due := mind.wake_at) is None else max(0.0, clock.to_wall(due - clock.now()))
         finally:
             if poison is not None:
                 poison.end()

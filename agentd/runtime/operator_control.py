@@ -80,7 +80,8 @@ class OperatorControl:
         """Warning about the robot of a paused mind."""
         self._since = self._until = 0.0
         """Wall times of the beginning and the latest end of the pause, if there is one."""
-        self._paused = False
+        self.paused = False
+        """Whether the mind may make ordered steps only."""
         self._steps: list[Step] = []
         """Steps that were ordered and not made."""
         self._over: tuple[float, str] | None = None
@@ -88,24 +89,19 @@ class OperatorControl:
         self.withdraw = bus.serve(keys.control(bus.fleet, self._mind.name), MindOrder, self._serve, at_most=LARGEST)
 
     @property
-    def paused(self) -> bool:
-        """Whether the mind may make ordered steps only."""
-        return self._paused
-
-    @property
     def left(self) -> float | None:
         """Wall seconds until the mind continues by itself; None if it is not paused."""
-        return max(0.0, self._until - self._clock.wall()) if self._paused else None
+        return max(0.0, self._until - self._clock.wall()) if self.paused else None
 
     def may_reason(self) -> bool:
         """Return whether the mind is not paused; ends a pause that has timed out."""
-        if not self._paused:
+        if not self.paused:
             return True
         if self._clock.wall() >= self._until:
             self._go_on_by_itself(f"a pause lasts at most {self._longest:g} s")
         elif len(self._mind.inputs) > MOST_WAITING:
             self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
-        return not self._paused
+        return not self.paused
 
     def take_step(self) -> list[Step]:
         """Return the step that is to be made now; empty if there is none."""
@@ -117,7 +113,7 @@ class OperatorControl:
     def notes(self) -> tuple[Note, ...]:
         """Return a note of the pause, or of one that has ended by itself in the last `NOTED_FOR` seconds."""
         now = self._clock.wall()
-        if self._paused:
+        if self.paused:
             left = max(0.0, self._until - now)
             since = round(now - self._since)
             text = f"paused by the operator for {since} s; it goes on by itself in {left:.0f} s{self._alone}"
@@ -150,8 +146,8 @@ class OperatorControl:
 
     def _pause(self) -> Outcome:
         now = self._clock.wall()
-        if not self._paused:
-            self._paused, self._since, self._over = True, now, None
+        if not self.paused:
+            self.paused, self._since, self._over = True, now, None
             self._until = now + self._longest
             self._log("pause")
             return Outcome(ok=True, reason=f"it goes on by itself in {self._longest:g} s{self._alone}")
@@ -159,14 +155,14 @@ class OperatorControl:
         return Outcome(ok=True, reason=f"it was paused already, and {left}{self._alone}")
 
     def _resume(self) -> Outcome:
-        if not self._paused:
+        if not self.paused:
             return Outcome(ok=False, reason="it is not paused")
         self._end()
         self._log("resume")
         return Outcome(ok=True)
 
     async def _step(self) -> Outcome:
-        if not self._paused:
+        if not self.paused:
             return Outcome(ok=False, reason="it is not paused: only then it can be stepped")
         if len(self._steps) >= MOST_STEPS:
             return Outcome(ok=False, reason=f"{MOST_STEPS} steps wait already")
@@ -201,7 +197,7 @@ class OperatorControl:
         theirs = literal.with_annots(told_annots(self._mind, literal, OPERATOR))
         self._runner.feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
         self._log(f"{order.do} {sign}{literal}")
-        return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self._paused else "")
+        return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self.paused else "")
 
     def _no_plan(self, goal: Literal) -> str:
         """Return why a goal would fail; empty if the program has a plan for it."""
@@ -222,7 +218,7 @@ class OperatorControl:
         self._changed(f"resume by itself: {why}")
 
     def _end(self) -> None:
-        self._paused = False
+        self.paused = False
         for step in self._steps:
             if not step.done():
                 step.set_result("the mind went on before this step was made")

@@ -142,7 +142,7 @@ class PerceptSync:
         for perception in perceptions.changes:
             self._take(perception)
         self._tell_waiting()
-        if self.percepts.needs_repair():
+        if self.percepts.in_doubt:
             self._doubt.set()
 
     def _take(self, perception: Perception) -> None:

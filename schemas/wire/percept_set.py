@@ -33,7 +33,8 @@ class PerceptSet:
         self.missed = 0
         """Number of skipped seqs: lost perceptions."""
         self._families: dict[Family, dict[bytes, Perception]] = {}
-        self._in_doubt = False
+        self.in_doubt = False
+        """Whether the whole set must be fetched, whatever its bridge reports: after a gap."""
         self._digest = ""
         self._reported: int | None = None
         """The seq that the bridge reported when it was behind ours, so that ours is not the bridge's."""
@@ -45,13 +46,13 @@ class PerceptSet:
         """Apply one perception. Returns False for an old one, which changes nothing."""
         boot, seq, identity = perception.header.boot, perception.header.seq, _identity(perception)
         if boot != self.boot:
-            self._in_doubt = self._in_doubt or len(self) > 0
+            self.in_doubt = self.in_doubt or len(self) > 0
             self.boot, self.seq = boot, 0
         if seq <= self.seq:
             return False
         if seq > self.seq + 1:
             self.missed += seq - self.seq - 1
-            self._in_doubt = True
+            self.in_doubt = True
         self.seq = seq
         self._alter(perception, identity)
         return True
@@ -140,8 +141,8 @@ class PerceptSet:
         if readable and boot == self.boot and int(seq) < self.seq:
             self._reported = int(seq)
             return True
-        if self._in_doubt or not readable:
-            return self._in_doubt
+        if self.in_doubt or not readable:
+            return self.in_doubt
         return content != self.digest().rpartition(":")[2]
 
     def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
@@ -161,7 +162,7 @@ class PerceptSet:
         self._families.clear()
         for one in present:
             self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
-        self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
+        self.boot, self.seq, self.in_doubt, self._digest = boot, seq, False, ""
         return changes
 
     def was_ahead(self, seq: int, asked_at: int | None) -> bool:
@@ -172,7 +173,7 @@ class PerceptSet:
         """Remove everything, as the bridge is gone. Returns the removals."""
         gone = [_removal(one) for one in self.present()]
         self._families.clear()
-        self.boot, self.seq, self._in_doubt, self._digest, self._reported = "", 0, False, "", None
+        self.boot, self.seq, self.in_doubt, self._digest, self._reported = "", 0, False, "", None
         return gone
 
 
