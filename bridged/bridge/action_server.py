@@ -34,6 +34,7 @@ CAUSE_AFTER = 1.5
 """Wall seconds after which what hinders an action is logged."""
 MAX_RUNNING = 8
 """Actions that may run at a time, over all agents."""
+BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
 log = logging.getLogger("actions")
 
 
@@ -73,6 +74,7 @@ class ActionServer:
         self._feedback_every = STATUS_EVERY * clock.speed
         self._running: dict[str, RunningAction] = {}
         self._by_hand = 0
+        """Requests without an id so far: those by hand may have none."""
 
     @property
     def arming(self) -> bool:
@@ -89,37 +91,42 @@ class ActionServer:
         """Whether the operator has paused the robot."""
         return self._pause.since is not None
 
-    def ask(self, agent: str, name: str, given: Action, follower: Follower) -> None:
-        """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one."""
-        asked = self._identified(agent, given)
-        request = replace(asked, agent=agent, name=name[:MAX_ID])
-        if len(asked.id) > MAX_ID:
-            request = replace(request, id=asked.id[:MAX_ID])
-            self._deny(request, _bad(f"an id has {MAX_ID} characters at most, got {len(asked.id)}"), follower)
+    def ask(self, agent: str, name: str, given: Action, follower: Follower, *, inject: bool = True) -> None:
+        """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one.
+
+        `inject`: requests by hand are allowed. One that is not does not use up its id.
+        """
+        by_hand = is_by_hand(agent, given)
+        self._by_hand += not given.id
+        identity = given.id or f"{agent}:{self._boot}:hand{self._by_hand}"
+        request = replace(given, id=identity[:MAX_ID], agent=agent, name=name[:MAX_ID])
+        if by_hand and not inject:
+            self._deny(request, Outcome("refused", BY_HAND, "rights"), follower)
+        elif len(identity) > MAX_ID:
+            self._deny(request, _bad(f"an id has {MAX_ID} characters at most, got {len(identity)}"), follower)
         elif self._known(request, follower):
             pass
-        elif asked.attempt > 1:
+        elif given.attempt > 1:
             self._refuse(request, Outcome("refused", "bridge restarted", "restart"), follower)
-        elif asked.name not in ("", name) or asked.agent not in ("", agent):
-            said = f"{asked.agent or agent}/{asked.name or name}"
+        elif given.name not in ("", name) or given.agent not in ("", agent):
+            said = f"{given.agent or agent}/{given.name or name}"
             self._refuse(request, _bad(f"the key says {agent}/{name}, the action says {said}"), follower)
         else:
-            self._begin(request, follower, by_hand=is_by_hand(agent, given))
-
-    def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
-        """Refuse a request without the right to it; its id is not used up by that."""
-        request = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
-        self._deny(replace(request, id=request.id[:MAX_ID]), Outcome("refused", reason, "rights"), follower)
+            self._begin(request, follower, by_hand=by_hand)
 
     def adopt(self, manifest: Manifest) -> None:
         """Accept actions by another manifest; those that run keep their old entry."""
         self._manifest = manifest
 
-    def cancel(self, agent: str, action_id: str, by: str = "") -> ActionStatus:
-        """End a running action of an agent, on its own request or `by` somebody else's.
+    def cancel(self, agent: str, action_id: str, by: str = "", *, inject: bool = True) -> ActionStatus:
+        """End a running action of an agent, on its own request or `by` somebody else's, if that is allowed (`inject`).
 
         Returns its final status, also if it had ended already.
         """
+        if by not in ("", agent) and not inject:
+            log.info("robot=%s cancel of %s refused: %s", self.robot, action_id[:MAX_ID], BY_HAND)
+            unasked = Action(id=action_id[:MAX_ID], agent=agent)
+            return self._statuses.ended(unasked, Outcome("refused", BY_HAND, "rights"))
         action = self._running.get(action_id)
         if action is not None and action.request.agent == agent:
             goes_on = "" if action.entry.cancel == "hold" or not action.entry.motion else "; the vehicle goes on"
@@ -131,12 +138,6 @@ class ActionServer:
             return known.final
         unknown = Action(id=action_id[:MAX_ID], agent=agent)
         return self._statuses.ended(unknown, _bad(f"no action {unknown.id} of {agent}"))
-
-    def leave(self, agent: str, action_id: str, reason: str) -> ActionStatus:
-        """Refuse a cancel without the right to it."""
-        log.info("robot=%s cancel of %s refused: %s", self.robot, action_id[:MAX_ID], reason)
-        unasked = Action(id=action_id[:MAX_ID], agent=agent)
-        return self._statuses.ended(unasked, Outcome("refused", reason, "rights"))
 
     def order(self, order: Order, ending: Outcome, *, block: bool, insist: bool) -> Execution:
         """Begin an order above the agents: running actions end as `ending`; `block` refuses new ones after it.
@@ -233,13 +234,6 @@ class ActionServer:
     def _look_at_lease(self) -> None:
         busy = bool(self._running) or self.paused
         self.lease.step(active=self._driver.active, heard=self._driver.own.heard, busy=busy, now=self._now())
-
-    def _identified(self, agent: str, request: Action) -> Action:
-        """Return the request with an id: requests by hand may have none."""
-        if request.id:
-            return request
-        self._by_hand += 1
-        return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""

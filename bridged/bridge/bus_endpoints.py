@@ -12,7 +12,6 @@ from typing import Any
 import zenoh
 from msgspec.structs import replace
 
-from bridged.bridge.action_server import is_by_hand
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.safety_orders import by_operator
 from bridged.bridge.vehicle_requests import VehicleRequests
@@ -41,7 +40,6 @@ ACTION_BYTES = 128 * 1024
 """A larger request is refused unread: a mission of 700 items, each of eight long numbers, has 100 kB."""
 FOLLOW_AT_MOST = 3600.0
 """Wall seconds for which a query follows an action; who waits longer asks again with the same id."""
-BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
 log = logging.getLogger("bridged")
 
 
@@ -129,10 +127,7 @@ class Service:
             return None
         name = query.key.rpartition("/")[2]
         following = _Following(query, self.put_percepts)
-        if self._inject or not is_by_hand(agent, query.record):
-            self._bridge.action_server.ask(agent, name, query.record, following.hear)
-        else:
-            self._bridge.action_server.turn_away(agent, name, query.record, BY_HAND, following.hear)
+        self._bridge.action_server.ask(agent, name, query.record, following.hear, inject=self._inject)
         return following.to_its_end()
 
     def _describe(self, agent: str, query: Query[Action]) -> None:
@@ -150,11 +145,9 @@ class Service:
                 query.reply(description, key)
 
     def _cancel(self, agent: str, query: Query[Cancel]) -> None:
-        cancel, server = query.required('expected the id of an action: {"id": "..."}'), self._bridge.action_server
-        if self._inject or cancel.header.source == agent:
-            status = server.cancel(agent, cancel.id, cancel.header.source or "hand")
-        else:
-            status = server.leave(agent, cancel.id, BY_HAND)
+        cancel = query.required('expected the id of an action: {"id": "..."}')
+        by = cancel.header.source or "hand"
+        status = self._bridge.action_server.cancel(agent, cancel.id, by, inject=self._inject)
         self.put_percepts()
         query.reply(status)
 

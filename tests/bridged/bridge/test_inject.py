@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from bridged.bridge.action_server import is_by_hand
-from bridged.bridge.bus_endpoints import BY_HAND
+from bridged.bridge.action_server import BY_HAND, is_by_hand
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
