@@ -36,7 +36,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
-from bridged.drivers.mavlink.vehicle.readings import LinkState, MessageFields, derived
+from bridged.drivers.mavlink.vehicle.readings import LinkState, derived
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import Streams
@@ -266,7 +266,7 @@ class VehicleSession:
 
     def _report(self, name: str, message: dialect.MAVLink_message) -> None:
         if name in self._sources:
-            self._on_reading(Reading(name, MessageFields(message)))
+            self._on_reading(Reading(name, vars(message)))  # a message has its fields as attributes, texts as strings
         if name in self._derived:
             source, make = self._derived[name]
             self._on_reading(Reading(source, make(message)))

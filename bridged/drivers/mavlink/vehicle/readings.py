@@ -1,9 +1,9 @@
-"""Readings: of a message as it is, of the link, and those that mean the same whichever autopilot flies."""
+"""Readings of the link, and those that mean the same whichever autopilot flies."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -88,25 +88,6 @@ def derived(sources: Iterable[str]) -> dict[str, tuple[str, Make]]:
         for message, (source, make) in DERIVED.items()
         if source in wanted
     }
-
-
-class MessageFields(Mapping[str, object]):
-    """The fields of a message by name; texts are strings. Fields are converted when they are read."""
-
-    def __init__(self, message: dialect.MAVLink_message) -> None:
-        self._message = message
-
-    def __getitem__(self, name: str) -> object:
-        if name not in self._message.fieldnames:
-            raise KeyError(name)
-        value: object = getattr(self._message, name)
-        return self._message.format_attr(name) if type(value) is bytes else value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._message.fieldnames)
-
-    def __len__(self) -> int:
-        return len(self._message.fieldnames)
 
 
 _ATOMS = {True: Atom("up"), False: Atom("down")}
