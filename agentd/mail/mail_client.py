@@ -133,7 +133,8 @@ class AgentInbox(ReceiveOnce):
         return bool(self._absorbed)
 
     def taken_last(self, left: int) -> tuple[str, str, int] | None:
-        """Return the last message that a mind with `left` messages has taken and that no save holds."""
+        """Return sender, numbering and number of the last message that a mind with `left` messages has taken and that
+        no save holds."""
         place = len(self._waiting) - left - 1
         if place >= 0 and self._waiting[place][1]:
             whose, seq, _ = self._waiting[place]
@@ -143,22 +144,18 @@ class AgentInbox(ReceiveOnce):
             return None
         return whose.sender, whose.numbering, seq
 
-    def take_absorbed(self) -> dict[Numbered, int]:
-        """Return the numbers for a save that begins now; `saved` is to be called when it is on disk."""
-        found, self._absorbed = self._absorbed, {}
-        self._by_commd |= found.keys()
-        return found
-
-    def captured(self) -> tuple[dict[Numbered, int], list[int]]:
+    def captured(self) -> tuple[dict[Numbered, int], dict[Numbered, int], list[int]]:
         """Note that the mind is captured as it is.
 
-        Return the last numbers that it has taken of messages which were not from `commd`, where they must be known,
-        and the rows of those that had one.
+        Return the last numbers that it has taken, for which `done` is to be called when they are on disk; those of
+        messages which were not from `commd`, where they must be known; and the rows of those that had one.
         """
+        absorbed, self._absorbed = self._absorbed, {}
         passed, self._passed = self._passed, {}
         taken, self._taken = self._taken, []
+        self._by_commd |= absorbed.keys()
         self._unstored = [message for message in self._unstored if not message.taken]
-        return passed, taken
+        return absorbed, passed, taken
 
     def store(self) -> list[NearMessage]:
         """Give rows to the messages of other agents of the daemon that the mind, as it was captured, has not taken."""
@@ -173,13 +170,6 @@ class AgentInbox(ReceiveOnce):
     def left(self) -> list[NearMessage]:
         """Return the messages of other agents of the daemon that the mind has not taken."""
         return [message for _, _, message in self._waiting if message is not None]
-
-    def saved(self, numbers: Mapping[Numbered, int]) -> None:
-        """Let `commd` have the receipts: the effects of the messages up to these numbers are on disk."""
-        for whose, seq in numbers.items():
-            self._done(whose, seq)
-        if numbers:
-            self._notify()
 
 
 _NOBODY = Numbered("", "")
@@ -204,11 +194,12 @@ class MailClient:
         self.given: Callable[[], None] = lambda: None
         """Called when another agent of the daemon has given it mail."""
         self._bus, self._neighbours = bus, neighbours
-        self._mind, self._agent = runner.mind, runner.mind.name
+        self.mind, self._agent = runner.mind, runner.mind.name
         self._life, self._runner, self._directory = life, runner, directory
         self._rights, self._tracing = rights, tracing
+        mailbox = self.mind.mailbox
         self.outbox = Outbox(bus, self._agent, self._undelivered)
-        self.inbox = AgentInbox(bus, self._agent, self._room, self._read, self._missing)
+        self.inbox = AgentInbox(bus, self._agent, lambda: len(mailbox) < INPUTS, self._read, self._missing)
         self.poison: PoisonInputs | None = None
         """Knows the messages that are not to be taken."""
         self._bad: Counter[str] = Counter()
@@ -357,17 +348,6 @@ class MailClient:
         self._directory.met(mail.sender)
         self._runner.feed(mail)
 
-    def in_hand(self) -> tuple[str, str, int] | None:
-        """Return sender, numbering and number of the last message that the mind has taken and that is not saved."""
-        return self.inbox.taken_last(len(self._mind.mailbox))
-
-    def absorbed(self) -> bool:
-        """Note what the mind has taken. Return whether `commd` waits for a save."""
-        return self.inbox.absorb(len(self._mind.mailbox))
-
-    def _room(self) -> bool:
-        return len(self._mind.mailbox) < INPUTS
-
     def _read(self, message: Message) -> Callable[[], None]:
         # The answer to a question of a former life keeps its whole id: nobody waits for it.
         answered = message.in_reply_to.removesuffix(f".{self._life}")
@@ -381,7 +361,7 @@ class MailClient:
             raise MessageRefused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
         number = message.sender, message.header.boot, message.header.seq
         poison = self.poison
-        if poison is not None and poison.is_set_aside(number, lambda: event_of(self._mind, message, content)):
+        if poison is not None and poison.is_set_aside(number, lambda: event_of(self.mind, message, content)):
             text = "set aside: the receiver's process has died at it several times"
             raise MessageRefused(Refusal(code="set_aside", text=text))
         mail = Mail(message.sender, message.performative, content, message.id, answered)

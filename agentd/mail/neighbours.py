@@ -85,7 +85,7 @@ class Neighbours:
         """Return the messages that no mind has taken, by sender and receiver, the most first."""
         counts: Counter[tuple[str, str]] = Counter()
         for client in self._clients.values():
-            client.absorbed()
+            client.inbox.absorb(len(client.mind.mailbox))
             waiting = [*client.inbox.left(), *(message for _, message in client.held)]
             counts.update((message.mail.sender, message.receiver) for message in waiting)
         return [

@@ -54,9 +54,9 @@ class Outbox:
         """The number of the last message to each receiver."""
         self.counters: Counter[str] = Counter()
         self.unsaved: list[Outgoing] = []
-        """Messages since the last save began."""
+        """Messages since the last save began; `saved` is to be called when they are on disk."""
         self.gone: list[int] = []
-        """Numbers of the messages that commd has accepted since the last save began."""
+        """Numbers of the messages that commd has accepted since the last save began: the next one removes them."""
         self.wire = bus.wire
         """The format in which messages are encoded."""
         self._bus, self._agent, self._on_refused = bus, agent, on_refused
@@ -125,16 +125,6 @@ class Outbox:
         """Continue with the messages that a former life has not handed over, under their numbers."""
         self._count(messages)
         self.saved(messages)
-
-    def take_unsaved(self) -> list[Outgoing]:
-        """Return the messages for a save that begins now; `saved` is to be called when it is on disk."""
-        found, self.unsaved = self.unsaved, []
-        return found
-
-    def take_gone(self) -> list[int]:
-        """Return the numbers of messages that commd has accepted since the last call: the save removes them."""
-        found, self.gone = self.gone, []
-        return found
 
     def saved(self, messages: Sequence[Outgoing]) -> None:
         """Let these messages leave: they are on disk."""
@@ -218,7 +208,15 @@ class Outbox:
             if reason := later.get(receiver) or receipt.later.get(place):
                 later[receiver] = reason
                 continue
-            self._forget(one)
+            waiting = self._ready[receiver]
+            waiting.popleft()  # a batch has the first messages of a receiver, in order
+            if not waiting:
+                del self._ready[receiver]
+            self._room[receiver] -= 1
+            if not self._room[receiver]:
+                del self._room[receiver]
+            self._bytes -= len(one.message)
+            self.gone.append(one.number)
             if why := receipt.refused.get(place):
                 self.counters["refused"] += 1
                 made = codec(Message)
@@ -228,6 +226,8 @@ class Outbox:
             else:
                 self.counters["sent"] += 1
                 self._pauses.pop(receiver, None)
+        if not self._ready:
+            self._empty.set()
         for receiver, reason in later.items():
             pause = self._pauses.get(receiver, RETRY_FIRST)
             if pause == RETRY_FIRST:
@@ -249,20 +249,6 @@ class Outbox:
                 return {one: seq - numbers.get(one, 0) for one, seq in found if seq > numbers.get(one, 0)}
             await asyncio.sleep(pause)
             pause = min(2 * pause, RETRY_MOST)
-
-    def _forget(self, one: Outgoing) -> None:
-        receiver = one.receiver
-        waiting = self._ready[receiver]
-        waiting.popleft()  # a batch has the first messages of a receiver, in order
-        if not waiting:
-            del self._ready[receiver]
-            if not self._ready:
-                self._empty.set()
-        self._room[receiver] -= 1
-        if not self._room[receiver]:
-            del self._room[receiver]
-        self._bytes -= len(one.message)
-        self.gone.append(one.number)
 
 
 _turns: Final[WeakKeyDictionary[Bus, asyncio.Semaphore]] = WeakKeyDictionary()

@@ -53,6 +53,7 @@ class Checkpointer:
     ) -> None:
         """`restored` and `keeper` are None for an agent that is not kept."""
         self.counters: Counter[str] = Counter()
+        """`saved` and `failed`: transactions that had changes of the agent; what was not kept."""
         self.first: Saving | None = None
         """Further content of the first commit of this life."""
         self._notes: list[Note] = [] if restored is None else list(restored.notes)
@@ -136,7 +137,7 @@ class Checkpointer:
         mailing, commits = self._mailing, self._commits
         outbox = mailing.outbox
         self._quiet = quiet
-        mail = mailing.absorbed() or bool(outbox.unsaved)
+        mail = mailing.inbox.absorb(len(self._mind.mailbox)) or bool(outbox.unsaved)
         near = self._exposed or bool(mailing.held)
         if not (
             mail
@@ -173,16 +174,18 @@ class Checkpointer:
         if not (self._exposed or self._is_whole(now)):
             return False
         mailing, outbox, inbox = self._mailing, self._mailing.outbox, self._mailing.inbox
-        mailing.absorbed()
+        inbox.absorb(len(self._mind.mailbox))
         exposed, self._exposed, self._since = mailing.release() or self._exposed, False, None
         self._commits.busy.discard(self)
-        sent, absorbed = outbox.take_unsaved(), inbox.take_absorbed()
-        delivered = [] if self._mind.mailbox else outbox.take_gone()  # the mind has taken the notices of refused ones
+        sent, outbox.unsaved = outbox.unsaved, []
+        delivered: list[int] = []
+        if not self._mind.mailbox:  # the mind has taken the notices of refused ones
+            delivered, outbox.gone = outbox.gone, []
         begun, self._begun = self._begun, {}
         ended: list[str] = []
         if not self._mind.inputs:  # the mind has taken the ends of these actions
             ended, self._ended = self._ended, []
-        passed, taken = inbox.captured()
+        absorbed, passed, taken = inbox.captured()
         if self._keeper is not None:
             saving, self.first = self.first or Saving(), None
             mind = self._keeper.changes()
@@ -208,7 +211,7 @@ class Checkpointer:
 
     def _done(self, sent: Sequence[Outgoing], absorbed: Mapping[Numbered, int], begun: Iterable[str]) -> None:
         """Continue what has waited for a commit."""
-        self._mailing.inbox.saved(absorbed)
+        self._mailing.inbox.done(absorbed)
         self._mailing.outbox.saved(sent)
         for identity in begun:
             if waiting := self._waiting.pop(identity, None):
@@ -224,10 +227,6 @@ class Checkpointer:
                 batch.members.append(self)
             saving.incoming += rows
             batch.soft = False
-
-    def committed(self, failed: bool) -> None:
-        """Count a transaction that had changes of the agent."""
-        self.counters["failed" if failed else "saved"] += 1
 
     # --- the end ---
 

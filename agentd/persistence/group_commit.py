@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -61,14 +62,14 @@ class Batch:
 class Member(Protocol):
     """An agent of the daemon, as its commits see it."""
 
+    counters: Counter[str]
+    """`saved` and `failed`: transactions that had changes of it."""
+
     def capture(self, batch: Batch, now: float) -> bool:
         """Add the changes since the last call, at a loop time. Return whether they may be written now."""
 
     def add_mail(self, batch: Batch) -> None:
         """Add the mail of other agents of the daemon that the mind, as captured last, has not taken."""
-
-    def committed(self, failed: bool) -> None:
-        """Count a transaction that had changes of the agent."""
 
     @property
     def atomic(self) -> bool:
@@ -174,7 +175,8 @@ class GroupCommit:
             self._slow.by(now + SLOW)
             self._hand_in(self._checkpoint, batch, self._saving, RETRY_FIRST)
         else:
-            _call(batch.done)
+            for done in batch.done:
+                done()
 
     def _look_whether_slow(self) -> None:
         """Note when the commit under way has neither succeeded nor failed for too long."""
@@ -219,7 +221,7 @@ class GroupCommit:
         if saved.cancelled():
             return
         for member in batch.members:
-            member.committed(error is not None)
+            member.counters["saved" if error is None else "failed"] += 1
         if error is not None:  # defects included: mail must not wait silently
             if not isinstance(error, CheckpointError):
                 log.error("defect in argosy: a save of %s", ", ".join(batch.savings), exc_info=error)
@@ -235,7 +237,8 @@ class GroupCommit:
         self._saving = None
         self._wrote = self._loop.time() - self._last
         saved.set_result(None)
-        _call(batch.done)
+        for done in batch.done:
+            done()
         self.look()
 
     # --- the end ---
@@ -266,8 +269,3 @@ class GroupCommit:
 def _set(done: asyncio.Future[None]) -> None:
     if not done.done():
         done.set_result(None)
-
-
-def _call(done: Iterable[Callable[[], None]]) -> None:
-    for callback in done:
-        callback()

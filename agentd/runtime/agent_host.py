@@ -205,7 +205,10 @@ class AgentHost:
 
     def _in_hand(self) -> Held:
         """Return the event and the message that the mind is working on; called on another thread."""
-        return Held("" if self._keeper is None else self._keeper.in_hand(), self._mailing.in_hand())
+        return Held(
+            "" if self._keeper is None else self._keeper.in_hand(),
+            self._mailing.inbox.taken_last(len(self._mind.mailbox)),
+        )
 
     def _set_aside(self) -> None:
         """Skip the input at which the last lives have ended, if there is one."""

@@ -222,7 +222,7 @@ class Client:
 
     def done(self, message: Message) -> None:
         """Say that the program is done with the present message: it does not come again."""
-        self._inbox.done(message)
+        self._inbox.finish(message)
 
     def percepts(self, agent: str | None = None, robot: str | None = None) -> Percepts:
         """Return the percepts of an agent (this client by default). Without a mission name its robot."""

@@ -67,13 +67,12 @@ class ProgramInbox(ReceiveOnce):
         self._reader = Messages(self)
         return self._reader
 
-    def done(self, message: Message) -> None:
+    def finish(self, message: Message) -> None:
         """Note that the program is done with the message that it is working on."""
         if self._waiting and self._waiting[0][0] is message:
             self._finish(message)
             self._waiting.popleft()
             self._pass_answers()
-            self._notify()
 
     @contextmanager
     def answer_to(self, question: str) -> Iterator[asyncio.Future[Message]]:
@@ -134,7 +133,8 @@ class ProgramInbox(ReceiveOnce):
 
     def _finish(self, message: Message) -> None:
         """Note that a message is done with. Raises OSError if the file cannot be written."""
-        self._done(*_number(message))
+        whose, seq = _number(message)
+        self.done({whose: seq})
         if self._file is not None:
             done = {
                 sender: {life: one.done for life, one in lives.items() if one.done}
@@ -186,7 +186,7 @@ class Messages:
 
     async def __anext__(self) -> Message:
         if self._in_hand is not None:
-            self._inbox.done(self._in_hand)
+            self._inbox.finish(self._in_hand)
             self._in_hand = None
         self._in_hand = await self._inbox.first(self)
         return self._in_hand

@@ -113,11 +113,14 @@ class ReceiveOnce:
         progress = numberings[numbering] = Progress()
         return progress
 
-    def _done(self, whose: Numbered, seq: int) -> None:
-        """Note that all messages up to a number are done with."""
-        progress = self._of(whose)
-        progress.done = max(progress.done, seq)
-        progress.handed = max(progress.handed, seq)
+    def done(self, numbers: Mapping[Numbered, int]) -> None:
+        """Let `commd` have the receipts of all messages up to these numbers."""
+        for whose, seq in numbers.items():
+            progress = self._of(whose)
+            progress.done = max(progress.done, seq)
+            progress.handed = max(progress.handed, seq)
+        if numbers:
+            self._notify()
 
     def _is_done(self, whose: Numbered, seq: int) -> bool:
         numberings = self._progress.get(whose.sender)
@@ -176,16 +179,13 @@ class ReceiveOnce:
 
     async def _until_done(self, waits: Mapping[int, tuple[Numbered, int]]) -> list[int]:
         """Wait within bounds until messages are done with. Returns the places of those that are not."""
-
-        def left() -> list[int]:
-            return [place for place, one in waits.items() if not self._is_done(*one)]
-
+        left = list(waits)
         with suppress(TimeoutError):
             async with asyncio.timeout(self._patience()) as bound:
                 self._bounds.add(bound)
                 try:
-                    while left() and not self._leaving:
+                    while (left := [one for one in left if not self._is_done(*waits[one])]) and not self._leaving:
                         await self._changed.wait()
                 finally:
                     self._bounds.discard(bound)
-        return left()
+        return [one for one in left if not self._is_done(*waits[one])]

@@ -245,7 +245,7 @@ class DeliveryQueues:
             return
         queue.alone = False
         await self._settle(queue, known, going, answer)
-        if going:
+        if going and self._away:
             self._back(self._peers.of(queue.line))
         if answer.later:
             queue.after, queue.hung, queue.state = 0, False, str(next(iter(answer.later.values())))

@@ -9,7 +9,7 @@ import itertools
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from sqlite3 import Connection
 
 import msgspec
@@ -79,13 +79,22 @@ class Tally:
                 del counter[key]
 
 
-def put(db: Connection, tally: Tally, messages: Iterable[StoredMessage], now: float, bound: int | None) -> list[str]:
+def put(
+    db: Connection,
+    tally: Tally,
+    messages: Iterable[StoredMessage],
+    now: float,
+    bound: int | None,
+    also: Callable[[Connection], None] | None = None,
+) -> list[str]:
     """Append messages to their lines. Returns the outcome of each.
 
     A message whose number is not above the last one of its numbering was taken before. An expired message is taken too:
     it is given up here, once, even if the reply is lost. At most `bound` messages may wait for a receiver; None = any
-    number.
+    number. `also` is done before.
     """
+    if also is not None:
+        also(db)
     last: dict[tuple[str, str, str], int] = {}
     changed: set[tuple[str, str, str]] = set()
     full: set[tuple[str, str]] = set()

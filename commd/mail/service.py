@@ -226,13 +226,8 @@ class MailService:
         Raises StoreFailed: nothing was taken, and the sender repeats it.
         """
         good = [one for one in rows if isinstance(one, StoredMessage)]
-
-        def write(db: Connection) -> list[str]:
-            if also is not None:
-                also(db)
-            return queries.put(db, self._tally, good, now, bound)
-
-        outcomes = iter(await self.store.write(write) if good or also is not None else ())
+        put = partial(queries.put, tally=self._tally, messages=good, now=now, bound=bound, also=also)
+        outcomes = iter(await self.store.write(put) if good or also is not None else ())
         refused: dict[int, Refusal] = {}
         later: dict[int, Refusal] = {}
         for place, one in enumerate(rows):

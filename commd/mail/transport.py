@@ -126,32 +126,21 @@ class Peers:
         if (deliver := self.attached.get(line)) is not None:
             receipt = await deliver(tuple(one.read(now) for one in batch))
             return receipt or NotTaken(f"{line} does not answer", certain=False)
-        mail = Mail(messages=tuple(one.carried(now) for one in batch))
+        mail, peer = Mail(messages=tuple(one.carried(now) for one in batch)), self.of(line)
         sender, remote, receiver = line.partition(">")
-        if not remote:
-            return await self._ask(line, keys.inbox(self._bus.fleet, line), mail, ABSORB_TIMEOUT)
-        size = sum(len(one.message) for one in batch)
-        if self.air is not None and not await self.air.carries(sender, receiver, size):
+        size = sum(len(one.message) for one in batch) if remote else 0
+        air = self.air if remote else None
+        if air is not None and not await air.carries(sender, receiver, size):
             return NotTaken("lost on the air", certain=True)
-        key, board = keys.mail(self._bus.fleet, receiver, sender), self.of(line)
-        self._in_flight[board] += size
+        self._in_flight[peer] += size
+        if remote:
+            key = keys.mail(self._bus.fleet, receiver, sender)
+            timeout = ANSWER_TIMEOUT + self._in_flight[peer] / SLOWEST
+        else:
+            key, timeout = keys.inbox(self._bus.fleet, line), ABSORB_TIMEOUT
+        there = peer in self._alive
         try:
-            patience = ANSWER_TIMEOUT + self._in_flight[board] / SLOWEST
-            answer = await self._ask(board, key, mail, patience)
-        finally:
-            self._in_flight[board] -= size
-        if (
-            self.air is not None
-            and isinstance(answer, Receipt)
-            and not await self.air.carries(receiver, sender, RECEIPT_SIZE)
-        ):
-            return NotTaken("its receipt was lost on the air", certain=False)
-        return answer
-
-    async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NotTaken:
-        there, begun = peer in self._alive, self._clock.now()
-        try:
-            return await self._bus.ask_one(key, mail, Receipt, timeout)
+            receipt = await self._bus.ask_one(key, mail, Receipt, timeout)
         except BusClosed as closed:
             return NotTaken(str(closed), certain=True)
         except BadRecord as bad:
@@ -161,8 +150,13 @@ class Peers:
                 return NotTaken(f"{peer}: {timed_out}", certain=False)
             if there or peer in self._alive:
                 # A router that denies a query ends it at once, as it does when nobody serves the key.
-                denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
+                denied = ": or does its router deny it?" if self._clock.now() - now < timeout / 2 else ""
                 return NotTaken(f"{peer} does not answer{denied}", certain=False)
             return NotTaken(f"{peer} is away", certain=True, away=True)
         except QueryFailed as failed:
             return NotTaken(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)
+        finally:
+            self._in_flight[peer] -= size
+        if air is not None and not await air.carries(receiver, sender, RECEIPT_SIZE):
+            return NotTaken("its receipt was lost on the air", certain=False)
+        return receipt

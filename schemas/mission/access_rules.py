@@ -273,22 +273,19 @@ class MailRights:
         """Whether the agent accepts messages of this performative from another agent or program, or from itself."""
         if sender == self.agent:
             return True
-        if sender in self._named:
-            return _holds(self._named[sender], performative)
-        if ANYBODY in self._named and not _holds(self._named[ANYBODY], performative):
+        agent = self.mission.agents.get(self.agent)
+        named = {} if agent is None else agent.accepts
+        if sender in named:
+            return _holds(named[sender], performative)
+        if ANYBODY in named and not _holds(named[ANYBODY], performative):
             return False
         gateway = self.mission.gateway
         if gateway is not None and sender in gateway.nodes:
             return performative in FROM_GATEWAY
-        if ANYBODY in self._named or not self.mission.secured or performative not in PLAN_MAIL:
+        if ANYBODY in named or not self.mission.secured or performative not in PLAN_MAIL:
             return True
         home = self.mission.mailboxes.get(sender)
         return sender.startswith(made_on(self.board)) if home is None else home == self.board
-
-    @property
-    def _named(self) -> dict[str, Accepted]:
-        agent = self.mission.agents.get(self.agent)
-        return {} if agent is None else agent.accepts
 
 
 def _holds(accepted: Accepted, performative: str) -> bool:

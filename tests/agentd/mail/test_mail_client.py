@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from agentd.mail.mail_client import AgentInbox
 from agentd.mail.outbox import Outbox
+from agentd.persistence.checkpoint import Outgoing
 from commd.bus.bus import Bus, Query
 from commd.client.receive_once import MessageRefused, Numbered
 from commd.client.send_mail import LARGEST, Unsendable
@@ -57,7 +58,13 @@ def send(outbox: Outbox, number: int, *receivers: str) -> None:
 
 def keep(outbox: Outbox) -> None:
     """What the agent does when a checkpoint is on disk."""
-    outbox.saved(outbox.take_unsaved())
+    outbox.saved(unsaved(outbox))
+
+
+def unsaved(outbox: Outbox) -> list[Outgoing]:
+    """What a checkpoint takes."""
+    found, outbox.unsaved = outbox.unsaved, []
+    return found
 
 
 async def a_desk(connect: Connect, agent: str = "a") -> Desk:
@@ -79,7 +86,7 @@ async def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(conn
     assert [one.header.seq for one in desk.taken if one.receiver == "c"] == list(range(1, 401))
     assert len(desk.batches) < 10
     assert len(outbox) == 0
-    assert sorted(outbox.take_gone()) == list(range(1, 1201))
+    assert sorted(outbox.gone) == list(range(1, 1201))
 
 
 @bus_test
@@ -89,7 +96,7 @@ async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
     outbox, _ = an_outbox(bus)
     await served(bus, keys.outbox(FLEET, "a"))
     send(outbox, 1)
-    held = outbox.take_unsaved()
+    held = unsaved(outbox)
     send(outbox, 2)
     keep(outbox)
     await until(lambda: desk.told("b") == [2], "what is kept leaves")
@@ -242,7 +249,7 @@ async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_f
     first, _ = an_outbox(bus)
     for number in range(3):
         send(first, number)
-    rows = first.take_unsaved()
+    rows = unsaved(first)
     await first.drain(0)
     second, _ = an_outbox(bus)
     second.restore(rows[1:])
@@ -253,9 +260,8 @@ async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_f
     await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
     assert [one.header.seq for one in desk.taken] == [2, 3, 1]
     assert [one.header.boot for one in desk.taken] == [first.numbering, first.numbering, second.numbering]
-    gone: list[int] = []
-    await until(lambda: gone.extend(second.take_gone()) or len(gone) == 3, "the receipts are read")
-    assert sorted(gone) == [2, 3, 4]
+    await until(lambda: len(second.gone) == 3, "the receipts are read")
+    assert sorted(second.gone) == [2, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -298,7 +304,7 @@ class Reader:
     def absorb(self, left: int = 0) -> None:
         """The mind takes what waits but so many, and that is on disk."""
         self.inbox.absorb(left)
-        self.inbox.saved(self.inbox.take_absorbed())
+        self.inbox.done(self.inbox.captured()[0])
 
 
 async def a_reader(connect: Connect) -> Reader:
@@ -325,11 +331,11 @@ async def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(conne
     answer = asyncio.create_task(reader.hand_over(numbered(1), numbered(2)))
     await until(lambda: reader.fed == [1, 2], "the mind gets both")
     reader.inbox.absorb(1)
-    held = reader.inbox.take_absorbed()
+    held, *_ = reader.inbox.captured()
     reader.inbox.absorb(0)
     await asyncio.sleep(0.1)
     assert not answer.done()
-    reader.inbox.saved(held)
+    reader.inbox.done(held)
     await asyncio.sleep(0.1)
     assert not answer.done()
     reader.absorb()
