@@ -67,19 +67,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command() -> NoReturn:
     """Run the command line as a process, to its end."""
-    _prepare_streams()
+    for name in ("stdout", "stderr"):  # printing is safe for an ASCII-only terminal and for closed streams
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for the whole process
+        getattr(sys, name).reconfigure(errors="backslashreplace")
     code = main()
     if (process := sys.modules.get("commd.process.process")) is not None:  # it has used the bus
         process.end_with_threads(code, LETTING_GO)
     sys.exit(code)
-
-
-def _prepare_streams() -> None:
-    """Make printing safe for an ASCII-only terminal and for closed streams."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for the whole process
-        getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
 def _run(given: list[str]) -> int:

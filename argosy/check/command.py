@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
-from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind
+from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind, finding
 from agentd.check.programs import Surveyed, included_by_rest, read_survey
+from agentd.check.symbol_table import Survey
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
@@ -22,13 +23,13 @@ from agentd.language.syntax_tree.nodes import Formula, Program, Structure
 from agentd.process import loading_notice
 from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
-from argosy.check.autopilot_actions import check_autopilot
 from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
 from argosy.check.plan_files import check_plans
 from argosy.processes.mavlink_links import check_links, group_of
 from argosy.processes.simulators import check_simulations, only_real
 from bridged.bridge.robot_setup import prepare
+from bridged.drivers.mavlink.vehicle.flight_modes import simulated_table
 from bridged.drivers.registry import load_robot_manifest
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import Finding, Findings, nearest
@@ -38,6 +39,7 @@ from schemas.files.yaml_positions import Positions, Steps, read_yaml
 from schemas.humanize import count
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
+from schemas.mission import model as mission_model
 from schemas.mission.model import Ending, Limits, Mission, load_mission
 
 MISSING_BELIEFS = frozenset((Kind.BELIEF_NEVER_ADDED.label, Kind.UNKNOWN_PERCEPT.label))
@@ -131,21 +133,27 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
             limits = mission.robots[robot].limits if mission is not None else Limits()
             findings += check_plans(surveyed.survey, manifest, named.folder, limits)
             if mission is not None:
-                findings += check_autopilot(surveyed.survey, manifest, mission.robots[robot])
+                findings += _without_orbit(surveyed.survey, manifest, mission.robots[robot])
     if mission is not None:
         of_programs = {name: one.survey for name, one in surveys.items()}
         findings += check_team(mission, of_programs, programs, restarts=restarts)
         findings += _endings(mission, programs, manifests)
-    return mission, _once(findings)
-
-
-def _once(findings: list[Finding]) -> list[Finding]:
-    """Sort findings; keep one of a belief that is missing for several robots: those differ in the hint alone."""
-    at_places = {
+    at_places = {  # a belief that is missing for several robots once: those findings differ in the hint alone
         (one.file, one.line, one.column, one.kind, "" if one.kind in MISSING_BELIEFS else one.message): one
         for one in sorted(findings, reverse=True)
     }
-    return sorted(at_places.values())
+    return mission, sorted(at_places.values())
+
+
+def _without_orbit(survey: Survey, manifest: Manifest, robot: mission_model.Robot) -> Iterator[Finding]:
+    """Yield a warning for each orbit that a program asks of a simulated autopilot without a command for it."""
+    if robot.simulate is None or manifest.robot.driver != "mavlink":
+        return
+    modes = simulated_table(robot.simulate.autopilot, manifest.robot.vehicle)
+    for mention in survey.actions if modes.orbit is None else ():
+        if (entry := manifest.actions.get(mention.name)) is not None and entry.confirm == "orbit":
+            what = f"{robot.simulate.autopilot} has no command by which a {modes.vehicle} flies a circle"
+            yield finding(Kind.UNAVAILABLE_ACTION, mention.position, f"the action {mention.name}: {what}", "warning")
 
 
 def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:
@@ -253,8 +261,8 @@ def _endings(
                 near = nearest(belief, others)
                 hint = "" if near is None else f", did you mean `{near}`?"
                 where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
-                finding = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
-                findings.append(replace(finding, severity="warning"))
+                found = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
+                findings.append(replace(found, severity="warning"))
     return findings
 
 

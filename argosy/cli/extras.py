@@ -9,7 +9,6 @@ from schemas.version import RELEASE
 
 EXTRAS = {
     "rich": "operator",
-    "psutil": "operator",
     "textual": "operator",
     "prometheus_client": "operator",
     "cryptography": "keys",

@@ -51,12 +51,9 @@ class Journal:
         if self._log is not None and self._logged <= MAX_LOGGED:
             self._logged += 1
             last = f"the log ends here: {MAX_LOGGED} lines\n"
-            self._write(self._log, f"{entry}\n" if self._logged <= MAX_LOGGED else last)
-
-    def _write(self, log: TextIO, text: str) -> None:
-        try:
-            log.write(text)
-            log.flush()
-        except OSError as error:  # a full disk must not end a flight
-            self._log = None
-            self.add("argosy", f"writing the log has failed and stops: {error.strerror}", "warning")
+            try:
+                self._log.write(f"{entry}\n" if self._logged <= MAX_LOGGED else last)
+                self._log.flush()
+            except OSError as error:  # a full disk must not end a flight
+                self._log = None
+                self.add("argosy", f"writing the log has failed and stops: {error.strerror}", "warning")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from argosy.deploy.board_needs import Reach, agents_of, reach_of_robots, reaches_machines, robots_of
@@ -82,14 +81,17 @@ def unit_files(board: Board) -> dict[str, str]:
 
     Raises Findings for a manifest that cannot be read.
     """
-    files = {f"{UNITS}/{board.target}": _target(board)}
+    what = f"Argosy: mission {board.mission.name}, board {board.name}"
+    wants = f"Wants={' '.join(board.units)}\n\n[Install]\nWantedBy=multi-user.target\n"
+    files = {f"{UNITS}/{board.target}": f"{_HEADER}[Unit]\nDescription={what}\n{wants}"}
     for daemon, unit in zip(board.daemons, board.units, strict=True):
         files[f"{UNITS}/{daemon}@.service"] = _template(f"{daemon}@.service").replace(VENV, board.venv)
         if added := _added(board, daemon):
             files[f"{UNITS}/{unit}.d/board.conf"] = f"{_HEADER}[Service]\n{added}"
     files["etc/sysusers.d/argosy.conf"] = _template("argosy.sysusers")
     files[f"etc/tmpfiles.d/argosy-{board.mission.name}.conf"] = _tmpfiles(board)
-    files[f"{board.folder[1:]}/board.env"] = _environment(board)
+    values = {"MISSION": board.file, "BOARD": board.name, "ROUTER": board.router}
+    files[f"{board.folder[1:]}/board.env"] = _HEADER + "".join(f"{name}={value}\n" for name, value in values.items())
     return files
 
 
@@ -98,17 +100,6 @@ def _template(name: str) -> str:
     if path is None:
         raise FileNotFoundError(f"systemd/{name} does not ship with this installation")
     return path.read_text(encoding="utf-8")
-
-
-def _target(board: Board) -> str:
-    what = f"Argosy: mission {board.mission.name}, board {board.name}"
-    wants = " ".join(board.units)
-    return f"{_HEADER}[Unit]\nDescription={what}\nWants={wants}\n\n[Install]\nWantedBy=multi-user.target\n"
-
-
-def _environment(board: Board) -> str:
-    values = {"MISSION": board.file, "BOARD": board.name, "ROUTER": board.router}
-    return _HEADER + "".join(f"{name}={value}\n" for name, value in values.items())
 
 
 def _tmpfiles(board: Board) -> str:
@@ -132,7 +123,9 @@ def _added(board: Board, daemon: str) -> str:
     robots = reach_of_robots(board.mission, board.name)
     if daemon == "board" and machines.hosts is None:
         robots = Reach(robots.devices, None, robots.unknown)
-    return (_patience(board) if daemon == "board" else "") + _unknown(robots.unknown) + _allowing(robots)
+    text = "what its driver needs is not known here; devices are allowed by DeviceAllow= in a file of yours."
+    unknown = f"# {', '.join(robots.unknown)}: {text}\n" if robots.unknown else ""
+    return (_patience(board) if daemon == "board" else "") + unknown + _allowing(robots)
 
 
 def _patience(board: Board) -> str:
@@ -153,12 +146,3 @@ def _allowing(reach: Reach) -> str:
     elif reach.hosts is not None:
         lines += "IPAddressDeny=any\n" + "".join(f"IPAddressAllow={host}\n" for host in reach.hosts)
     return lines
-
-
-def _unknown(robots: Sequence[str]) -> str:
-    if not robots:
-        return ""
-    names = ", ".join(robots)
-    return (
-        f"# {names}: what its driver needs is not known here; devices are allowed by DeviceAllow= in a file of yours.\n"
-    )

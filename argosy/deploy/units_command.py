@@ -162,15 +162,13 @@ def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:
     if not secrets:
         return []
     user = board.user("board" if board.one_process else "bridged")
-    places = [(_here(name), posixpath.join(board.folder, name)) for name in secrets]
+    places = [  # one with an absolute path is expected beside the tree
+        (posixpath.basename(name) if posixpath.isabs(name) else name, posixpath.join(board.folder, name))
+        for name in secrets
+    ]
     install = f"sudo install -D -m 0600 -o {user} -g argosy --"
     lines = [f"{install} {quote(here)} {quote(there)}" for here, there in places]
     return ["Passphrases are not copied by `argosy units`:\n", _block(*lines)]
-
-
-def _here(secret: str) -> str:
-    """Return where the guide expects a passphrase file: one with an absolute path beside the tree."""
-    return posixpath.basename(secret) if posixpath.isabs(secret) else secret
 
 
 def _firewall(board: Board) -> list[str]:

@@ -29,7 +29,11 @@ def daemons(facts: Facts) -> list[Diagnosis]:
     if not facts.rows:
         return [Diagnosis("error", "daemons", "no daemon is running", logs_of("commd", facts.mission, "each board"))]
     dark = _dark(facts)
-    diagnoses = [_nothing_of(facts, board) for board in dark]
+    diagnoses: list[Diagnosis] = []
+    for board in dark:
+        its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
+        do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
+        diagnoses.append(Diagnosis("error", "daemons", f"all daemons of {board} are missing: {its}", do))
     diagnoses += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
     for row in facts.rows:
         diagnoses += _complaints(facts, row)
@@ -49,12 +53,6 @@ def _dark(facts: Facts) -> list[str]:
     for row in facts.rows:
         by_board.setdefault(row.board, []).append(row)
     return [b for b, rows in by_board.items() if len(rows) > 1 and all(row.standing == "missing" for row in rows)]
-
-
-def _nothing_of(facts: Facts, board: str) -> Diagnosis:
-    its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
-    do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
-    return Diagnosis("error", "daemons", f"all daemons of {board} are missing: {its}", do)
 
 
 def _absent(facts: Facts, row: Row) -> Diagnosis:

@@ -166,7 +166,11 @@ class RobotSeen:
                     tell(self.name, "goes on: it is not paused any longer", "warning")
             return
         if not self.mode and (percept.name, len(percept.parameters)) != ("state", 3):
-            self._no_vehicle(percept, now)
+            text = printable(written(percept.name, percept.parameters))
+            if percept.name in self.reported or len(self.reported) < MOST_REPORTED:
+                short = text if len(text) <= LONGEST_REPORT else f"{text[: LONGEST_REPORT - 2]}…)"
+                self.reported[percept.name] = short
+            self.heard = now
         match percept.name, percept.parameters:
             case "state", (mode, connected, armed):
                 self._state(mode, is_true(connected), is_true(armed), now, tell)
@@ -212,12 +216,6 @@ class RobotSeen:
                 return
         if self.connected:
             self.heard = now
-
-    def _no_vehicle(self, percept: Perception, now: float) -> None:
-        text = printable(written(percept.name, percept.parameters))
-        if percept.name in self.reported or len(self.reported) < MOST_REPORTED:
-            self.reported[percept.name] = text if len(text) <= LONGEST_REPORT else f"{text[: LONGEST_REPORT - 2]}…)"
-        self.heard = now
 
     def _state(self, mode: Term, connected: bool, armed: bool, now: float, tell: Tell) -> None:
         name = shortened(plain(mode))

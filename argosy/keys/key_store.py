@@ -20,6 +20,7 @@ import msgspec
 from argosy.keys.certificate_authority import Authority, Machine
 from argosy.keys.key_index import RECORD, SECRET, Kind, Member, Record, machine_folder, read_record, wrong
 from commd.bus.tls import CERTIFICATE, KEY, ROOT
+from commd.process.state_dir import replace_file
 
 
 class KeyStore:
@@ -146,21 +147,9 @@ def _folder(path: Path) -> None:
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Write a file atomically, readable by its owner alone. Raises Findings."""
-    part = file.with_name(f".{file.name}.part")
+    """Write a file as a whole or not at all, readable by its owner alone. Raises Findings."""
     _folder(file.parent)
     try:
-        part.unlink(missing_ok=True)
-        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with open(descriptor, "wb") as out:
-            out.write(content)
-            out.flush()
-            os.fsync(out.fileno())
-        part.replace(file)
-        folder = os.open(file.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        replace_file(file, content)
     except OSError as error:
         raise wrong(file, f"cannot be written: {error.strerror}") from None

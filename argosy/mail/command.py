@@ -17,7 +17,7 @@ from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.humanize import columns, count, json_lines, printable, shortened, size, span
-from schemas.mission.model import Mission, load_mission
+from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Mailboxes, Queue
 from schemas.wire.term_text import write
@@ -48,7 +48,12 @@ def run(args: Namespace) -> int:
     if args.mission is None:
         raise BadInput("argosy mail: expected a MISSION, or a board's database by --file")
     mission = load_mission(args.mission)
-    wanted = _wanted(mission, args.board)
+    wanted = mission.board_names
+    if args.board is not None:
+        if args.board not in wanted:
+            hint = did_you_mean(args.board, wanted)
+            raise Findings([Finding(str(mission.path), 0, 0, f"no board `{args.board}`{hint}")])
+        wanted = [args.board]
 
     async def ask(bus: Bus, where: Where) -> int:
         (found, why), (within, _) = await asyncio.gather(
@@ -72,14 +77,6 @@ async def _ask_all(bus: Bus, key: str) -> tuple[dict[str, Mailboxes], dict[str, 
 def _name(key: str) -> str:
     parsed = keys.parse(key)
     return parsed[1] if parsed is not None else ""
-
-
-def _wanted(mission: Mission, board: str | None) -> list[str]:
-    """Return the boards that are to answer. Raises Findings for one that the mission has not."""
-    boards = mission.board_names
-    if board is not None and board not in boards:
-        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, boards)}")])
-    return [board] if board is not None else boards
 
 
 def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace, within: Mapping[str, Mailboxes]) -> int:

@@ -10,8 +10,6 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import psutil
-
 MEGABYTE = 1_000_000
 _CPUCLOCK_SCHED = 2
 MAX_SAMPLES = 100_000
@@ -33,12 +31,7 @@ def cpu_seconds(pid: int) -> float | None:
     try:
         return time.clock_gettime((~pid << 3) | _CPUCLOCK_SCHED)  # clock_getcpuclockid(3) as Linux defines it
     except OSError:
-        pass
-    try:
-        used = psutil.Process(pid).cpu_times()
-    except psutil.Error:
         return None
-    return float(used.user + used.system)
 
 
 @dataclass

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final
 from zlib import crc32
 
@@ -19,12 +18,13 @@ BEGIN, END = "argosy", "argosy.end"
 FORMAT = "2"
 """Version of the recording format; others are refused."""
 _NOTE = "note."
+_UNKNOWN = {"recording": "", "fleet": "*", "started": 0, "version": ""}
+"""Values of required facts that a file lacks."""
 _SUM = "crc32"
 """Checksum of the other metadata: MCAP has one for messages only."""
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(msgspec.Struct, frozen=True):
     """Metadata of the beginning of a recording."""
 
     recording: str
@@ -46,24 +46,14 @@ class Facts:
     """Mission seconds per wall second."""
     part: int = 1
     """Number of the file in a split recording, from 1."""
-    notes: Mapping[str, str] = field(default_factory=dict)
+    notes: dict[str, str] = {}
     """Notes of the operator, by name."""
 
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
-        fields = {
-            "format": FORMAT,
-            "recording": self.recording,
-            "fleet": self.fleet,
-            "started": str(self.started),
-            "version": self.version,
-            "mission": self.mission,
-            "mission_file": self.mission_file,
-            "mission_text": self.mission_text,
-            "only": " ".join(self.only),
-            "speed": f"{self.speed:g}",
-            "part": str(self.part),
-        } | {_NOTE + name: text for name, text in self.notes.items()}
+        plain = {name: str(value) for name, value in msgspec.structs.asdict(self).items() if name != "notes"}
+        fields = {"format": FORMAT, **plain, "only": " ".join(self.only), "speed": f"{self.speed:g}"}
+        fields |= {_NOTE + name: text for name, text in self.notes.items()}
         return fields | {_SUM: _sum(fields)}
 
 
@@ -83,23 +73,12 @@ def facts_of(metadata: Mapping[str, str]) -> Facts:
     found = metadata.get("format", "")
     if found != FORMAT:
         raise ValueError(f"it has format {found or '?'}, this version of Argosy reads format {FORMAT}")
-    return Facts(
-        recording=metadata.get("recording", ""),
-        fleet=metadata.get("fleet", "*"),
-        started=int(metadata.get("started", "0")),
-        version=metadata.get("version", ""),
-        mission=metadata.get("mission", ""),
-        mission_file=metadata.get("mission_file", ""),
-        mission_text=metadata.get("mission_text", ""),
-        only=tuple(metadata.get("only", "").split()),
-        speed=float(metadata.get("speed", "1")),
-        part=int(metadata.get("part", "1")),
-        notes={name.removeprefix(_NOTE): text for name, text in metadata.items() if name.startswith(_NOTE)},
-    )
+    notes = {name.removeprefix(_NOTE): text for name, text in metadata.items() if name.startswith(_NOTE)}
+    fields = {**_UNKNOWN, **metadata, "only": metadata.get("only", "").split(), "notes": notes}
+    return msgspec.convert(fields, Facts, strict=False)
 
 
-@dataclass(frozen=True)
-class End:
+class End(msgspec.Struct, frozen=True):
     """Metadata of the end of a recording."""
 
     why: str
@@ -121,21 +100,12 @@ class End:
 
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
-        figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-        fields = {
-            "why": self.why,
-            **figures,
-            "gaps": msgspec.json.encode(self.gaps).decode(),
-            "following": self.following,
-        }
+        fields = {name: str(value) for name, value in msgspec.structs.asdict(self).items()}
+        fields["gaps"] = msgspec.json.encode(self.gaps).decode()
         return fields | {_SUM: _sum(fields)}
 
 
 def end_of(metadata: Mapping[str, str]) -> End:
     """Return the end in a metadata record. Raises ValueError if it cannot be read."""
-    figures = {name: int(metadata.get(name, "0")) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-    try:
-        gaps = msgspec.json.decode(metadata.get("gaps", "[]"), type=tuple[Gap, ...])
-    except msgspec.MsgspecError as error:
-        raise ValueError(f"gaps: {error}") from None
-    return End(why=metadata.get("why", ""), gaps=gaps, following=metadata.get("following", ""), **figures)
+    gaps = msgspec.json.decode(metadata.get("gaps", "[]"))
+    return msgspec.convert({"why": "", "ended": 0, **metadata, "gaps": gaps}, End, strict=False)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
 from typing import Final
 
 import msgspec
+from msgspec.structs import replace
 
 from argosy.recording.metadata import SECOND, End, Facts
 from argosy.recording.mind_inputs import PART, Minds, Whose

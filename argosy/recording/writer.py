@@ -12,11 +12,12 @@ import os
 import stat
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Literal
 
 from mcap.writer import CompressionType, Writer
+from msgspec.structs import replace
 
 from argosy.recording.json_schema import json_schema
 from argosy.recording.metadata import BEGIN, END, End, Facts

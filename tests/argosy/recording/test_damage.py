@@ -6,13 +6,13 @@ import resource
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import lz4.frame
 import pytest
 import zstandard
 from mcap.opcode import Opcode
+from msgspec.structs import replace
 
 from argosy.recording.mcap_records import LARGEST, McapFile
 from argosy.recording.metadata import End

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
+from msgspec.structs import replace
 
 from argosy.recording import metadata, writer
 from argosy.recording.metadata import End
