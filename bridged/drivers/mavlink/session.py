@@ -127,9 +127,11 @@ class VehicleSession:
             self._hear_payload(message)
             return
         self.flight.now = max(self.clock.now(), self.flight.now)
-        self.flight.message = message = self.flight.autopilot.incoming(message)
-        self.received += 1
         vehicle, name = self.vehicle, message.get_type()
+        if (translate := self.flight.autopilot.incoming.get(name)) is not None:
+            translate(message)
+        self.flight.message = message
+        self.received += 1
         reboots, mode, was_armed, heard_at = vehicle.reboots, vehicle.mode, vehicle.armed, vehicle.heard_at
         autopilot, kind = vehicle.autopilot, vehicle.modes
         vehicle.receive(message, self.flight.now)
@@ -418,7 +420,9 @@ class VehicleSession:
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""
         if not self.vehicle.not_commanded:
-            self._send(self.flight.autopilot.outgoing(message))
+            if (translate := self.flight.autopilot.outgoing.get(message.get_type())) is not None:
+                translate(message)
+            self._send(message)
 
     def _beat(self) -> None:
         self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY

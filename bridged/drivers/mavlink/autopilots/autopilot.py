@@ -89,17 +89,14 @@ class Autopilot(ABC):
     judges_missions_later: ClassVar[bool] = False
     """Whether it stores a mission before it judges whether the mission can be flown."""
 
+    incoming: ClassVar[Mapping[str, Callable[[dialect.MAVLink_message], None]]] = {}
+    """By message: what brings one of the vehicle into the numbering and encoding that procedures use."""
+    outgoing: ClassVar[Mapping[str, Callable[[dialect.MAVLink_message], None]]] = {}
+    """By message: what brings one of procedures into the vehicle's numbering and encoding."""
+
     @abstractmethod
     def station_failsafe(self, modes: ModeTable) -> str:
         """Return the name of the parameter that switches the ground-station failsafe; at 0 it is off."""
-
-    def incoming(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
-        """Return a message of the vehicle in the numbering and encoding that procedures use."""
-        return message
-
-    def outgoing(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
-        """Return a message of procedures in the vehicle's numbering and encoding."""
-        return message
 
     @abstractmethod
     def hold(self, modes: ModeTable) -> BoundAction:

@@ -11,6 +11,7 @@ import math
 import struct
 from collections.abc import Callable, Generator
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -54,6 +55,56 @@ _OF_MISSIONS = _ITEMS | {
 """Messages that number or count items."""
 
 
+def _number_outputs(message: dialect.MAVLink_message) -> None:
+    """Number the outputs of AUX (port 1) after those of MAIN; a pulse of 0 says that a port has no such output."""
+    pulses = [getattr(message, f"servo{output}_raw") or NO_OUTPUT for output in range(1, OUTPUTS + 1)]
+    if message.port == 1:
+        message.port, pulses = 0, [NO_OUTPUT] * MAIN_OUTPUTS + pulses[: OUTPUTS - MAIN_OUTPUTS]
+    for output, pulse in enumerate(pulses, 1):
+        setattr(message, f"servo{output}_raw", pulse)
+
+
+def _renumber(by: int, message: dialect.MAVLink_message) -> None:
+    """Add to the numbers of items, and to their count, in a message of the mission's list.
+
+    A yaw of 0 is none, as for ArduPilot.
+    """
+    kind = message.get_type()
+    if getattr(message, "mission_type", 0) != dialect.MAV_MISSION_TYPE_MISSION:
+        return
+    if kind == "MISSION_COUNT":
+        message.count += by
+    else:
+        message.seq += by
+    if kind == "MISSION_CURRENT" and message.total == NO_MISSION:
+        message.total = 0
+    elif kind in _ITEMS:
+        if message.command == dialect.MAV_CMD_DO_JUMP:
+            message.param1 += by
+        if by > 0 and math.isnan(message.param4):
+            message.param4 = 0.0
+        elif by < 0 and message.param4 == 0.0 and message.command <= dialect.MAV_CMD_NAV_LAST:
+            message.param4 = math.nan
+
+
+def number_of(value: float, kind: int) -> float:
+    """Return the number of a PARAM_VALUE: PX4 sends an integer as the bytes of a float. `kind`: MAV_PARAM_TYPE."""
+    if kind in _SIGNED:
+        return float(struct.unpack("<i", struct.pack("<f", value))[0])
+    return float(struct.unpack("<I", struct.pack("<f", value))[0]) if kind in _UNSIGNED else value
+
+
+def bits_of(value: float, kind: int) -> float:
+    """Return the float whose bytes are the number: the inverse of `number_of`."""
+    if kind in _SIGNED:
+        return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
+    return float(struct.unpack("<f", struct.pack("<I", int(value)))[0]) if kind in _UNSIGNED else value
+
+
+def _convert(to: Callable[[float, int], float], message: dialect.MAVLink_message) -> None:
+    message.param_value = to(message.param_value, message.param_type)
+
+
 class Px4(Autopilot):
     """PX4 in the conventions of procedures."""
 
@@ -89,35 +140,21 @@ class Px4(Autopilot):
     home_is_an_item: ClassVar = False
     repeats_reached: ClassVar = True
     judges_missions_later: ClassVar = True
+    incoming: ClassVar = {
+        "PARAM_VALUE": partial(_convert, number_of),
+        "SERVO_OUTPUT_RAW": _number_outputs,
+        **dict.fromkeys(_OF_MISSIONS, partial(_renumber, 1)),
+    }
+    """Integers by value, outputs of AUX after those of MAIN, and items counted from 1 with home before them."""
+    outgoing: ClassVar = {
+        "PARAM_SET": partial(_convert, bits_of),
+        **dict.fromkeys(_OF_MISSIONS, partial(_renumber, -1)),
+    }
+    """Integers by their bytes, and items counted from 0 without home."""
 
     def station_failsafe(self, modes: ModeTable) -> str:
         """One name for all kinds; what it does is the value."""
         return "NAV_DLL_ACT"
-
-    def incoming(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
-        """Integers by value, outputs of AUX after those of MAIN, and items counted from 1 with home before them."""
-        kind = message.get_type()
-        if kind == "PARAM_VALUE":
-            message.param_value = number_of(message.param_value, message.param_type)
-        elif kind == "SERVO_OUTPUT_RAW":
-            _number_outputs(message)
-        elif _renumbered(message, kind, 1):
-            if kind == "MISSION_CURRENT" and message.total == NO_MISSION:
-                message.total = 0
-            elif kind in _ITEMS and math.isnan(message.param4):
-                message.param4 = 0.0
-        return message
-
-    def outgoing(self, message: dialect.MAVLink_message) -> dialect.MAVLink_message:
-        """Integers by their bytes, and items counted from 0 without home. A yaw of 0 is none, as for ArduPilot."""
-        kind = message.get_type()
-        if kind == "PARAM_SET":
-            message.param_value = bits_of(message.param_value, message.param_type)
-        elif _renumbered(message, kind, -1):
-            flown = kind in _ITEMS and message.command <= dialect.MAV_CMD_NAV_LAST
-            if flown and message.param4 == 0.0:
-                message.param4 = math.nan
-        return message
 
     def hold(self, modes: ModeTable) -> BoundAction:
         """DO_REPOSITION to nowhere: in the mode that takes targets, setting that mode would not end a target."""
@@ -204,42 +241,6 @@ class Px4(Autopilot):
                 raise
         stream.until = flight.now + GUIDED_TIMEOUT
         return lambda: None
-
-
-def _number_outputs(message: dialect.MAVLink_message) -> None:
-    """Number the outputs of AUX (port 1) after those of MAIN; a pulse of 0 says that a port has no such output."""
-    pulses = [getattr(message, f"servo{output}_raw") or NO_OUTPUT for output in range(1, OUTPUTS + 1)]
-    if message.port == 1:
-        message.port, pulses = 0, [NO_OUTPUT] * MAIN_OUTPUTS + pulses[: OUTPUTS - MAIN_OUTPUTS]
-    for output, pulse in enumerate(pulses, 1):
-        setattr(message, f"servo{output}_raw", pulse)
-
-
-def _renumbered(message: dialect.MAVLink_message, kind: str, by: int) -> bool:
-    """Add to the numbers of items in a message of the mission's list, and to its count. Returns whether it is one."""
-    if kind not in _OF_MISSIONS or getattr(message, "mission_type", 0) != dialect.MAV_MISSION_TYPE_MISSION:
-        return False
-    if kind == "MISSION_COUNT":
-        message.count += by
-    else:
-        message.seq += by
-    if kind in _ITEMS and message.command == dialect.MAV_CMD_DO_JUMP:
-        message.param1 += by
-    return True
-
-
-def number_of(value: float, kind: int) -> float:
-    """Return the number of a PARAM_VALUE: PX4 sends an integer as the bytes of a float. `kind`: MAV_PARAM_TYPE."""
-    if kind in _SIGNED:
-        return float(struct.unpack("<i", struct.pack("<f", value))[0])
-    return float(struct.unpack("<I", struct.pack("<f", value))[0]) if kind in _UNSIGNED else value
-
-
-def bits_of(value: float, kind: int) -> float:
-    """Return the float whose bytes are the number: the inverse of `number_of`."""
-    if kind in _SIGNED:
-        return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
-    return float(struct.unpack("<f", struct.pack("<I", int(value)))[0]) if kind in _UNSIGNED else value
 
 
 def _home(flight: ProcedureContext) -> float:
