@@ -55,11 +55,11 @@ class Deferred:
         self._lock = Lock()
 
     def succeed(self) -> None:
-        """The action was done."""
+        """Report that the action was done."""
         self._settle(True, "")
 
     def fail(self, reason: str) -> None:
-        """The action failed; ``reason`` is a text for people."""
+        """Report that the action failed; ``reason`` is a text for people."""
         self._settle(False, reason)
 
     def _settle(self, ok: bool, reason: str) -> None:
@@ -130,15 +130,15 @@ class Environment:
     # --- yours to call ---
 
     def add_percept(self, percept: Literal | str, agent: str | None = None) -> None:
-        """The percept holds from now on."""
+        """Add a percept, which holds from now on."""
         self._board.add(_read(percept), agent)
 
     def remove_percept(self, percept: Literal | str, agent: str | None = None) -> None:
-        """The percept holds no longer; nothing happens if it did not."""
+        """Remove a percept, if it is there."""
         self._board.remove(_read(percept), agent)
 
     def replace_percept(self, percept: Literal | str, agent: str | None = None) -> None:
-        """The percept takes the place of all of the same name and number of arguments."""
+        """Put a percept in the place of all of the same name and number of arguments."""
         if type(percept) is not Literal or not percept.ground:
             percept = _read(percept)
         self._board.replace(percept, agent)
@@ -183,7 +183,7 @@ def _resolved(percept: Literal) -> Literal:
 
 @lru_cache(maxsize=1000)
 def _literal(text: str) -> Literal:
-    """A percept from its text. Raises `agentd.language.syntax_tree.errors.SyntaxErrors`."""
+    """Parse a percept. Raises `agentd.language.syntax_tree.errors.SyntaxErrors`."""
     read = instantiate(parse_literal(text, "<percept>"))
     if type(read) is not Literal:
         raise TypeError(f"{text} is no percept: a literal such as at(3,4) is needed")

@@ -164,7 +164,7 @@ def _robot(name: str | None) -> Robot:
 
 
 def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> dict[Finding, str]:
-    """The findings of all files and how they are shown, each once, in the order of the files."""
+    """Return the findings of all files and how they are shown, each once, in the order of the files."""
     subjects = read_subjects(files, paths)
     elsewhere = subjects.elsewhere()
     shown: dict[Finding, str] = {}

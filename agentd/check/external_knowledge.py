@@ -104,7 +104,7 @@ def look_for_packages(survey: Survey) -> dict[str, str]:
 
 
 def standard_library() -> tuple[Arities, Arities]:
-    """The internal actions and the functions that are registered: those of the standard library and of packages."""
+    """Return the registered internal actions and functions: those of the standard library and of packages."""
     from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 
     actions: dict[str, Collection[int]] = {}

@@ -72,10 +72,10 @@ FAILS_WHERE_REACHED = frozenset(
 def finding(
     kind: Kind, position: Position, message: str, severity: Literal["error", "warning", "info"] = "error"
 ) -> Finding:
-    """A finding at a place in a program."""
+    """Return a finding at a place in a program."""
     return Finding(position.file, position.line, position.column, message, severity, kind.label)
 
 
 def warning(kind: Kind, position: Position, message: str) -> Finding:
-    """A finding that may be as its author wants it."""
+    """Return a finding that may be as its author wants it."""
     return finding(kind, position, message, "warning")

@@ -121,7 +121,7 @@ def included_by_rest(errors: SyntaxErrors, paths: SourcePaths) -> list[Finding]:
 
 
 def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Finding]) -> Iterator[str]:
-    """The files of the agents that a program creates; a missing one is added to the findings."""
+    """Yield the files of the agents that a program creates; a missing one is added to the findings."""
     for name, position in found.created:
         try:
             yield paths.find(name, file)

@@ -57,7 +57,7 @@ def _wrong_arguments(action: Mention, expected: Sequence[Parameter], values: Val
 
 
 def _may_be(kind: str, term: nodes.Term, parameter: Parameter) -> bool:
-    """Whether a term can be an argument of a type; what only the run knows can be any."""
+    """Return whether a term can be an argument of a type; what only the run knows can be any."""
     match term:
         case nodes.Number(value):
             return _number(kind, value, parameter)

@@ -48,7 +48,7 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
 
 
 def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Plans for a percept with a number of arguments that it does not have, or for what is no percept."""
+    """Yield plans for a percept with a number of arguments that it does not have, or for what is no percept."""
     added = {mention.indicator for mention in (*survey.added, *survey.raised)} | elsewhere.beliefs | RAISED_BY_AGENTD
     for placed in survey.in_families():
         if placed.event not in ("+", "-") or placed.name is None or placed.indicator in added or placed.names_source:
@@ -75,7 +75,7 @@ def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, 
 
 
 def _base(name: str) -> str:
-    """A name without its namespace."""
+    """Return a name without its namespace."""
     return name.rpartition("::")[2]
 
 
@@ -88,7 +88,7 @@ def _consequence(test: Mention, tested_as_goal: bool) -> str:
 
 
 def _hint(name: str, known: Iterable[tuple[str | None, int]], names: Iterable[str] = ()) -> str:
-    """What else there is of a name with a wrong number of arguments, or a name like it."""
+    """Return what else there is of a name with a wrong number of arguments, or a name like it."""
     known = list(known)
     if others := [arity for other, arity in known if other == name]:
         return f"; there is {name} with {arguments(others)}"
@@ -113,7 +113,7 @@ def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Findin
 
 
 def shadowed_plans(survey: Survey) -> Iterator[Finding]:
-    """Plans behind one that takes every event which they could take, unless plans are looked at or removed."""
+    """Yield plans behind one that takes every event which they could take, unless plans are looked at or removed."""
     if survey.looks_at_plans:
         return
     for family in survey.families:
@@ -131,7 +131,7 @@ def shadowed_plans(survey: Survey) -> Iterator[Finding]:
 
 
 def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Plans for goals that nobody sets, for their failures, and for beliefs that nobody adds."""
+    """Yield plans for goals that nobody sets, for their failures, and for beliefs that nobody adds."""
     goals = {mention.indicator for mention in (*survey.achieved, *survey.raised)} | elsewhere.goals
     passive = not survey.achieved  # a library, or an agent that others ask for all that it does
     open_goals = survey.open_goals or elsewhere.open_goals or survey.looks_at_plans
@@ -150,7 +150,7 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
 
 
 def unused_belief_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Plans for beliefs that nobody adds, where it is known that there are no percepts."""
+    """Yield plans for beliefs that nobody adds, where it is known that there are no percepts."""
     closed = elsewhere.complete and not (survey.open_beliefs or elsewhere.open_beliefs)
     if not closed or not elsewhere.no_percepts or survey.actions:
         return

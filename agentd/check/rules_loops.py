@@ -24,7 +24,7 @@ _CHANGES: Final = frozenset((Operator.ADD, Operator.ADD_FIRST, Operator.ADD_LAST
 
 
 def busy_loops(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Only those that surely are: ``while (true)``, and a goal that its only plan sets again, with nothing to wait.
+    """Find those that surely are: ``while (true)``, and a goal that its only plan sets again, with nothing to wait.
 
     What another intention or agent may end is none.
     """
@@ -47,7 +47,7 @@ def _busy(position: nodes.Position, text: str) -> Finding:
 
 
 def _instant(formulas: tuple[nodes.BodyFormula, ...], events: set[str | None]) -> bool:
-    """Whether formulas surely take no time and cannot fail: no goals, no tests, no plans for what they change."""
+    """Return whether formulas surely take no time and cannot fail: no goals, tests, or plans for what they change."""
     for formula in formulas:
         match formula:
             case nodes.Step(Operator.ACTION, nodes.InternalAction(name)):
@@ -64,7 +64,7 @@ def _instant(formulas: tuple[nodes.BodyFormula, ...], events: set[str | None]) -
 
 
 def _repeats(placed: PlacedPlan, survey: Survey, events: set[str | None]) -> bool:
-    """Whether a plan is the only one for its goal, has no context and ends by setting the goal again."""
+    """Return whether a plan is the only one for its goal, has no context and ends by setting the goal again."""
     plan = placed.plan
     if placed.event != "+!" or plan.goal_condition is not None or not takes_all(plan) or not plan.body.formulas:
         return False

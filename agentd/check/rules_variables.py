@@ -20,7 +20,7 @@ _IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
 
 
 def singletons(survey: Survey) -> Iterator[Finding]:
-    """A warning for each named variable that occurs once in its plan (with its sub-plans), rule or belief."""
+    """Yield a warning for each named variable that occurs once in its plan (with its sub-plans), rule or belief."""
     for scope in _scopes(survey):
         counts: Counter[str] = Counter()
         first: dict[str, nodes.Variable] = {}
@@ -37,7 +37,7 @@ def singletons(survey: Survey) -> Iterator[Finding]:
 
 
 def _scopes(survey: Survey) -> list[_Node]:
-    """The parts of a program that variables belong to."""
+    """Return the parts of a program that variables belong to."""
     nested = {id(sub) for placed in survey.plans for sub in placed.plan.subplans}
     terms = {id(placed.plan) for family in survey.families for placed in family}
     plans = [p.plan for p in survey.plans if id(p.plan) in terms and id(p.plan) not in nested]
@@ -51,7 +51,7 @@ def _only_once(variable: nodes.Variable) -> Finding:
 
 
 def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Finding]:
-    """The warnings of `singletons` about variables whose name an action sends as text: ``arm_motors(True)``."""
+    """Return the warnings of `singletons` about variables whose name an action sends as text: ``arm_motors(True)``."""
     return frozenset(
         _only_once(term)
         for mention in survey.actions

@@ -101,7 +101,7 @@ class _Walk:
                 self._fact(item, namespace)
 
     def _directive(self, item: nodes.Directive, namespace: str) -> tuple[Iterable[nodes.Item], str]:
-        """The items that a directive encloses or includes, and their namespace."""
+        """Return the items that a directive encloses or includes, and their namespace."""
         self.found.directives.append(item)
         match item.name.functor, item.name.args:
             case "namespace", (nodes.Structure(functor), *_):
@@ -141,7 +141,7 @@ class _Walk:
                 self._rule(item, namespace)
 
     def _is_another(self, fact: GroundFact, namespace: str) -> bool:
-        """Whether a fact mentions only what one before it has: no variable, no call and the same predicate."""
+        """Return whether a fact mentions only what one before it has: no variable, no call and the same predicate."""
         sig = fact.term().sig
         if (namespace, sig) in self._facts:
             return sig.functor not in USAGE
@@ -229,7 +229,7 @@ class _Walk:
                 self._pending.append(_Visit(body, namespace))
 
     def _inside(self, literal: nodes.Structure | nodes.Variable, namespace: str) -> None:
-        """The arguments and annotations of a literal."""
+        """Visit the arguments and annotations of a literal."""
         if isinstance(literal, nodes.Structure):
             for term in literal.args:
                 self._term(term, namespace)

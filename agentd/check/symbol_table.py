@@ -69,7 +69,7 @@ class PlacedPlan:
         return self.is_labelled("test")
 
     def is_labelled(self, word: str) -> bool:
-        """Whether the plan's label has an annotation."""
+        """Return whether the plan's label has an annotation."""
         return self.plan.label is not None and _annotated(self.plan.label, word)
 
     @property
@@ -132,7 +132,7 @@ class Survey:
     """Goals are sent that only the run knows."""
 
     def in_families(self) -> Iterator[PlacedPlan]:
-        """The plans of the program and those nested in them, without those that are terms."""
+        """Return the plans of the program and those nested in them, without those that are terms."""
         return chain.from_iterable(self.families)
 
 
@@ -142,7 +142,7 @@ def _annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:
 
 
 def takes_all(plan: nodes.Plan) -> bool:
-    """Whether a plan is relevant and applicable for every event of its name and arity."""
+    """Return whether a plan is relevant and applicable for every event of its name and arity."""
     literal = plan.trigger.literal
     if not isinstance(literal, nodes.Structure) or literal.annotations or isinstance(literal.namespace, nodes.Variable):
         return False
@@ -152,7 +152,7 @@ def takes_all(plan: nodes.Plan) -> bool:
 
 
 def steps_of(body: nodes.Body) -> Iterator[nodes.Step]:
-    """The steps of a body, those in its blocks included."""
+    """Yield the steps of a body, those in its blocks included."""
     pending: list[nodes.BodyFormula] = list(body.formulas)
     while pending:
         match pending.pop():
@@ -168,7 +168,7 @@ def steps_of(body: nodes.Body) -> Iterator[nodes.Step]:
 
 
 def qualified(literal: nodes.Structure, namespace: str) -> str:
-    """The name of a literal in a namespace: with its sign, and with the namespace unless it is the default one."""
+    """Return the name of a literal in a namespace: with its sign, and the namespace unless it is the default one."""
     written = literal.namespace
     if isinstance(written, str) and written != THIS_NS:
         namespace = written or DEFAULT
@@ -177,7 +177,7 @@ def qualified(literal: nodes.Structure, namespace: str) -> str:
 
 
 def asks_others(annotations: nodes.ListTerm) -> bool:
-    """Whether annotations ask for a source that is neither the agent itself nor its percepts."""
+    """Return whether annotations ask for a source that is neither the agent itself nor its percepts."""
     for term in annotations.items:
         match term:
             case nodes.Structure("source", (nodes.Structure(functor),)):

@@ -95,7 +95,7 @@ class Beliefs:
         """Whether everything was shown last."""
 
     def shown(self, look: Look, now: float) -> tuple[tuple[BeliefView, ...], int]:
-        """The beliefs, and how many more there are; ``now`` in mission seconds."""
+        """Return the beliefs, and how many more there are; ``now`` in mission seconds."""
         facts, count = self._believed(look.beliefs, look.about)
         before, known = self._shown, dict[int, tuple[Literal, BeliefView]]()
         views: list[BeliefView] = []
@@ -114,7 +114,7 @@ class Beliefs:
         return tuple(views), count - len(facts)
 
     def _believed(self, most: int, about: str) -> tuple[list[Literal], int]:
-        """The facts to show and how many there are; ``about`` is their functor, empty for any.
+        """Return the facts to show and how many there are; ``about`` is their functor, empty for any.
 
         Each predicate has an equal share of the room, newest facts first, so that one with many facts hides no other.
         """
@@ -135,7 +135,7 @@ class Beliefs:
         return shown, left
 
     def _view(self, fact: Literal, new: float | None) -> tuple[BeliefView, bool]:
-        """The record of a belief not shown last, and whether it is valid while the fact is believed.
+        """Return the record of a belief not shown last, and whether it is valid while the fact is believed.
 
         If everything was shown last, the belief is as old as ``new``, in mission seconds.
         """
@@ -148,7 +148,7 @@ class Beliefs:
 
 
 def _belief_text(fact: Literal) -> tuple[str, bool]:
-    """The text of a belief with its annotations, cut at `LONGEST_BELIEF`, and whether it cannot change."""
+    """Return the text of a belief with its annotations, cut at `LONGEST_BELIEF`, and whether it cannot change."""
     whole = flat_text(fact)
     if whole is not None:
         return whole, fact.ground
@@ -157,7 +157,7 @@ def _belief_text(fact: Literal) -> tuple[str, bool]:
 
 
 def _lasting(fact: Literal) -> bool:
-    """Whether a fact consists of numbers, strings, structures and lists of these, and of few."""
+    """Return whether a fact consists of numbers, strings, structures and lists of these, and of few."""
     pending: list[Any] = [*fact.args, *fact.annots]
     for _ in range(_MOST_LOOKED_AT):
         if not pending:
@@ -176,7 +176,7 @@ def _lasting(fact: Literal) -> bool:
 
 
 def intentions_of(mind: Mind) -> tuple[tuple[IntentionView, ...], int]:
-    """The intentions, and how many more there are."""
+    """Return the intentions, and how many more there are."""
     shown = tuple(intention_views(mind, MOST_INTENTIONS))
     if len(shown) < MOST_INTENTIONS:
         return shown, 0
@@ -184,14 +184,14 @@ def intentions_of(mind: Mind) -> tuple[tuple[IntentionView, ...], int]:
 
 
 def events_of(mind: Mind, about: str) -> tuple[tuple[EventView, ...], int]:
-    """The next events, of the name ``about`` if it is not empty, and how many more wait."""
+    """Return the next events, of the name ``about`` if it is not empty, and how many more wait."""
     events = mind.all_events()
     shown = [event for event in events[:MOST_EVENTS] if not about or event[0].sig.functor == about]
     return tuple(map(event_view, shown)), max(0, len(events) - MOST_EVENTS)
 
 
 def questions_of(mind: Mind, agent_boot: str) -> tuple[QuestionView, ...]:
-    """The synchronous asks without an answer; ``agent_boot`` is the end of the ids of its messages on the bus."""
+    """Return the synchronous asks without an answer; ``agent_boot`` ends the ids of its messages on the bus."""
     return tuple(question_views(mind, agent_boot)[:MOST_QUESTIONS])
 
 
@@ -204,7 +204,7 @@ class Plans:
         self._made: dict[str, tuple[PlanView, ...]] = {}
 
     def shown(self, look: Look) -> tuple[PlanView, ...]:
-        """The plans in order, if they are asked for."""
+        """Return the plans in order, if they are asked for."""
         if not look.plans:
             return ()
         if self._version != self._mind.plans.version or len(self._made) > MOST_NAMES:
@@ -267,7 +267,7 @@ def _name(term: nodes.Term) -> str:
 
 
 def decisions_of(mind: Mind, look: Look = EVERYTHING) -> tuple[tuple[DecisionView, ...], tuple[FailureView, ...]]:
-    """The last decisions and the failures among them. The record of a decision with a known outcome is made once."""
+    """Return the last decisions and failures. The record of a decision with a known outcome is made once."""
     recorder, most = mind.recorder, look.last
     if recorder is None or not most:
         return (), ()
@@ -292,7 +292,7 @@ def decisions_of(mind: Mind, look: Look = EVERYTHING) -> tuple[tuple[DecisionVie
 
 
 def _record(views: Views, record: Decision | Failure, before: DecisionView | None) -> DecisionView | FailureView:
-    """A record with at most `MOST_PLANS` plans of a kind; ``before`` if the outcome is still the same."""
+    """Return a record with at most `MOST_PLANS` plans of a kind; ``before`` if the outcome is still the same."""
     if before is not None and isinstance(record, Decision) and views.outcome(record) == before.outcome:
         return before
     view = views.of(record)

@@ -31,7 +31,7 @@ class AgentSpeakLexer(Lexer):  # type: ignore[misc]
     version_added = ""
 
     def get_tokens_unprocessed(self, text: str) -> Iterator[Piece]:
-        """The pieces of a text, all of it: where each begins, what it is, and its text."""
+        """Yield the pieces of a text, all of it: where each begins, what it is, and its text."""
         for at, of, piece in classed(text):
             yield at, Text.Whitespace if of is None else Error if of == BROKEN else _type(of), piece
 
@@ -46,7 +46,7 @@ class ProjectLexer(Lexer):  # type: ignore[misc]
     version_added = ""
 
     def get_tokens_unprocessed(self, text: str) -> Iterator[Piece]:
-        """The pieces of a text, all of it."""
+        """Yield the pieces of a text, all of it."""
         at = 0
         while at < len(text):
             found = TOKEN.match(text, at)
@@ -76,7 +76,7 @@ def _type(of: Class) -> Any:
 
 
 def classed(text: str) -> Iterator[tuple[int, Any, str]]:
-    """The pieces of a text with the `Class` of each, None for blanks, BROKEN for what is no token."""
+    """Yield the pieces of a text with the `Class` of each, None for blanks, BROKEN for what is no token."""
     words, library = _lexicon()
     before, at = "", 0
     while at < len(text):

@@ -26,7 +26,7 @@ _AFTER_NAME: Final = r"(?![a-zA-Z0-9_]|\.[a-zA-Z_])"
 
 
 def grammar(tables: Tables | None = None) -> dict[str, Any]:
-    """The grammar as data."""
+    """Return the grammar as data."""
     tables = tables or load()
     return {
         "$schema": "https://raw.githubusercontent.com/martinring/tmlanguage/master/tmlanguage.json",
@@ -90,19 +90,19 @@ def _names(tables: Tables) -> list[dict[str, Any]]:
 
 
 def _signs(tables: Tables) -> list[dict[str, Any]]:
-    """The signs, longer ones first, since of several rules that match the first counts."""
+    """Return the signs, longer ones first, since of several rules that match the first counts."""
     signs = sorted(tables.fixed, key=lambda sign: (-len(sign), OF_SIGN[sign].name, sign))
     by_kind = groupby(signs, lambda sign: (len(sign), OF_SIGN[sign]))
     return [_match("|".join(re.escape(sign) for sign in group), of) for (_, of), group in by_kind]
 
 
 def json_text() -> str:
-    """The grammar as a file of JSON."""
+    """Return the grammar as a file of JSON."""
     return json.dumps(grammar(), indent=2) + "\n"
 
 
 def plist_text() -> str:
-    """The grammar as a property list, for editors that read no JSON."""
+    """Return the grammar as a property list, for editors that read no JSON."""
     data = {key: value for key, value in grammar().items() if not key.startswith("$")}
     data["uuid"] = "5a1c7a4e-6d0b-4c55-9a0e-3f0a6b2f7d11"
     return plistlib.dumps(data, sort_keys=False).decode()

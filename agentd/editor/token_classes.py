@@ -78,7 +78,7 @@ BLANK: Final = "BLANK"
 
 
 def library_names() -> list[str]:
-    """The internal actions and functions of the library: `.print`, `math.abs`; none that packages have added."""
+    """Return the internal actions and functions of the library: `.print`, `math.abs`; none that packages have added."""
     import agentd.stdlib
     from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 

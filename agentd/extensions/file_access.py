@@ -37,7 +37,7 @@ class AgentFiles:
         self._state = state
 
     def readable(self, path: str, beside: str) -> Path:
-        """The file that the program ``beside`` names.
+        """Return the file that the program ``beside`` names.
 
         It is looked for beside that program, in the mission's folders, then among what was saved. Raises NotAllowed,
         and FileNotFoundError.
@@ -76,5 +76,5 @@ class AgentFiles:
 
 
 def state_folder(given: str | None, fleet: str) -> Path:
-    """Where the agents of a fleet are kept: below what was asked for, systemd's folder of state, or the user's."""
+    """Return where the agents of a fleet are kept: below what was asked for, systemd's state folder, or the user's."""
     return state_directory(None if given is None else Path(given)) / fleet

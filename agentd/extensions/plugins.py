@@ -57,7 +57,7 @@ def load_plugin(package: str) -> str | None:
 
 
 def _named(name: str, function: Callable[..., Any], backtracks: bool) -> Callable[..., Any]:
-    """The function, with unexpected errors reported by its name and place."""
+    """Yield the function, with unexpected errors reported by its name and place."""
 
     def failed(error: BaseException) -> PluginError:
         return PluginError(f"{name}: {describe_error(error)}")

@@ -23,7 +23,7 @@ class UserCodeError(Exception):
 
 
 def load_class(name: str, base: type) -> type[Any]:
-    """The class that ``module:Class`` or ``folder/file.py:Class`` names, looked up from the working directory too.
+    """Load the class that ``module:Class`` or ``folder/file.py:Class`` names, from the working directory too.
 
     Raises `UserCodeError`.
     """
@@ -82,7 +82,7 @@ def _from_file(path: Path) -> ModuleType:
 
 
 def describe_error(error: BaseException) -> str:
-    """An exception in one line: its kind, its text, and where in the user's own code it came from."""
+    """Return an exception in one line: its kind, its text, and where in the user's own code it came from."""
     text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"

@@ -70,14 +70,14 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
 
 
 def project_paths(project: Project, paths: SourcePaths, warnings: list[Finding]) -> SourcePaths:
-    """Where the programs of a project are looked for; folders that are not there are added to the warnings."""
+    """Return where the programs of a project are looked for; folders that are not there are added to the warnings."""
     home = Path(project.file).parent
     folders = [*paths.folders, *_source_folders(project, paths, home, warnings)]
     return SourcePaths(paths.names, folders, home)
 
 
 def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
-    """The agents of one entry. Raises Findings and `SyntaxErrors`."""
+    """Add the agents of one entry. Raises Findings and `SyntaxErrors`."""
     program = _program(setup.paths, project, entry)
     beliefs, goals = initial_items(entry)
     level = 1
@@ -135,7 +135,7 @@ def _program(paths: SourcePaths, project: Project, entry: AgentEntry) -> Compile
 
 
 def _literals(option: Option) -> list[nodes.Structure]:
-    """The literals that an option lists. Raises Findings."""
+    """Return the literals that an option lists. Raises Findings."""
     if not option.value.strip():
         return []
     try:
@@ -152,7 +152,7 @@ def _literals(option: Option) -> list[nodes.Structure]:
 
 
 def _names(entry: AgentEntry) -> list[str]:
-    """The names of the agents of an entry: ``#3`` makes three of them, numbered from 1."""
+    """Return the names of the agents of an entry: ``#3`` makes three of them, numbered from 1."""
     if entry.count == 1:
         return [entry.name]
     return [f"{entry.name}{number}" for number in range(1, entry.count + 1)]
@@ -170,7 +170,7 @@ def _same_names(project: Project) -> Iterator[Finding]:
 
 
 def _source_folders(project: Project, paths: SourcePaths, home: Path, warnings: list[Finding]) -> Iterator[Path]:
-    """The folders of the source path that are there, from the project's folder and, as in Jason, the working folder.
+    """Yield the present folders of the source path, from the project's folder and, as in Jason, the working folder.
 
     The others are warned of.
     """
@@ -190,7 +190,7 @@ def _source_folders(project: Project, paths: SourcePaths, home: Path, warnings: 
 
 
 def _of_java(project: Project, has_environment: bool) -> Iterator[Finding]:
-    """The Java features of a project that are not supported; its agents can run without them."""
+    """Yield the Java features of a project that are not supported; its agents can run without them."""
     infrastructure = project.infrastructure
     if infrastructure is not None and infrastructure.name not in _ONE_PROCESS:
         yield _without(infrastructure, "the infrastructure", "all agents run in this process")
@@ -245,7 +245,7 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
 
 
 def _calls(items: Sequence[nodes.Item]) -> Iterator[nodes.InternalAction]:
-    """The internal actions in items of a program, in order."""
+    """Yield the internal actions in items of a program, in order."""
     pending: list[Any] = list(reversed(items))
     while pending:
         node = pending.pop()

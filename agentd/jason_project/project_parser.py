@@ -114,7 +114,7 @@ class Token:
 
 
 def tokenize(source: Source) -> list[Token]:
-    """The tokens of a source, the last one is its end. Raises `SyntaxErrors` for what is no token."""
+    """Return the tokens of a source, the last one is its end. Raises `SyntaxErrors` for what is no token."""
     found: list[Token] = []
     text, at, end = source.text, 0, 0
     while at < len(text):
@@ -148,7 +148,7 @@ MOST_PROBLEMS = 20
 
 
 def parse_project(text: str, file: str) -> Project:
-    """A project file. Raises `SyntaxErrors` with everything that is wrong with it."""
+    """Parse a project file. Raises `SyntaxErrors` with everything that is wrong with it."""
     return _Parser(Source(text, file)).project()
 
 
@@ -360,7 +360,7 @@ class _Parser:
         return self.token.kind == "mark" and self.token.text == text
 
     def at_section_end(self) -> bool:
-        """Whether the next section, the end of the project or of the file follows."""
+        """Return whether the next section, the end of the project or of the file follows."""
         if self.token.kind == END or self.is_mark("}"):
             return True
         return self.token.kind == "word" and self.tokens[self.at + 1].text == ":"
@@ -382,7 +382,7 @@ class _Parser:
         return found
 
     def class_spec(self, what: str) -> ClassSpec:
-        """A class name, optionally with arguments; a list as argument is the text of its members."""
+        """Return a class name, optionally with arguments; a list as argument is the text of its members."""
         name = self.word(what)
         arguments: list[str] = []
         if self.is_mark("("):
@@ -406,7 +406,7 @@ class _Parser:
         return _Wrong(problem_at(self.source, self.token.at, message))
 
     def missing(self, message: str) -> _Wrong:
-        """An error behind the token before this one."""
+        """Return an error behind the token before this one."""
         before = self.tokens[self.at - 1]
         width = len(before.text) + (2 if before.kind == "string" else 0)
         return _Wrong(problem_at(self.source, min(before.at + width, len(self.source.text)), message))

@@ -32,7 +32,7 @@ LONGEST_SHARED = 100_000
 
 
 def parse_program(text: str, file: str) -> Program:
-    """A whole source file. ``file`` is the name under which its findings and positions are reported."""
+    """Parse a whole source file. ``file`` is the name under which its findings and positions are reported."""
     return _program(Source(text, file))
 
 
@@ -64,13 +64,13 @@ def _shared(text: str, file: str) -> Program:
 
 
 def parse_term(text: str, file: str = "<term>") -> Term:
-    """A term, also a logical formula or code in braces."""
+    """Parse a term, also a logical formula or code in braces."""
     term: Term = _parse(Source(text, file), "lone_expression")
     return term
 
 
 def parse_formula(text: str, file: str = "<formula>") -> Formula:
-    """A logical formula, such as the context of a plan."""
+    """Parse a logical formula, such as the context of a plan."""
     source = Source(text, file)
     term: Term = _parse(source, "lone_expression")
     if is_formula(term):
@@ -79,7 +79,7 @@ def parse_formula(text: str, file: str = "<formula>") -> Formula:
 
 
 def parse_literal(text: str, file: str = "<literal>") -> Structure:
-    """A literal: an atom or structure, optionally negated, annotated or in a namespace. No internal action."""
+    """Parse a literal: an atom or structure, optionally negated, annotated or in a namespace. No internal action."""
     literal: Structure = _parse(Source(text, file), "lone_literal")
     return literal
 
@@ -91,7 +91,7 @@ def parse_plan(text: str, file: str = "<plan>") -> Plan:
 
 
 def parse_trigger(text: str, file: str = "<trigger>") -> Trigger:
-    """A trigger such as ``+!g(X)``, bare or in braces."""
+    """Parse a trigger such as ``+!g(X)``, bare or in braces."""
     trigger: Trigger = _parse(Source(text, file), "lone_trigger")
     return trigger
 
@@ -148,7 +148,7 @@ def _built(source: Source, tokens: Tokens, start: str) -> Any:
 
 
 def _one_per_line(problems: list[Problem]) -> list[Problem]:
-    """The first problem of each line: the others are most often its echo."""
+    """Return the first problem of each line: the others are most often its echo."""
     found: dict[int, Problem] = {}
     for problem in sorted(problems):
         found.setdefault(problem.finding.line, problem)
@@ -182,14 +182,14 @@ class _Recovery:
         return self._resumed
 
     def _closes_what_was_skipped(self, index: int) -> bool:
-        """Whether a brace closes one that was opened before parsing went on after a problem."""
+        """Return whether a brace closes one that was opened before parsing went on after a problem."""
         if self._resumed is None:
             return False
         skipped, read = self._tokens.texts[: self._resumed], self._tokens.texts[self._resumed : index]
         return skipped.count("{") > skipped.count("}") and read.count("{") == read.count("}")
 
     def _next_item(self, index: int, at_item: bool) -> int:
-        """The index of the next token that probably begins an item, or of the end of the text."""
+        """Return the index of the next token that probably begins an item, or of the end of the text."""
         types, texts, first = self._tokens.types, self._tokens.texts, self._tokens.first_in_line
         for i in range(index + 1 if at_item else index, len(types) - 1):
             if i not in first:

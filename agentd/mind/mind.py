@@ -214,7 +214,7 @@ class Mind(MindState):
         return not self.ready and self.wake_at is None and not self.waiting
 
     def query(self, formula: Any) -> bool:
-        """Whether a parsed formula (`agentd.language.parse.parse_formula`) follows from the beliefs.
+        """Return whether a parsed formula (`agentd.language.parse.parse_formula`) follows from the beliefs.
 
         It leaves no trace in the mind, whatever rules it uses.
         """
@@ -235,15 +235,15 @@ class Mind(MindState):
             self.random, self.on_input, self.effects, self.now, self.warned = own
 
     def intention_views(self, most: int | None = None) -> list[IntentionView]:
-        """The present intentions by their ids, at most ``most`` (None: all)."""
+        """Return the present intentions by their ids, at most ``most`` (None: all)."""
         return intention_views(self, most)
 
     def belief_views(self) -> list[BeliefView]:
-        """The present beliefs."""
+        """Return the present beliefs."""
         return belief_views(self)
 
     def decision_views(self, last: int | None = None, about: str = "") -> list[DecisionView | FailureView]:
-        """The ``last`` decisions and failures (None: all), oldest first, for people; none unless it remembers any.
+        """Return the ``last`` decisions and failures (None: all), oldest first; none unless it remembers any.
 
         ``about`` is the functor that their events or goals are to have.
         """

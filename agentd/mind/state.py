@@ -52,7 +52,7 @@ class Perceived:
         """For each key that is used, the percepts by their arguments at its positions."""
 
     def agreeing(self, args: tuple[Term, ...], key: tuple[int, ...]) -> list[tuple[Term, ...]]:
-        """The percepts whose arguments at the positions ``key`` are these: it costs as much as there are of them."""
+        """Return the percepts with these arguments at the positions ``key``, in time of their number."""
         if not key:
             return list(self.args)
         if len(key) == len(args):
@@ -162,7 +162,7 @@ class Turns(Protocol):
         """Choose one of the intentions that can run, if there is any."""
 
     def over(self) -> bool:
-        """Whether nothing is left to do, after a cycle that has run no intention."""
+        """Return whether nothing is left to do, after a cycle that has run no intention."""
 
 
 class Origins(Protocol):
@@ -321,7 +321,7 @@ class MindState:
             self.effects.append(log)
 
     def read_clock(self) -> float:
-        """The mission time now; a reading within a cycle is an input."""
+        """Return the mission time now; a reading within a cycle is an input."""
         if self.clock is not None:
             self.now = max(self.now, self.clock())
             if self.on_input is not None:
@@ -380,7 +380,7 @@ class MindState:
             self.recorder.posted(events[-1])
 
     def all_events(self) -> list[Event]:
-        """Every event that waits to be given a plan: those of the queue, then those held by ``.suspend``."""
+        """Return every event that waits to be given a plan: those of the queue, then those held by ``.suspend``."""
         held = [each.held for each in self.suspended.values() if each.held is not None]
         return [*self.events, *held]
 
@@ -392,12 +392,12 @@ class MindState:
         return self.current
 
     def new_intention(self) -> Intention:
-        """An intention with the next id, not yet running."""
+        """Return an intention with the next id, not yet running."""
         self.intention_count += 1
         return Intention(self.intention_count, [], [])
 
     def all_intentions(self) -> list[Intention]:
-        """Every intention once: the current one, running, in events, waiting, suspended; by id."""
+        """Return every intention once: the current one, running, in events, waiting, suspended; by id."""
         found: dict[int, Intention] = {}
         if self.current is not None and self.current.stack:
             found[self.current.id] = self.current
@@ -433,7 +433,7 @@ class MindState:
                 predicate.forget_code()
 
     def scope(self, trail: Trail) -> dict[Var, Var]:
-        """The scope of the current evaluation."""
+        """Return the scope of the current evaluation."""
         current = self.current
         if current is None or not current.stack or trail is not current.trail:
             return self.open_beliefs.here(None)

@@ -163,7 +163,7 @@ class Checkpointer:
         commits.ask(self, 0.0 if self._begun else MAIL_EVERY if mail else NEAR_EVERY if near else OTHERS_EVERY)
 
     def _is_whole(self, now: float) -> bool:
-        """Whether the mind may be saved as it is, at a loop time."""
+        """Return whether the mind may be saved as it is, at a loop time."""
         if self._quiet or (self._begun and self._mind.atomic is None):
             return True
         patience = BUSY_PATIENCE if self._mind.atomic is None else ATOMIC_PATIENCE

@@ -423,7 +423,7 @@ class Team:
 
 
 def _provider(agent: str, service: str) -> Mail:
-    """The message to a subscriber: ``provider(Agent, Service)``."""
+    """Return the message to a subscriber: ``provider(Agent, Service)``."""
     return Mail("df", "tell", literal("provider", atom(agent), atom(service)))
 
 

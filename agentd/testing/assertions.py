@@ -139,7 +139,7 @@ def fails(mind: MindState, trail: Trail, formula: Any) -> bool:
 
 
 def _follows(mind: MindState, formula: Any, trail: Trail) -> bool:
-    """Whether a formula has a solution now: ``true``, a belief, a comparison, an internal action, several of these."""
+    """Return whether a formula has a solution now."""
     mark = len(trail)
     found = any(True for _ in solve(mind, deref(formula), trail))
     undo(trail, mark)
@@ -173,7 +173,7 @@ def _has(whole: Any, part: Any, trail: Trail) -> bool:
 
 
 def _is_member(term: Any, members: Iterable[Any], trail: Trail) -> bool:
-    """Whether a term unifies with one of the members; nothing is bound."""
+    """Return whether a term unifies with one of the members; nothing is bound."""
     mark = len(trail)
     for each in members:
         fits = unify(term, each, trail)

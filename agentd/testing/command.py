@@ -182,7 +182,7 @@ def summary(outcomes: Sequence[Outcome], unread: Sequence[Unread], seconds: floa
 
 
 def junit(outcomes: Sequence[Outcome], unread: Sequence[Unread]) -> bytes:
-    """A JUnit XML document: one test suite per file, one test case per test plan."""
+    """Return a JUnit XML document: one test suite per file, one test case per test plan."""
     root = ElementTree.Element("testsuites", name="agentd test")
     files: dict[str, list[Outcome | Unread]] = {}
     members_of_all: list[Outcome | Unread] = [*outcomes, *unread]

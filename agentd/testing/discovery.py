@@ -48,7 +48,7 @@ class TestPaths(SourcePaths):
 
     @classmethod
     def of(cls, paths: SourcePaths) -> TestPaths:
-        """The same folders as other paths."""
+        """Return the same folders as other paths."""
         found = cls(paths.names, paths.folders, paths.project)
         found.advice = paths.advice
         return found
@@ -59,7 +59,7 @@ class TestPaths(SourcePaths):
         return super().find(path, beside)
 
     def _is_of_jason(self, path: str, beside: str) -> bool:
-        """Whether a file named as one of Jason's harness is that: in its jar, not there, or beside the others."""
+        """Return whether a file named as of Jason's harness is that: in its jar, missing, or beside the others."""
         if path.startswith("$jasonJar/"):
             return True
         try:
@@ -70,7 +70,7 @@ class TestPaths(SourcePaths):
 
 
 def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> Iterator[Case | Unread]:
-    """The test plans of files and folders, in order, and what could not be read."""
+    """Yield the test plans of files and folders, in order, and what could not be read."""
     files: dict[str, bool] = {}
     for place in places:
         path = Path(place)
@@ -89,7 +89,7 @@ def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> I
 
 
 def _has_marks(file: Path) -> bool:
-    """Whether a file can have test plans: in a folder, no others are parsed."""
+    """Return whether a file can have test plans: in a folder, no others are parsed."""
     try:
         text = read_bounded(file)
     except OSError:
@@ -119,7 +119,7 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
 
 
 def is_test(plan: nodes.Plan) -> bool:
-    """Whether a plan's label has the annotation ``test`` (or ``test(...)``)."""
+    """Return whether a plan's label has the annotation ``test`` (or ``test(...)``)."""
     label = plan.label
     if not isinstance(label, nodes.Structure) or label.annotations is None:
         return False
@@ -149,14 +149,14 @@ def _case(file: str, plan: nodes.Plan, program: CompiledProgram) -> Case | Unrea
 
 
 def _aimed(plan: nodes.Plan, goal: nodes.Structure) -> nodes.Plan:
-    """A plan of the library, with the goal of the test in its place."""
+    """Return a plan of the library, with the goal of the test in its place."""
     body = plan.body
     steps = [replace(s, term=goal) if isinstance(s, nodes.Step) and s.term == _THE_GOAL else s for s in body.formulas]
     return replace(plan, body=replace(body, formulas=tuple(steps)))
 
 
 def _key(plan: nodes.Plan) -> tuple[str, str, str, int]:
-    """The common part of plans for the same goal."""
+    """Return the common part of plans for the same goal."""
     literal = plan.trigger.literal
     if not isinstance(literal, nodes.Structure):
         return plan.trigger.operator, plan.trigger.goal, "", -1
@@ -170,5 +170,5 @@ def _namespace(plan: nodes.Plan) -> str | None:
 
 @lru_cache(maxsize=100)
 def _library(namespace: str) -> CompiledProgram:
-    """The assertions, for the plans of a namespace."""
+    """Return the assertions, for the plans of a namespace."""
     return compile_program(parse_file(LIBRARY), namespace=namespace)

@@ -201,7 +201,7 @@ class _TestTeam(Team):
         self._judge(TestEnded("dropped", "the intention of the test was dropped before it ended"))
 
     def give_up(self, why: str) -> None:
-        """The test is not done, and will not be."""
+        """End a test that is not done, and will not be."""
         outcome = self._outcome
         if self._first_failure is not None:
             self._judge(TestEnded())
@@ -287,7 +287,7 @@ def _end_process(frame: FrameType | None) -> None:
 
 
 def _line_at(place: str) -> str:
-    """The line of source at ``file:line``, stripped; empty where there is none."""
+    """Return the line of source at ``file:line``, stripped; empty where there is none."""
     file, _, line = place.rpartition(":")
     if not file or not line.isdigit():
         return ""

@@ -123,7 +123,7 @@ class HandPerceptSubscription:
 
 
 def _is_value(term: Term) -> bool:
-    """Whether a term may be an argument of a belief: it has no variable and no source text."""
+    """Return whether a term may be an argument of a belief: it has no variable and no source text."""
     waiting: list[Term] = [term]
     while waiting:
         match waiting.pop():

@@ -74,7 +74,7 @@ class PerceptSync:
         self._doubt.set()
 
     def forget(self) -> None:
-        """The bridge is gone: remove its percepts."""
+        """Remove the percepts of a bridge that is gone."""
         self._tell(self.percepts.clear(), self._by_hand.percepts)
 
     def when_seen(self, boot: str, seq: int, patience: float, then: Callable[[], None]) -> None:

@@ -193,7 +193,7 @@ class Messages:
 
 
 def _is_answer(message: Message) -> bool:
-    """Whether a message answers a question of `ask`, of this process or of one before it."""
+    """Return whether a message answers a question of `ask`, of this process or of one before it."""
     return message.in_reply_to.startswith(QUESTION)
 
 

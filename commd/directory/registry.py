@@ -174,7 +174,7 @@ class Services:
         return self._with(wants=wants), notices
 
     def news(self, record: BoardServices) -> bool:
-        """Whether a record of a board is newer than the known one: from another process, or a change."""
+        """Return whether a record of a board is newer than the known one: from another process, or a change."""
         known = self.others.get(record.board)
         return known is None or record.header.boot != known.header.boot or record.version > known.version
 

@@ -127,7 +127,7 @@ class Node:
         self._heard: OrderedDict[bytes, float] = OrderedDict()
 
     def repeats(self, payload: bytes, now: float) -> bool:
-        """Whether it sent the same datagram, with its id, within `REPEATED_WITHIN`; `now` in monotonic seconds."""
+        """Return whether it sent the same datagram within `REPEATED_WITHIN`; `now` in monotonic seconds."""
         heard, digest = self._heard, hashlib.blake2b(payload, digest_size=16).digest()
         while heard and (len(heard) > REMEMBERED or now - next(iter(heard.values())) > REPEATED_WITHIN):
             heard.popitem(last=False)

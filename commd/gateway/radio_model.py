@@ -64,7 +64,7 @@ class RadioModel:
         return None if here is None or there is None else geo.distance(here, there)
 
     def in_range(self, one: str, other: str) -> bool:
-        """Whether two robots are within range; True while a position is unknown."""
+        """Return whether two robots are within range; True while a position is unknown."""
         distance = self.distance(one, other)
         return self._radio.range is None or distance is None or distance <= self._radio.range
 

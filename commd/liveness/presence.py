@@ -134,7 +134,7 @@ class Presence:
         return set(self._tokens)
 
     def seems_there(self, agent: str) -> bool:
-        """Whether an agent is present, or absent and not lost yet."""
+        """Return whether an agent is present, or absent and not lost yet."""
         return agent not in self._lost and (agent in self._tokens or agent in self._absent_since)
 
     def known(self) -> set[str]:

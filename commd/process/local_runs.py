@@ -106,7 +106,7 @@ def _locks(file: int) -> bool:
 
 
 def _is_stale(file: int) -> bool:
-    """Whether nobody holds the lock: the run was killed."""
+    """Return whether nobody holds the lock: the run was killed."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -129,7 +129,7 @@ class Output:
 
 
 def _is_journal(descriptor: int) -> bool:
-    """Whether systemd has connected a descriptor to the journal."""
+    """Return whether systemd has connected a descriptor to the journal."""
     try:
         found = os.fstat(descriptor)
     except OSError:

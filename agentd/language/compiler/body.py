@@ -186,7 +186,7 @@ def _without_leading_true(formulas: tuple[nodes.BodyFormula, ...]) -> tuple[node
 
 
 def _as_statement(formula: nodes.BodyFormula) -> nodes.BodyFormula:
-    """The statement for ``.foreach``, ``.loop``, ``.if_then_else`` or ``.fork``; any other formula as it is."""
+    """Return the statement for ``.foreach``, ``.loop``, ``.if_then_else`` or ``.fork``; any other formula as it is."""
     match formula:
         case nodes.Step(operator=Operator.ACTION, term=nodes.InternalAction() as call):
             position = formula.position
@@ -209,7 +209,7 @@ def _as_statement(formula: nodes.BodyFormula) -> nodes.BodyFormula:
 
 
 def _as_body(term: nodes.Term) -> nodes.Body:
-    """The body that an argument in braces is; a variable is run when it has one."""
+    """Return the body that an argument in braces is; a variable is run when it has one."""
     match term:
         case nodes.BodyTerm(body=body):
             return body
@@ -232,12 +232,12 @@ def _jump_where(writer: StepWriter, condition: nodes.Formula) -> list[Line]:
 
 
 def _opened(writer: StepWriter, local: str) -> str:
-    """A local that is true if a variable from before the loop has no value, or one with free variables inside."""
+    """Return a local that is true if a variable from before the loop has no value or one with free variables."""
     return writer.function.assign(f"type({local}) is not float and type({local}) is not str and not is_ground({local})")
 
 
 def _part(local: str | None, opened: str | None) -> str:
-    """The value of a variable in a solution; one that was known in full before the loop has its value already."""
+    """Return the value of a variable in a solution; one known in full before the loop has its value already."""
     if local is None:
         return "None"
     return f"resolve({local})" if opened is None else f"(resolve({local}) if {opened} else {local})"

@@ -37,12 +37,12 @@ class Unit:
         self._code: CodeType | None = None
 
     def name(self, prefix: str) -> str:
-        """A new global name; no local is called alike."""
+        """Return a new global name; no local is called alike."""
         self._count += 1
         return f"{prefix}_{self._count}"
 
     def constant(self, value: Any) -> str:
-        """The name of a constant; equal references and the same object share one."""
+        """Return the name of a constant; equal references and the same object share one."""
         key: Any = value if isinstance(value, Ref | str) else id(value)
         if isinstance(value, float):
             key = ("float", repr(value))
@@ -110,7 +110,7 @@ class Function:
         self._lines[line.number] = "    " * line.indent + text
 
     def uses(self, name: str) -> bool:
-        """Whether a name may occur in the lines written so far."""
+        """Return whether a name may occur in the lines written so far."""
         return any(name in line for line in self._lines if line is not None)
 
     @contextmanager
@@ -143,12 +143,12 @@ class Function:
 
 
 def tuple_of(parts: list[str]) -> str:
-    """The display of a tuple."""
+    """Return the display of a tuple."""
     return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
 
 
 def targets_of(names: list[str]) -> str:
-    """The left side that takes a tuple apart; there is at least one name."""
+    """Return the left side that takes a tuple apart; there is at least one name."""
     return f"({names[0]},)" if len(names) == 1 else ", ".join(names)
 
 
@@ -187,6 +187,6 @@ class PlanCode(Struct):
         return found
 
     def hidden_slot(self) -> int:
-        """A place for something that is no variable of the program."""
+        """Return a place for something that is no variable of the program."""
         self.size += 1
         return self.size - 1

@@ -213,11 +213,11 @@ class Qualifier:
         self.current, self.default, self.local, self.this_ns = current, default, local, this_ns
 
     def inside(self, namespace: str) -> Qualifier:
-        """The qualifier of a block of this file."""
+        """Return the qualifier of a block of this file."""
         return Qualifier(self.local.get(namespace, namespace), self.default, self.local, self.this_ns)
 
     def item(self, item: _Item) -> _Item:
-        """A belief, rule, goal or plan with its namespace put in."""
+        """Return a belief, rule, goal or plan with its namespace put in."""
         if self.local or self.this_ns:
             item = _renamed(item, self.local, {THIS_NS: self.current})
         if self.this_ns:  # before an argument it means nothing, as in Jason
@@ -242,7 +242,7 @@ class Qualifier:
         return item
 
     def _inside(self, node: Any) -> Any:
-        """A plan, trigger, body or statement with what is in it qualified; any other part is a formula."""
+        """Return a plan, trigger, body or statement with what is in it qualified; any other part is a formula."""
         match node:
             case tuple():
                 return tuple(map(self._inside, node))
@@ -258,7 +258,7 @@ class Qualifier:
         return node
 
     def literal(self, literal: _Literal) -> _Literal:
-        """A literal or variable of the block."""
+        """Return a literal or variable of the block."""
         namespace = literal.namespace
         if namespace is None or namespace == THIS_NS:
             return replace(literal, namespace=self.current)
@@ -282,7 +282,7 @@ class Qualifier:
         return self.code(node)
 
     def _side(self, node: Any) -> Any:
-        """A side of a relation; the current namespace before a variable means nothing there, as in Jason."""
+        """Return a side of a relation; the current namespace before a variable means nothing there, as in Jason."""
         if isinstance(node, nodes.Variable) and node.namespace in (self.current, THIS_NS):
             return replace(node, namespace=None)
         return self.code(node)
@@ -312,7 +312,7 @@ class Qualifier:
 
 
 def local_names(items: Iterable[nodes.Item], number: Iterator[int]) -> dict[str, str]:
-    """The local namespaces that a file declares, each with a name of the next ``number`` that no other file has."""
+    """Return the local namespaces that a file declares, with names from ``number`` on that no other file has."""
     found: dict[str, str] = {}
     pending = list(items)
     while pending:
@@ -330,7 +330,7 @@ def local_names(items: Iterable[nodes.Item], number: Iterator[int]) -> dict[str,
 
 
 def _renamed(node: Any, prefixes: Mapping[str, str | None], atoms: Mapping[str, str] = MappingProxyType({})) -> Any:
-    """A node with other names for some namespaces before ``::``, and other atoms for some."""
+    """Return a node with other names for some namespaces before ``::``, and other atoms for some."""
     if isinstance(node, tuple):
         return tuple(_renamed(part, prefixes, atoms) for part in node)
     if isinstance(node, nodes.Belief):

@@ -87,7 +87,7 @@ class TermCompiler:
         return self.unit.constant(value)
 
     def build(self, node: nodes.Term, scope: Scope) -> str:
-        """An expression for a term. Variables that are new get a cell and are added to ``scope``."""
+        """Return an expression for a term. Variables that are new get a cell and are added to ``scope``."""
         if is_constant(node):
             return self._constant_term(node)
         if self._nesting >= _DEEPEST_EXPRESSION:
@@ -194,7 +194,7 @@ class TermCompiler:
         return f"Literal({self.constant(signature_of(node))}, {args}{annots})"
 
     def annots(self, node: nodes.ListTerm | None, scope: Scope) -> str:
-        """An expression for the annotations of a term."""
+        """Return an expression for the annotations of a term."""
         if node is None or (not node.items and node.tail is None):
             return "()"
         if is_constant(node):
@@ -229,7 +229,7 @@ class TermCompiler:
         return f"capture({self.constant(inner)}, {{{values}}})"
 
     def _call(self, name: str, args: tuple[nodes.Term, ...], scope: Scope) -> str:
-        """A function of the program; what is no function stays a term."""
+        """Return a function of the program; what is no function stays a term."""
         if name == ".count" and len(args) == 1:
             return self.count(args[0], scope)
         built = [self.function.assign(self.build(a, scope)) for a in args]

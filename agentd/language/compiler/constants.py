@@ -14,13 +14,13 @@ from agentd.language.terms.terms import List, Literal, atom
 
 
 def signature_of(node: nodes.Structure) -> Signature:
-    """The signature of a literal whose namespace is known."""
+    """Return the signature of a literal whose namespace is known."""
     namespace = node.namespace if isinstance(node.namespace, str) else DEFAULT
     return signature(node.functor, len(node.args), node.negated, namespace or DEFAULT)
 
 
 def is_constant(node: Any) -> bool:
-    """Whether a node is a ground term that needs no computing: it can be made once."""
+    """Return whether a node is a ground term that needs no computing: it can be made once."""
     pending: list[Any] = [node]
     while pending:
         node = pending.pop()
@@ -43,7 +43,7 @@ def is_constant(node: Any) -> bool:
 
 
 def is_number(node: object) -> bool:
-    """Whether a node is a numeral, or arithmetic over numerals (but ``div``, which may have no value)."""
+    """Return whether a node is a numeral, or arithmetic over numerals (but ``div``, which may have no value)."""
     pending: list[object] = [node]
     while pending:
         node = pending.pop()
@@ -55,7 +55,7 @@ def is_number(node: object) -> bool:
 
 
 def is_plain_atom(node: object) -> TypeGuard[nodes.Structure]:
-    """Whether a node is an atom of the default namespace, without decorations."""
+    """Return whether a node is an atom of the default namespace, without decorations."""
     if type(node) is not nodes.Structure or node.args or node.annotations is not None or node.negated:
         return False
     return node.namespace is None or node.namespace == DEFAULT
@@ -68,7 +68,7 @@ def shared_atom(name: str) -> Literal:
 
 
 def constant_term(node: nodes.Term) -> Any:
-    """The ground term of a constant node."""
+    """Return the ground term of a constant node."""
     term = instantiate(node)
     if type(term) is Literal and is_source(term) and type(term.args[0]) is Literal and not term.annots:
         return told_by(term.args[0].sig.functor)[0]
@@ -78,7 +78,7 @@ def constant_term(node: nodes.Term) -> Any:
 
 
 def constant_annots(node: nodes.ListTerm) -> tuple[Any, ...]:
-    """The annotations of a constant list; the same object for the same single source."""
+    """Return the annotations of a constant list; the same object for the same single source."""
     found = sorted_annots(
         constant_term(item)
         for item in (*node.items, *(node.tail.items if isinstance(node.tail, nodes.ListTerm) else ()))

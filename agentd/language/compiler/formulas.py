@@ -73,7 +73,7 @@ class FormulaCompiler(MatchCompiler):
             then({**scope, **dict(zip(new, targets, strict=True))})
 
     def helper(self, node: nodes.Term, scope: Scope, new: list[str] | None = None) -> str:
-        """The call of a function of its own for a formula.
+        """Return the call of a function of its own for a formula.
 
         It yields the values of the variables ``new`` for each solution; without a list it returns whether there is one.
         """
@@ -114,7 +114,7 @@ class FormulaCompiler(MatchCompiler):
             self.function.emit(f"undo(trail, {mark})")
 
     def _query(self, node: nodes.Structure, scope: Scope, then: Next) -> None:
-        """A literal: a loop over the answers of its predicate."""
+        """Write a literal: a loop over the answers of its predicate."""
         predicate = self.constant(Ref("predicate", signature_of(node)))
         given = [self._given(arg, scope) for arg in node.args]
         patterns = self._patterns(node.args, given, scope)
@@ -180,7 +180,7 @@ class FormulaCompiler(MatchCompiler):
         return patterns
 
     def _known_part(self, node: nodes.Term, scope: Scope, depth: int = 0) -> nodes.Term:
-        """A term with a variable in place of each part that is not known before the answer is compared with it."""
+        """Return a term with a variable for each part that is not known before the answer is compared with it."""
         if is_constant(node) or is_plain_variable(node):
             return node
         if depth <= MAX_INDENT:
@@ -196,13 +196,13 @@ class FormulaCompiler(MatchCompiler):
         return nodes.Variable("_")
 
     def _asked(self, given: list[str | None], patterns: list[nodes.Term | None], scope: Scope) -> str:
-        """What a rule is asked with: values, patterns with new variables in them, None for what it is to find."""
+        """Return what a rule is asked with: values, patterns with new variables, None for what it is to find."""
         inner = dict(scope)
         parts = zip(given, patterns, strict=True)
         return tuple_of([g or ("None" if p is None else self.build(p, inner)) for g, p in parts])
 
     def _given(self, arg: nodes.Term, scope: Scope) -> str | None:
-        """The local with the value of an argument that is known before the query; None for one to be found."""
+        """Return the local with the value of an argument that is known before the query; None for one to be found."""
         if is_plain_variable(arg):
             return scope.get(arg.name)
         if is_constant(arg) or (_can_be_given(arg) and all(name in scope for name in variables(arg))):
@@ -224,7 +224,7 @@ class FormulaCompiler(MatchCompiler):
             self._match_known(given, row, scope, rest)
 
     def match_annots(self, pattern: nodes.ListTerm, annots: str, scope: Scope, then: Next) -> None:
-        """The annotations asked for must be among those there; each choice is a solution."""
+        """Write that the annotations asked for are among those there; each choice is a solution."""
         if pattern.tail is None and len(pattern.items) == 1:
             one = self.function.local("n")
             mark = self.function.assign("len(trail)", "t")
@@ -238,7 +238,7 @@ class FormulaCompiler(MatchCompiler):
             then(self.settled(scope, inner))
 
     def _dynamic(self, node: nodes.Term, scope: Scope, then: Next) -> None:
-        """A formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
+        """Write a formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
         inner = dict(scope)
         built = self.function.assign(self.build(node, inner))
         with self.function.block(f"for _ in solve(m, {built}, trail):"):
@@ -280,7 +280,7 @@ class FormulaCompiler(MatchCompiler):
 
 
 def conjuncts(node: nodes.Term) -> list[nodes.Term]:
-    """The members of a conjunction from left to right."""
+    """Return the members of a conjunction from left to right."""
     return _members(node, nodes.And)
 
 
@@ -304,7 +304,7 @@ def _conjunction(parts: list[nodes.Term]) -> nodes.Term:
 
 
 def _can_be_given(node: nodes.Term, depth: int = 0) -> bool:
-    """Whether a term made of known variables may be built before it is compared (no anonymous variable in it)."""
+    """Return whether a term of known variables may be built before it is compared (no anonymous one in it)."""
     if depth > MAX_INDENT:
         return False
     match node:
@@ -339,7 +339,7 @@ _FORMULAS = (nodes.Structure, nodes.InternalAction, nodes.Relation, nodes.Not, n
 
 
 def is_query(node: nodes.Term, scope: Scope) -> bool:
-    """Whether an argument is a formula that can be compiled here (or a variable that will hold one)."""
+    """Return whether an argument is a formula that can be compiled here (or a variable that will hold one)."""
     return isinstance(node, _FORMULAS) or (isinstance(node, nodes.Variable) and node.name in scope)
 
 
@@ -367,7 +367,7 @@ def _collect(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope
 
 
 def _collected(result: str, needs_one: bool = False) -> Writer:
-    """The writer of an action whose ``result`` is made of the list of all instances; ``needs_one``: fails for none."""
+    """Return the writer of an action whose ``result`` is made of all instances; ``needs_one``: fails for none."""
 
     def write(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
         if not is_query(node.args[1], scope):

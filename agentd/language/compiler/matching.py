@@ -52,7 +52,7 @@ class MatchCompiler(TermCompiler):
             self.match_built(node, value, scope, then)
 
     def _match_new(self, name: str, value: str, scope: Scope, then: Next) -> None:
-        """A variable without a value takes any term but, where there are such, a literal of another namespace."""
+        """Give a variable without a value any term but, where there are such, a literal of another namespace."""
         if not self.library.namespaced:
             then({**scope, name: value})
             return
@@ -69,13 +69,13 @@ class MatchCompiler(TermCompiler):
             then(self.settled(scope, inner))
 
     def _unified(self, node: nodes.Term, pattern: str, value: str) -> str:
-        """The call that unifies a built pattern with a value; code in braces is a pattern in the head of a rule too."""
+        """Return the call that unifies a pattern with a value; code in braces is one in the head of a rule too."""
         if self.asked and not isinstance(node, _CODE):
             return f"unify({value}, {pattern}, trail)"
         return f"unify({pattern}, {value}, trail)"
 
     def settled(self, before: Scope, after: Scope) -> Scope:
-        """The scope after a unification: cells made for it are read, so that what follows sees plain values."""
+        """Return the scope after a unification: cells made for it are read, so that what follows sees plain values."""
         settled = dict(after)
         for name, local in after.items():
             if name not in before:

@@ -76,14 +76,14 @@ def _declarative(at: nodes.Position, args: Args, block: Block) -> Block:
 
 
 def _achieves(item: nodes.Item, goal: nodes.Structure) -> bool:
-    """Whether an item is a plan that achieves the goal of the pattern."""
+    """Return whether an item is a plan that achieves the goal of the pattern."""
     if not isinstance(item, nodes.Plan) or item.trigger.operator != "+" or item.trigger.goal != "!":
         return False
     return may_unify(item.trigger.literal, goal)
 
 
 def may_unify(left: nodes.Term, right: nodes.Term) -> bool:
-    """Whether two terms as written can be made equal, as far as their constants show."""
+    """Return whether two terms as written can be made equal, as far as their constants show."""
     if isinstance(left, nodes.Variable) or isinstance(right, nodes.Variable):
         return True
     if isinstance(left, nodes.Structure) and isinstance(right, nodes.Structure):
@@ -93,7 +93,7 @@ def may_unify(left: nodes.Term, right: nodes.Term) -> bool:
 
 
 def _with_test(item: nodes.Item, goal: nodes.Structure) -> nodes.Item:
-    """A plan that achieves the goal ends with a test of it."""
+    """Let a plan that achieves the goal end with a test of it."""
     if not isinstance(item, nodes.Plan) or not _achieves(item, goal):
         return item
     test = nodes.Step(nodes.Operator.TEST, replace(item.trigger.literal, annotations=None), item.position)
@@ -136,7 +136,7 @@ def _exclusive(at: nodes.Position, args: Args, block: Block) -> Block:
 
 
 def _inner(at: nodes.Position, args: Args, place: int, block: Block) -> Block:
-    """The block as the pattern among the arguments makes it."""
+    """Return the block as the pattern among the arguments makes it."""
     if len(args) <= place:
         return _backtracking(at, args, block)
     pattern = _goal(args, place)
@@ -146,7 +146,7 @@ def _inner(at: nodes.Position, args: Args, place: int, block: Block) -> Block:
 
 
 def _committed(at: nodes.Position, args: Args, block: Block, hopeless_at: int = 0, motive_at: int = 0) -> Block:
-    """The goal is tried again until it is achieved, believed to be hopeless, or its motive is lost.
+    """Try the goal again until it is achieved, believed to be hopeless, or its motive is lost.
 
     ``hopeless_at`` and ``motive_at`` are the places of these two among the arguments, from 1; 0: there is none.
     """
@@ -166,7 +166,7 @@ def _committed(at: nodes.Position, args: Args, block: Block, hopeless_at: int = 
 
 
 def _gives_up(item: nodes.Item, goal: nodes.Structure) -> bool:
-    """Whether an item is the plan by which the pattern inside lets go of the goal."""
+    """Return whether an item is the plan by which the pattern inside lets go of the goal."""
     if not isinstance(item, nodes.Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
         return False
     return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)

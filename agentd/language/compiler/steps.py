@@ -99,20 +99,20 @@ class StepWriter:
         self.unit.add(self.function)
 
     def step(self, number: int | None) -> str:
-        """An expression for a step by its number; None ends the body."""
+        """Return an expression for a step by its number; None ends the body."""
         return "None" if number is None else self.unit.constant(Ref("step", number))
 
     def constant(self, value: Any) -> str:
         return self.unit.constant(value)
 
     def succeed(self, found: Scope) -> None:
-        """The formula holds, with the variables of ``found``."""
+        """Write that the formula holds, with the variables of ``found``."""
         self._certain.update(found)
         self.store(found)
         self.function.emit("return None")
 
     def built(self, term: nodes.Term) -> tuple[str, Scope]:
-        """An expression for a term, and the scope with its new variables."""
+        """Return an expression for a term, and the scope with its new variables."""
         scope = self.use(term)
         return self.compiler.build(term, scope), scope
 
@@ -133,7 +133,7 @@ class StepWriter:
             self.bound[name] = self.bound[name] and name not in scope
 
     def relevant(self, operator: str, goal: str, term: nodes.Structure) -> str:
-        """An expression for the plans that a trigger makes relevant."""
+        """Return an expression for the plans that a trigger makes relevant."""
         return self.constant(Ref("relevant", (operator, goal, signature_of(term))))
 
 
@@ -293,14 +293,14 @@ def _add(
 
 
 def _is_constant(arg: nodes.Term) -> bool:
-    """Whether an argument is written as a number, a string or an atom."""
+    """Return whether an argument is written as a number, a string or an atom."""
     if isinstance(arg, nodes.Structure):
         return not arg.args and arg.annotations is None
     return isinstance(arg, nodes.Number | nodes.String)
 
 
 def _resolved_annots(annots: str) -> str:
-    """An expression for annotations without bound variables; constants have none."""
+    """Return an expression for annotations without bound variables; constants have none."""
     return annots if annots.isidentifier() else f"resolve_annots({annots})"
 
 
@@ -346,7 +346,7 @@ class ComputedOnce:
         self._count = 0
 
     def formula(self, node: nodes.Term) -> nodes.Term:
-        """The formula with variables for functions."""
+        """Return the formula with variables for functions."""
         match node:
             case nodes.And() | nodes.Or() | nodes.Not():
                 return with_parts(node, tuple(map(self.formula, parts(node) or ())))

@@ -55,7 +55,7 @@ def compile_plan(
     outer: dict[str, int] | None = None,
     form: Form = "select",
 ) -> PlanCode:
-    """The code of a plan. ``values`` are the variables that were bound when the plan was made as a term.
+    """Return the code of a plan. ``values`` are the variables that were bound when the plan was made as a term.
 
     ``form`` is that of the function that selects it.
 
@@ -91,7 +91,7 @@ def _write_test(function: Function, formula: nodes.Term, scope: Scope, library: 
 def compile_fragment(
     body: nodes.Body, library: Library, values: dict[str, Term], slots: dict[str, int], size: int
 ) -> PlanCode:
-    """The code of a body held by a variable, to run in a frame of ``size`` places with these for variables."""
+    """Return the code of a body held by a variable, to run in a frame of ``size`` places with these for variables."""
     code = PlanCode(Unit(f"body at {body.position}"), dict(slots), size=max(size, FRAME_HEADER))
     for name in variables(body):
         code.slot(name)
@@ -101,7 +101,7 @@ def compile_fragment(
 
 
 def compile_rule(rule: nodes.Rule, mode: tuple[bool, ...], library: Library, values: dict[str, Term]) -> Unit:
-    """A unit with the generator ``answers(m, trail, *args)``.
+    """Return a unit with the generator ``answers(m, trail, *args)``.
 
     Each answer is the tuple of the head's arguments; a mode one longer than the head asks for its annotations as well.
     ``values`` holds what variables of the rule were bound to when it was made at run time.
@@ -148,7 +148,7 @@ def compile_rule(rule: nodes.Rule, mode: tuple[bool, ...], library: Library, val
 
 
 def compile_formula(formula: nodes.Term, library: Library) -> Unit:
-    """A unit with ``holds(m, trail)``: whether a formula over the beliefs has a solution."""
+    """Return a unit with ``holds(m, trail)``: whether a formula over the beliefs has a solution."""
     unit = Unit("formula")
     _write_test(Function(unit, "holds", "m, trail"), formula, {}, library)
     return unit
@@ -287,7 +287,7 @@ class _Selector:
 
 
 def _may_leave_bindings(part: nodes.Term) -> bool:
-    """Whether a literal that fails may have bound variables that its caller is to free."""
+    """Return whether a literal that fails may have bound variables that its caller is to free."""
     match part:
         case nodes.Relation(operator=operator):
             return operator in ("=", "=..", "\\==")

@@ -81,12 +81,12 @@ class ErrorContext:
         return sign_at(self.source.text, self.tokens.starts[self.index]) if self.text[:1] in SIGN_CHARACTERS else ""
 
     def adjoins(self, index: int) -> bool:
-        """Whether there is no blank between a token and the one before it."""
+        """Return whether there is no blank between a token and the one before it."""
         starts = self.tokens.starts
         return index > 0 and starts[index] == starts[index - 1] + len(self.tokens.texts[index - 1])
 
     def _begins_plan(self, index: int) -> bool:
-        """Whether the token is a label, or the sign of a goal's trigger."""
+        """Return whether the token is a label, or the sign of a goal's trigger."""
         text, after = self.tokens.texts[index], "".join(self.tokens.texts[index + 1 : index + 2])
         return text == "@" or (text in SIGNS and after in ("!", "?"))
 
@@ -126,7 +126,7 @@ class ErrorContext:
         return frozenset(filter(None, ("block", "brace", "plan" * plan, "closed" * closed)))
 
     def _closed_later(self) -> bool:
-        """Whether the innermost brace is closed before another plan begins."""
+        """Return whether the innermost brace is closed before another plan begins."""
         depth = 1
         texts = self.tokens.texts
         for index in range(self.index + 1, len(texts)):
@@ -159,12 +159,12 @@ class ErrorContext:
         return opened, part or _part_of_head(symbols[index + 1 :])
 
     def _holds_code(self, index: int) -> bool:
-        """Whether a brace holds a plan, trigger or rule as a term, or a directive, and not the body of a block."""
+        """Return whether a brace holds a plan, trigger or rule as a term, or a directive, not the body of a block."""
         begins_item = index == 0 or self.tokens.types[index - 1] in ("_END", "RBRACE")
         return begins_item or self._begins_plan(index + 1)
 
     def ends_gap(self, index: int, gap: str) -> bool:
-        """Whether the ``..`` or ``...`` of a pattern reaches no further back than a token."""
+        """Return whether the ``..`` or ``...`` of a pattern reaches no further back than a token."""
         if gap == ".." and (index in self.tokens.first_in_line or self.tokens.texts[index] == "<-"):
             return True
         return self.tokens.types[index] == "_END"
@@ -177,7 +177,7 @@ class ErrorContext:
 
 
 def sign_at(text: str, at: int) -> str:
-    """All signs in a row around an offset ``at``, from 0 on, at most four on each side."""
+    """Return all signs in a row around an offset ``at``, from 0 on, at most four on each side."""
     begin = end = at
     while begin and text[begin - 1] in SIGN_CHARACTERS and at - begin < 4:
         begin -= 1
@@ -187,7 +187,7 @@ def sign_at(text: str, at: int) -> str:
 
 
 def _part_of_head(symbols: Sequence[str]) -> str:
-    """The part of an item that has got no further than its head, by what has been read of it."""
+    """Return the part of an item that has got no further than its head, by what has been read of it."""
     first = symbols[0] if symbols else ""
     if first in ("AT", "label"):
         return "trigger" if _SIGN_TYPES.intersection(symbols) else "label"

@@ -53,7 +53,7 @@ class Element:
     gap: str
 
     def fits(self, error: ErrorContext, index: int, signs: str = "") -> bool:
-        """Whether a token is such a one; ``signs`` are those around it, which may be one of another language."""
+        """Return whether a token is such a one; ``signs`` are those around it, which may be one of another language."""
         tokens = error.tokens
         if (self.begins_line and index not in tokens.first_in_line) or (self.adjoins and not error.adjoins(index)):
             return False
@@ -77,7 +77,7 @@ class Row:
     message: str
 
     def fits(self, error: ErrorContext) -> list[int] | None:
-        """The indices of the tokens that the pattern names, where it fits; else None."""
+        """Return the indices of the tokens that the pattern names, where it fits; else None."""
         if "*" not in self.parts and error.part not in self.parts:
             return None
         if not self.marked.fits(error, error.index, error.signs) or not self.opened <= error.open_around:
@@ -115,13 +115,13 @@ class Row:
 
 @lru_cache(maxsize=1)
 def rows() -> tuple[Row, ...]:
-    """The rows of the table, read for the first error."""
+    """Return the rows of the table, read for the first error."""
     lines = TABLE.read_text(encoding="utf-8").splitlines()
     return tuple(_row(line) for line in lines if line and not line.startswith("//"))
 
 
 def matches(error: ErrorContext) -> Iterator[tuple[str, list[int]]]:
-    """The messages of the rows that fit, in the order of the table, and the tokens that their patterns name."""
+    """Yield the messages of the rows that fit, in the order of the table, and the tokens that their patterns name."""
     for row in rows():
         found = row.fits(error)
         if found is not None:
@@ -175,7 +175,7 @@ def _element(word: str, gap: str) -> Element:
 
 @lru_cache(maxsize=1)
 def _classes() -> dict[str, Set[str]]:
-    """The types of tokens by the words in capitals that name them in a pattern."""
+    """Return the types of tokens by the words in capitals that name them in a pattern."""
     tables = machine().tables
     types = {*tables.patterns, *tables.fixed.values(), *tables.keywords.values()}
     others = {"ANY": types, "OTHER": types - END_TERM, "KEYWORD": {*tables.keywords.values()} - {"NOT"}}
@@ -200,7 +200,7 @@ def explain(
 
 
 def _message(error: ErrorContext) -> str:
-    """The message of the first row of the table that fits and has its words; else what would be accepted."""
+    """Return the message of the first row of the table that fits and has its words; else what would be accepted."""
     for message, found in matches(error):
         parts = re.split(r"\{([\w:]+)\}", message)
         words = [word for name in parts[1::2] if (word := _word(name, error, found)) is not None]
@@ -215,7 +215,7 @@ def _message(error: ErrorContext) -> str:
 
 
 def _sign_without_semicolon(error: ErrorContext) -> int | None:
-    """The index of the sign in ``+a +b`` over two lines, which was read as a sum before it went wrong."""
+    """Return the index of the sign in ``+a +b`` over two lines, which was read as a sum before it went wrong."""
     if error.part != "body" or error.opened is not None or error.text in ("<-", ":"):
         return None
     tokens, found = error.tokens, None
@@ -230,7 +230,7 @@ def _sign_without_semicolon(error: ErrorContext) -> int | None:
 
 
 def _word(name: str, error: ErrorContext, found: Sequence[int]) -> str | None:
-    """A word of a message: a token of the pattern by its number, ``:`` how it is written, or what is at the error."""
+    """Return a word of a message: a token of the pattern by its number, ``:`` its text, or what is at the error."""
     name, _, way = name.partition(":")
     if name.isdigit():
         return shown(_written(error.tokens.texts[found[int(name) - 1]], way))

@@ -60,7 +60,7 @@ _QUOTES: Final = dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"') | dict.fro
 
 
 def broken(source: Source, at: int) -> Broken:
-    """What is wrong at an offset where no token begins."""
+    """Return what is wrong at an offset where no token begins."""
     text = source.text
     character = text[at]
     if character == '"':
@@ -107,7 +107,7 @@ def _bad_string(source: Source, at: int) -> Broken:
 
 
 def _end_in_later_line(text: str, line_end: int) -> int | None:
-    """The end of a string that was written over several lines; None if it is probably not one."""
+    """Return the end of a string that was written over several lines; None if it is probably not one."""
     begin = text.rfind("\n", 0, line_end) + 1
     for _ in range(20):
         if text[begin:line_end].rstrip()[-1:] in ("", ".", ";", ")", "}"):
@@ -144,7 +144,7 @@ def _comment(source: Source, at: int) -> Broken:
 
 
 def _typographic(source: Source, at: int) -> Broken:
-    """A text in quotes that a word processor has made."""
+    """Return a text in quotes that a word processor has made."""
     text = source.text
     quote = text[at]
     straight = _QUOTES[quote]
@@ -163,7 +163,7 @@ def _typographic(source: Source, at: int) -> Broken:
 
 
 def _letters(source: Source, at: int) -> Broken:
-    """A name with letters that are none of the language's."""
+    """Return a name with letters that are none of the language's."""
     text = source.text
     begin = end = at
     while begin and (text[begin - 1].isalnum() or text[begin - 1] == "_"):
@@ -198,7 +198,7 @@ def _character(source: Source, at: int) -> Broken:
 
 
 def foreign_sign(sign: str) -> str | None:
-    """What to write instead of a sign of another language, None if it is none."""
+    """Return what to write instead of a sign of another language, None if it is none."""
     for ours, theirs in _COMPARISONS.items():
         if sign in theirs:
             return f"{ours} and not {sign}"

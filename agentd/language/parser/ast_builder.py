@@ -274,7 +274,7 @@ class Builder(TermBuilder):
         return nodes.Step(kind, term, self.position(at))
 
     def _changed(self, at: int, term: nodes.Term) -> nodes.Term:
-        """What + and - add and delete: a belief, or a plan or rule in braces."""
+        """Return what + and - add and delete: a belief, or a plan or rule in braces."""
         if isinstance(term, nodes.TriggerTerm):
             return nodes.PlanTerm(nodes.Plan(term.trigger, position=term.position), term.position)
         if isinstance(term, nodes.InternalAction):
@@ -326,7 +326,7 @@ class _BlockDepths:
         """By identity, of those with blocks in them."""
 
     def body(self, at: int, body: nodes.Body) -> None:
-        """A body has been read."""
+        """Take a body that has been read."""
         self.note(at, body, [block for formula in body.formulas for block in _blocks(formula)])
 
     def note(self, at: int, owner: nodes.Body | nodes.Plan, blocks: Sequence[nodes.Body | nodes.Plan]) -> None:
@@ -347,7 +347,7 @@ class _BlockDepths:
 
 
 def _blocks(formula: nodes.BodyFormula) -> tuple[nodes.Body, ...]:
-    """The bodies inside a formula."""
+    """Return the bodies inside a formula."""
     match formula:
         case nodes.If(branches=branches, otherwise=otherwise):
             return (*(body for _, body in branches), *([] if otherwise is None else [otherwise]))

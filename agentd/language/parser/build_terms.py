@@ -49,7 +49,7 @@ Scope: TypeAlias = str | nodes.Variable
 
 
 def is_formula(term: nodes.Term) -> TypeGuard[nodes.Formula]:
-    """Whether a term can be true or false: a literal, a comparison, a connection of such."""
+    """Return whether a term can be true or false: a literal, a comparison, a connection of such."""
     return isinstance(term, FORMULAS)
 
 
@@ -70,7 +70,7 @@ class TermBuilder:
         self._calls: list[tuple[int, nodes.Structure]] = []
 
     def position(self, at: int) -> nodes.Position:
-        """The position of the character at offset ``at``, from 0."""
+        """Return the position of the character at offset ``at``, from 0."""
         return nodes.Position(self.source.file, *self.source.place(at))
 
     def refuse(self, where: int | nodes.Position, message: str) -> None:
@@ -229,7 +229,7 @@ class TermBuilder:
 
 
 def string_value(text: str) -> str:
-    """The value of a string token, its escapes translated."""
+    """Return the value of a string token, its escapes translated."""
     value = text[1:-1]
     return _ESCAPE.sub(_translated, value) if "\\" in value else value
 

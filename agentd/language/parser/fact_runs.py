@@ -58,7 +58,7 @@ class GroundFact(Belief):
         return found
 
     def term(self) -> Literal:
-        """The run-time term, as `agentd.language.terms.from_ast` makes it where no name in it is a function."""
+        """Return the run-time term, as `agentd.language.terms.from_ast` makes it where no name in it is a function."""
         outer: list[tuple[list[Any], str]] = []
         terms: list[Any] = []
         for token in self._tokens():
@@ -89,7 +89,7 @@ _NUMERIC: Final = frozenset("-.0123456789")
 
 
 def _compound(opening: str, terms: list[Any]) -> Any:
-    """A list or structure of ground terms."""
+    """Return a list or structure of ground terms."""
     if opening == "[":
         if not terms:
             return EMPTY
@@ -114,7 +114,7 @@ def has_many_facts(text: str) -> bool:
 
 
 def run_finder(source: Source, parse: Parse) -> Callable[[int], FactRun | None]:
-    """What finds the run of facts that begins at an offset; None where no fact is recognised."""
+    """Return what finds the run of facts that begins at an offset; None where no fact is recognised."""
 
     def find(at: int) -> FactRun | None:
         run = FactRun(source, at, parse)
@@ -156,7 +156,7 @@ class _Recogniser(Struct, frozen=True):
 
 @lru_cache(maxsize=1)
 def _recogniser() -> _Recogniser:
-    """The expressions for the terminals of the grammar, compiled on the first call: it takes 20 ms.
+    """Return the expressions for the terminals of the grammar, compiled on the first call: it takes 20 ms.
 
     Nothing in them is tried twice (atomic groups, possessive repeats): the time is in proportion to the text's length.
     """

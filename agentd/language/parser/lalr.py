@@ -56,7 +56,7 @@ class Machine:
         self._chains: dict[tuple[int, int, str], int] = {}
 
     def run(self, tokens: Tokens, start: str, builder: TermBuilder, recover: Recovery) -> Any:
-        """The value of a text that is a ``start``. Raises `Stopped` if ``recover`` returns None.
+        """Return the value of a text that is a ``start``. Raises `Stopped` if ``recover`` returns None.
 
         ``builder`` has a method for each rule of the grammar.
         """
@@ -118,11 +118,11 @@ class Machine:
                 offsets.append(at)
 
     def accepted(self, states: Sequence[int]) -> frozenset[str]:
-        """The types of the tokens that can follow; the last state alone has actions for some more."""
+        """Return the types of the tokens that can follow; the last state alone has actions for some more."""
         return frozenset(kind for kind in self.tables.states[states[-1]] if self._goes_on(states, kind))
 
     def _goes_on(self, states: Sequence[int], kind: str) -> bool:
-        """Whether a token can be shifted, or ends the text, after the reductions that it leads to."""
+        """Return whether a token can be shifted, or ends the text, after the reductions that it leads to."""
         rows = self.tables.states
         kept, above = len(states), [states[-1]]
         kept -= 1
@@ -142,7 +142,7 @@ class Machine:
         return False
 
     def _climb(self, below: int, state: int, kind: str) -> int:
-        """The state after all reductions that only rename the top of the stack."""
+        """Return the state after all reductions that only rename the top of the stack."""
         rows = self.tables.states
         while (action := rows[state].get(kind)) is not None and action < 0:
             rule = self.reductions[~action]
@@ -152,7 +152,7 @@ class Machine:
         return state
 
     def _complete(self, states: list[int]) -> int:
-        """How many states hold the items of the program that are complete: 1 without any, else 2."""
+        """Return how many states hold the items of the program that are complete: 1 without any, else 2."""
         start = self.tables.states[states[0]]
         items = [state for symbol, state in start.items() if symbol.startswith("__program_star")]
         return 2 if len(states) > 1 and states[1] in items else 1
@@ -160,7 +160,7 @@ class Machine:
 
 @lru_cache(maxsize=1)
 def machine() -> Machine:
-    """The machine for the dialect's grammar."""
+    """Return the machine for the dialect's grammar."""
     return Machine(load())
 
 

@@ -95,7 +95,7 @@ def tokenize(
     end: int | None = None,
     find_run: Callable[[int], FactRun | None] | None = None,
 ) -> Tokens:
-    """All tokens of a text, or those from offset ``start`` to before ``end`` (None: the end of the text).
+    """Return all tokens of a text, or those from offset ``start`` to before ``end`` (None: the end of the text).
 
     ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` gives
     the run of facts at an offset where an item of a program may begin.
@@ -165,7 +165,7 @@ def tokenize(
 
 
 def _misses_semicolon(text: str, at: int, word: str, types: list[str]) -> bool:
-    """Whether a formula ends before a line's first token, and another one can only begin with it (D1).
+    """Return whether a formula ends before a line's first token, and another one can only begin with it (D1).
 
     Not where a sign may go on with an expression (``X = 1`` and ``-Y`` below it), and, but for an action, not at the
     margin: a belief or a goal of the program begins there, and a dot is missing.
@@ -185,7 +185,7 @@ def _misses_semicolon(text: str, at: int, word: str, types: list[str]) -> bool:
 
 
 def _first_of_formula(types: list[str]) -> int | None:
-    """The index of the first token of the formula that the last one is in; None within a bracket or a plan's head."""
+    """Return the index of the first token of the last one's formula; None within a bracket or a plan's head."""
     index = len(types) - 1
     while index >= 0 and types[index] not in _BEFORE_FORMULA:
         inside, index = index, _before_arguments(types, index)
@@ -197,7 +197,7 @@ def _first_of_formula(types: list[str]) -> int | None:
 
 
 def _first_of_literal(types: list[str]) -> int:
-    """The index at which a literal or an internal action begins that the last token ends; -1 if it ends none."""
+    """Return the index at which a literal or an internal action begins that the last token ends; -1 if it ends none."""
     index = _before_arguments(types, len(types) - 1)
     if index < 0 or types[index] not in ("NAME", "INTERNAL", "QUOTED"):
         return -1
@@ -207,12 +207,12 @@ def _first_of_literal(types: list[str]) -> int:
 
 
 def _before_arguments(types: list[str], index: int) -> int:
-    """The index before the arguments and annotations that end at ``index``; ``index`` itself when there are none."""
+    """Return the index before the arguments and annotations that end at ``index``; itself when there are none."""
     return before_brackets(types, before_brackets(types, index, "LSQB", "RSQB"), "LPAR", "RPAR")
 
 
 def before_brackets(types: list[str], index: int, opening: str, closing: str) -> int:
-    """The index before a bracketed part that ends at ``index``; ``index`` itself when there is none."""
+    """Return the index before a bracketed part that ends at ``index``; ``index`` itself when there is none."""
     depth = 0
     while index >= 0 and (depth or types[index] == closing):
         depth += (types[index] == closing) - (types[index] == opening)

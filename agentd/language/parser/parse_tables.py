@@ -65,7 +65,7 @@ def _resource(name: str) -> str:
 
 @lru_cache(maxsize=1)
 def load() -> Tables:
-    """The tables of the present grammar; built with lark only if the shipped ones are of another grammar."""
+    """Return the tables of the present grammar; built with lark only if the shipped ones are of another grammar."""
     grammar = _resource(GRAMMAR)
     try:
         data = json.loads(_resource(TABLES))
@@ -78,7 +78,7 @@ def load() -> Tables:
 
 
 def dump(tables: Tables) -> str:
-    """The text of ``grammar.json``."""
+    """Return the text of ``grammar.json``."""
     data = to_builtins(tables)
     data["rules"] = [list(rule.values()) for rule in data["rules"]]
     lines = [f"{json.dumps(key)}: {_rows(value)}" for key, value in data.items()]
@@ -147,7 +147,7 @@ def compile_grammar(grammar: str) -> Tables:
 
 
 def _order(states: dict[int, dict[str, int]], starts: list[int]) -> dict[int, int]:
-    """A numbering of the states that depends on the grammar alone (lark's depends on the hashes of its process)."""
+    """Number the states by the grammar alone (lark's numbers depend on the hashes of its process)."""
     order: dict[int, int] = {}
     pending = starts[::-1]
     while pending:
@@ -161,12 +161,12 @@ def _order(states: dict[int, dict[str, int]], starts: list[int]) -> dict[int, in
 
 
 def _kept(rule: dict[str, Any]) -> list[int]:
-    """The indices of the symbols that a tree would hold: rules, and terminals that have a name."""
+    """Return the indices of the symbols that a tree would hold: rules, and terminals that have a name."""
     return [i for i, symbol in enumerate(rule["expansion"]) if not symbol.get("filter_out", False)]
 
 
 def _scalars(rules: list[dict[str, Any]]) -> set[str]:
-    """The ``_rules`` that always have exactly one child (``_target: literal | variable``)."""
+    """Return the ``_rules`` that always have exactly one child (``_target: literal | variable``)."""
     scalars = {rule["origin"]["name"] for rule in rules if rule["origin"]["name"].startswith("_")}
     while True:
         refuted = {
@@ -208,7 +208,7 @@ def _rule_table(rule: dict[str, Any], scalars: set[str]) -> RuleTable:
 
 
 def _absent_before(empty_indices: tuple[bool, ...], size: int) -> list[int]:
-    """The number of absent optional parts before each symbol, and after the last one."""
+    """Return the number of absent optional parts before each symbol, and after the last one."""
     if not empty_indices:
         return [0] * (size + 1)
     counts = [0]

@@ -28,7 +28,7 @@ _LONGEST = 40
 
 
 def shown(text: str) -> str:
-    """A token as a message shows it: in one line, and not all of a very long one."""
+    """Return a token as a message shows it: in one line, and not all of a very long one."""
     text = text.replace("\n", "\\n")
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
@@ -56,7 +56,7 @@ class Problem(Struct, frozen=True, order=True):
         return escape_lines("\n".join(lines))
 
     def _clipped(self) -> tuple[str, int]:
-        """The excerpt and caret, of a very long line only what is around the caret."""
+        """Return the excerpt and caret, of a very long line only what is around the caret."""
         if len(self.excerpt) <= _WIDTH:
             return self.excerpt, self.caret
         begin = max(0, min(self.caret - _WIDTH // 2, len(self.excerpt) - _WIDTH))
@@ -79,10 +79,10 @@ class SyntaxErrors(ValueError):
 
 
 def problem_at(source: Source, offset: int, message: str) -> Problem:
-    """An error at an offset of a source."""
+    """Return an error at an offset of a source."""
     return problem_on(source, *source.place(offset), message)
 
 
 def problem_on(source: Source, line: int, column: int, message: str) -> Problem:
-    """An error at a `line` and `column` (both from 1) of a source."""
+    """Return an error at a `line` and `column` (both from 1) of a source."""
     return Problem(Finding(source.file, line, column, message, kind=SYNTAX), source.line(line), column)

@@ -368,7 +368,7 @@ class Program(Node, frozen=True, eq=False):
     this_ns: bool = False
 
     def plans(self) -> Iterator[Plan]:
-        """All plans, also those in blocks, in file order; sub-plans stay inside their plan."""
+        """Yield all plans, also those in blocks, in file order; sub-plans stay inside their plan."""
         yield from (item for item in _flat(self.items) if isinstance(item, Plan))
 
 
@@ -380,7 +380,7 @@ def _flat(items: tuple[Item, ...]) -> Iterator[Item]:
 
 
 def fields_of(kind: type) -> tuple[str, ...]:
-    """The names of the fields of a class of nodes, in order; none for any other class."""
+    """Return the names of the fields of a class of nodes, in order; none for any other class."""
     if issubclass(kind, Node):
         return kind.__struct_fields__
     return Belief.__match_args__ if issubclass(kind, Belief) else ()

@@ -17,14 +17,14 @@ _TERMS: Final = get_args(nodes.Term)
 
 
 def source_text(node: Node) -> str:
-    """The text of a program, an item, a trigger, a body or a formula of it, or a term. Any depth: no recursion."""
+    """Return the text of a program, or of an item, trigger, body, formula or term, at any depth: no recursion."""
     return _text([node], None)
 
 
 def unbraced_text(
     node: nodes.Plan | nodes.Trigger | nodes.Rule | nodes.Body, term_text: Callable[[nodes.Term], str]
 ) -> str:
-    """The text of what braces may hold, without them, each term in it as ``term_text`` writes it."""
+    """Return the text of what braces may hold, without them, each term in it as ``term_text`` writes it."""
     match node:
         case nodes.Body():
             return _text([node], term_text)
@@ -49,7 +49,7 @@ def _text(pending: _Pieces, term_text: Callable[[nodes.Term], str] | None) -> st
 
 
 def _pieces(node: Node) -> _Pieces:
-    """What a node consists of, in order: text and the nodes inside it."""
+    """Return what a node consists of, in order: text and the nodes inside it."""
     match node:
         case nodes.Number(value):
             return [_number(value)]
@@ -115,7 +115,7 @@ def _item(node: nodes.Program | nodes.Item) -> _Pieces:
 
 
 def _unfinished(node: nodes.Plan | nodes.Trigger | nodes.Rule) -> _Pieces:
-    """A plan, trigger or rule without its dot."""
+    """Return a plan, trigger or rule without its dot."""
     match node:
         case nodes.Trigger(operator, goal, literal):
             return [operator, goal, literal]
@@ -182,7 +182,7 @@ def _arguments(args: tuple[nodes.Term, ...]) -> _Pieces:
 
 
 def _operand(term: nodes.Term) -> _Pieces:
-    """A term where a logical formula needs brackets; all but ``not`` have theirs."""
+    """Return a term where a logical formula needs brackets; all but ``not`` have theirs."""
     return ["(", term, ")"] if isinstance(term, nodes.Not) else [term]
 
 

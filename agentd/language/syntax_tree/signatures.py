@@ -52,7 +52,7 @@ _signatures: WeakValueDictionary[tuple[str, int, bool, str], Signature] = WeakVa
 
 @lru_cache(maxsize=8192)
 def signature(functor: str, arity: int = 0, negated: bool = False, namespace: str = DEFAULT) -> Signature:
-    """The one `Signature` of these values; arity: 0 or more."""
+    """Return the one `Signature` of these values; arity: 0 or more."""
     key = (functor, arity, negated, namespace)
     found = _signatures.get(key)
     if found is None:

@@ -29,7 +29,7 @@ class Source:
         return Position(self.file, *self.place(offset))
 
     def line(self, number: int) -> str:
-        """The text of line ``number`` (from 1), tabs as single blanks to keep columns true; empty beyond the end."""
+        """Return the text of line ``number`` (from 1), tabs as single blanks to keep columns; empty beyond the end."""
         starts = self._line_starts()
         if not 1 <= number <= len(starts):
             return ""

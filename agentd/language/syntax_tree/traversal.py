@@ -13,12 +13,12 @@ HIDDEN = "computed "
 
 
 def is_plain_variable(node: object) -> TypeGuard[nodes.Variable]:
-    """Whether a node is a variable without decorations."""
+    """Return whether a node is a variable without decorations."""
     return type(node) is nodes.Variable and node.annotations is None and not node.negated and node.namespace is None
 
 
 def variables(node: Any) -> dict[str, None]:
-    """The names of the variables in a syntax node, in order of occurrence, without anonymous ones. At any depth."""
+    """Return the names of the variables in a node at any depth, in order, without anonymous ones."""
     found: dict[str, None] = {}
     pending = [node]
     while pending:
@@ -37,7 +37,7 @@ def variables(node: Any) -> dict[str, None]:
 
 
 def children(node: Any) -> list[Any]:
-    """The nodes directly inside a node of any kind, in the order of its fields."""
+    """Return the nodes directly inside a node of any kind, in the order of its fields."""
     found: list[Any] = []
     pending = [getattr(node, name) for name in _part_names(type(node))]
     while pending:
@@ -54,7 +54,7 @@ _NO_PARTS = frozenset(("position", "operator", "functor", "negated"))
 
 
 def _part_names(kind: type) -> tuple[str, ...]:
-    """The fields of a class that may hold variables, the last first."""
+    """Return the fields of a class that may hold variables, the last first."""
     names = _PARTS.get(kind)
     if names is None:
         names = _PARTS[kind] = tuple(name for name in reversed(nodes.fields_of(kind)) if name not in _NO_PARTS)
@@ -62,7 +62,7 @@ def _part_names(kind: type) -> tuple[str, ...]:
 
 
 def parts(node: nodes.Term) -> tuple[nodes.Term, ...] | None:
-    """The nodes inside a compound term whose terms it is made of; None for all other nodes."""
+    """Return the nodes inside a compound term whose terms it is made of; None for all other nodes."""
     match node:
         case nodes.Structure(args=args, annotations=None):
             return args
@@ -82,7 +82,7 @@ def parts(node: nodes.Term) -> tuple[nodes.Term, ...] | None:
 
 
 def with_parts(node: nodes.Term, inner: tuple[Any, ...]) -> nodes.Term:
-    """The same compound term with other parts, in the order of `parts`."""
+    """Return the same compound term with other parts, in the order of `parts`."""
     match node:
         case nodes.Structure(args=args, annotations=None):
             return replace(node, args=inner)

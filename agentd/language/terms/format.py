@@ -38,7 +38,7 @@ _MOST_FLAT: Final = 12
 
 
 def text(term: Any) -> str:
-    """The text of a term; strings keep their quotes (inner quotes are not escaped)."""
+    """Return the text of a term; strings keep their quotes (inner quotes are not escaped)."""
     out: list[str] = []
     write(term, out)
     return "".join(out)
@@ -48,7 +48,7 @@ Shown.text = text
 
 
 def flat_text(term: Any, depth: int = 4) -> str | None:
-    """The text of a term of numbers, strings, atoms and structures of them, nested at most ``depth`` deep.
+    """Return the text of a term of numbers, strings, atoms and structures of them, nested at most ``depth`` deep.
 
     None for any other, or a deeper or long one.
     What most beliefs and events are, at a fraction of what `text` takes.
@@ -90,7 +90,7 @@ def _flat_texts(terms: tuple[Any, ...], depth: int) -> str | None:
 
 
 def printed(term: Any) -> str:
-    """The text of an argument of ``.print``: a string without its quotes, a free variable marked ``<no-value>``."""
+    """Return the text of an argument of ``.print``: a string without quotes, a free variable as ``<no-value>``."""
     term = deref(term)
     if type(term) is str:
         return term
@@ -223,7 +223,7 @@ _PARTS: Final[dict[type, Callable[[Any], list[Any]]]] = {
 
 
 def code_text(code: Code) -> str:
-    """A plan, trigger, body or rule, with the values that its variables had when it became a term."""
+    """Return a plan, trigger, body or rule, with the values that its variables had when it became a term."""
     inner = unbraced_text(code.syntax, lambda node: text(instantiate(node, code.values)))
     if code.bare:
         return inner

@@ -29,7 +29,7 @@ Functions = Mapping[tuple[str, int], Callable[..., Any]]
 
 
 def instantiate(node: nodes.Term, values: dict[str, Any] | None = None, functions: Functions | None = None) -> Any:
-    """The run-time term of a syntax node.
+    """Return the run-time term of a syntax node.
 
     ``values`` gives variables their terms; a named variable without one is added to it as a free `Var`. Arithmetic
     over numbers is computed, and so are calls of ``functions``.
@@ -44,7 +44,7 @@ class Instantiation:
         self.values, self._functions = values, functions
 
     def term(self, node: nodes.Term) -> Any:
-        """The term of a node, at any depth: parts are made before what they are parts of, without recursion."""
+        """Return the term of a node, at any depth: parts are made before what they are parts of, without recursion."""
         work: list[tuple[Any, int]] = [(node, -1)]
         done: list[Any] = []
         while work:
@@ -72,7 +72,7 @@ class Instantiation:
         raise TypeError(f"not a term: {node!r}")
 
     def _made(self, node: Any, made: tuple[Any, ...]) -> Any:
-        """A term of the terms of its parts."""
+        """Return a term of the terms of its parts."""
         match node:
             case nodes.Structure(args=args, annotations=annots):
                 count = len(args)
@@ -96,7 +96,7 @@ class Instantiation:
         return Expression(nodes.CONNECTIVES[type(node)], made)
 
     def annots(self, node: nodes.ListTerm | None) -> tuple[Any, ...]:
-        """The annotations of a list of syntax: a bound tail adds its own, a free one takes the rest."""
+        """Return the annotations of a list of syntax: a bound tail adds its own, a free one takes the rest."""
         if node is None:
             return ()
         tail = None if node.tail is None else self.term(node.tail)
@@ -134,7 +134,7 @@ class Instantiation:
         return Open(Var(), None, False, namespace, literal)
 
     def _value(self, name: str, args: tuple[Any, ...]) -> Any:
-        """What the function of this name computes, None if there is none or it has no value."""
+        """Return what the function of this name computes, None if there is none or it has no value."""
         function = self._functions.get((name, len(args)))
         return None if function is None else function(*args)
 
@@ -148,7 +148,7 @@ def _with_tail(annots: Sequence[Any], tail: Any) -> tuple[Any, ...]:
 
 
 def calculate(operator: str, operands: tuple[Any, ...]) -> Any:
-    """The value of an operation on numbers; the symbolic expression if an operand is free; NaN for other operands.
+    """Return the value of an operation on numbers; an expression if an operand is free; NaN for other operands.
 
     Raises `UndefinedNumber` for ``div`` by zero.
     """
@@ -164,7 +164,7 @@ def calculate(operator: str, operands: tuple[Any, ...]) -> Any:
 
 
 def number(term: Any) -> Any:
-    """The number that a term is worth in arithmetic: NaN if it has none and never will; while it is open, a variable.
+    """Return the number of a term in arithmetic: NaN if it has none and never will; while it is open, a variable.
 
     The variable is one that has to get a value first.
     """
@@ -182,7 +182,7 @@ def number(term: Any) -> Any:
 
 
 def _computed(expression: Expression) -> float | Var:
-    """The value of arithmetic nested to any depth; a free variable as soon as one is met."""
+    """Return the value of arithmetic nested to any depth; a free variable as soon as one is met."""
     work: list[tuple[Any, bool]] = [(expression, False)]
     values: list[float] = []
     while work:

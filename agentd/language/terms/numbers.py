@@ -16,7 +16,7 @@ class UndefinedNumber(ArithmeticError):
 
 
 def number_text(value: float) -> str:
-    """A number as it prints: whole values without a point, others as Java's ``Double.toString``."""
+    """Return a number as it prints: whole values without a point, others as Java's ``Double.toString``."""
     if value != value:
         return "NaN"
     if value in (math.inf, -math.inf):

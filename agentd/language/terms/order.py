@@ -93,7 +93,7 @@ key = cmp_to_key(compare)
 
 
 def ordered(terms: list[Any]) -> list[Any]:
-    """The terms in standard order, duplicates kept (a stable sort)."""
+    """Return the terms in standard order, duplicates kept (a stable sort)."""
     kinds = set(map(type, terms))
     if kinds == {float} or kinds == {str}:
         return sorted(terms)
@@ -101,7 +101,7 @@ def ordered(terms: list[Any]) -> list[Any]:
 
 
 def distinct(terms: Iterable[Any]) -> list[Any]:
-    """The terms in standard order without duplicates: a set as a list, or annotations."""
+    """Return the terms in standard order without duplicates: a set as a list, or annotations."""
     found: list[Any] = []
     for term in ordered(list(terms)):
         if not found or compare(found[-1], term) != 0:
@@ -110,12 +110,12 @@ def distinct(terms: Iterable[Any]) -> list[Any]:
 
 
 def place_in(members: list[Any], term: Any) -> int:
-    """The index of a term in terms of standard order, or the index to insert it at."""
+    """Return the index of a term in terms of standard order, or the index to insert it at."""
     return bisect_left(members, key(term), key=key)
 
 
 def is_in(members: list[Any], term: Any) -> bool:
-    """Whether terms in standard order hold one that is equal to a term."""
+    """Return whether terms in standard order hold one that is equal to a term."""
     place = place_in(members, term)
     return place < len(members) and compare(members[place], term) == 0
 

@@ -34,10 +34,10 @@ def told_by(name: str) -> tuple[Literal, ...]:
 
 
 def is_source(term: Any) -> bool:
-    """Whether an annotation is ``source(_)``."""
+    """Return whether an annotation is ``source(_)``."""
     return type(term) is Literal and term.sig is _SOURCE
 
 
 def told_by_others(annots: tuple[Any, ...]) -> bool:
-    """Whether annotations name a source other than the mind itself: a percept or another agent."""
+    """Return whether annotations name a source other than the mind itself: a percept or another agent."""
     return any(is_source(a) and a != SOURCE_SELF for a in annots)

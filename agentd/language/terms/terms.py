@@ -73,11 +73,11 @@ class Literal(Shown, Struct, eq=False):
         return self.sig.functor
 
     def with_annots(self, annots: tuple[Any, ...]) -> Literal:
-        """The same literal with other annotations (sorted already)."""
+        """Return the same literal with other annotations (sorted already)."""
         return Literal(self.sig, self.args, annots)
 
     def bare(self) -> Literal:
-        """The same literal without annotations."""
+        """Return the same literal without annotations."""
         return Literal(self.sig, self.args) if self.annots else self
 
 
@@ -104,7 +104,7 @@ class List(Shown):
         return self.items[self.at]
 
     def rest(self) -> Any:
-        """What follows the first element."""
+        """Return what follows the first element."""
         at = self.at + 1
         if at == len(self.items):
             return self.tail
@@ -240,7 +240,7 @@ class Collection(Shown):
 
 
 def atom(name: str) -> Literal:
-    """An atom of the default namespace, without annotations."""
+    """Return an atom of the default namespace, without annotations."""
     return Literal(signature(name), ground=True)
 
 
@@ -258,7 +258,7 @@ LARGE_LIST: Final = 5_000
 
 
 def make_list(items: Iterable[Any], tail: Any = EMPTY) -> Any:
-    """The list of these elements, ended by ``tail``."""
+    """Return the list of these elements, ended by ``tail``."""
     elements = tuple(items)
     if len(elements) > LARGE_LIST:
         LargeLists.made += 1
@@ -266,20 +266,20 @@ def make_list(items: Iterable[Any], tail: Any = EMPTY) -> Any:
 
 
 def deref(term: Any) -> Any:
-    """The term at the end of a chain of bound variables."""
+    """Return the term at the end of a chain of bound variables."""
     while type(term) is Var and term.ref is not None:
         term = term.ref
     return term
 
 
 def elements(term: Any) -> Iterator[Any]:
-    """The elements of a list, whatever its end; nothing if it is no list."""
+    """Yield the elements of a list, whatever its end; nothing if it is no list."""
     for span in spans(term):
         yield from span.items[span.at :] if span.at else span.items
 
 
 def spans(term: Any) -> Iterator[List]:
-    """The lists of which each is the tail of the one before; raises RecursionError if they go round."""
+    """Yield the lists of which each is the tail of the one before; raises RecursionError if they go round."""
     term = deref(term)
     budget, rest = FIRST_NODES, MOST_NODES
     while type(term) is List and term is not EMPTY:
@@ -291,7 +291,7 @@ def spans(term: Any) -> Iterator[List]:
 
 
 def split(term: Any) -> tuple[list[Any], Any]:
-    """The elements of a list and what ends it (`EMPTY` for a proper list)."""
+    """Return the elements of a list and what ends it (`EMPTY` for a proper list)."""
     end = deref(term)
     found: list[Any] = []
     for span in spans(end):
@@ -301,7 +301,7 @@ def split(term: Any) -> tuple[list[Any], Any]:
 
 
 def proper(term: Any) -> list[Any] | None:
-    """The elements of a closed list; None for anything else."""
+    """Return the elements of a closed list; None for anything else."""
     term = deref(term)
     if type(term) is not List:
         return None
@@ -344,7 +344,7 @@ def equal(left: Any, right: Any) -> bool:
 
 
 def further(rest: int, pending: Iterable[Any], what: str) -> tuple[int, int]:
-    """The number of parts of a term that may be walked next, and the number after those.
+    """Return the number of parts of a term that may be walked next, and the number after those.
 
     ``pending`` is what is still to be walked (terms, or tuples with terms in them), ``rest`` how many parts were left
     to the walk and ``what`` was to be done with the term. Raises RecursionError for a cyclic or too large one.
@@ -355,7 +355,7 @@ def further(rest: int, pending: Iterable[Any], what: str) -> tuple[int, int]:
 
 
 def _cyclic(roots: Iterable[Any]) -> bool:
-    """Whether a term holds itself. Each part is visited one time."""
+    """Return whether a term holds itself. Each part is visited one time."""
     path: set[int] = set()
     done: set[int] = set()
     work: list[tuple[Any, bool]] = [(root, False) for root in roots]
@@ -374,7 +374,7 @@ def _cyclic(roots: Iterable[Any]) -> bool:
 
 
 def _inside(node: Any) -> tuple[Any, ...]:
-    """The parts of a term, or of a tuple of terms."""
+    """Return the parts of a term, or of a tuple of terms."""
     match node:
         case tuple():
             return node

@@ -25,7 +25,7 @@ class VariableNames:
         self._taken: dict[str, None] = {}
 
     def of(self, variable: Var) -> str:
-        """The name of a free variable; one that begins with ``_`` stays anonymous."""
+        """Return the name of a free variable; one that begins with ``_`` stays anonymous."""
         known = self._names.get(variable)
         if known is not None:
             return known
@@ -50,7 +50,7 @@ class ToSyntax:
         self.names = VariableNames()
 
     def term(self, term: Any, depth: int = 0) -> Any:
-        """The syntax of a term that is nested ``depth`` deep in others."""
+        """Return the syntax of a term that is nested ``depth`` deep in others."""
         if depth > self._deepest:
             raise NoSyntax(f"nested deeper than {self._deepest}")
         term = deref(term)
@@ -83,7 +83,7 @@ class ToSyntax:
         raise NoSyntax(f"a {type(term).__name__.lower()} cannot be written as text")
 
     def code(self, node: Any, values: dict[str, Any]) -> Any:
-        """A syntax tree with the variables that have values replaced by these."""
+        """Return a syntax tree with the variables that have values replaced by these."""
         if not values:
             return node
         if isinstance(node, nodes.Variable):
@@ -117,7 +117,7 @@ class ToSyntax:
         return nodes.ListTerm(self._several(annots, depth))
 
     def _open(self, term: Open, depth: int) -> nodes.Variable | nodes.Structure:
-        """A decorated variable, or a literal in a namespace that is a variable."""
+        """Return a decorated variable, or a literal in a namespace that is a variable."""
         namespace = deref(term.namespace)
         if namespace is not None and not isinstance(namespace, str):
             namespace = self.term(namespace, depth + 1)
@@ -144,7 +144,7 @@ def _string(value: str) -> nodes.String:
 
 
 def _number(value: float) -> nodes.Number | nodes.Arithmetic:
-    """A numeral is never negative, and there is none for NaN."""
+    """Return a number as syntax: a numeral is never negative, and there is none for NaN."""
     if value != value:
         return nodes.Arithmetic("/", (nodes.Number(0.0), nodes.Number(0.0)))
     if value < 0:

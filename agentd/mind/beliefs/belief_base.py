@@ -35,7 +35,7 @@ class Asking(Computing, Protocol):
     """Asks predicates: a mind."""
 
     def scope(self, trail: Trail) -> dict[Var, Var]:
-        """Which variable stands for which one of a belief, in what is being evaluated
+        """Return which variable stands for which one of a belief, in what is being evaluated
         (`agentd.mind.beliefs.belief_base`)."""
 
 
@@ -57,7 +57,7 @@ class RuleClause:
 
 
 def _index_key(term: Any) -> Any:
-    """The key that two ground terms must share to unify; None if the term may unify with anything."""
+    """Return the key that two ground terms must share to unify; None if the term may unify with anything."""
     kind = type(term)
     if kind is float or kind is str:
         return term
@@ -87,7 +87,7 @@ class Predicate:
         self._indexes: dict[int, tuple[dict[Any, dict[Any, Any]], dict[Any, Any]]] = {}
 
     def rows(self, position: int, key: Term) -> Any:
-        """The arguments of the facts that may have ``key`` at ``position``. For `plain` predicates only."""
+        """Return the arguments of the facts that may have ``key`` at ``position``. For `plain` predicates only."""
         entries = self.entries
         if len(entries) <= _SMALL:
             return reversed(entries)
@@ -103,7 +103,7 @@ class Predicate:
         return reversed(entries)
 
     def _bucket(self, position: int, key: Any) -> dict[Any, Any]:
-        """The entries that may match ``key`` at ``position``, in order."""
+        """Return the entries that may match ``key`` at ``position``, in order."""
         kind = type(key)
         if kind is not float and kind is not str:
             key = key.sig if kind is Literal else _index_key(key)
@@ -121,7 +121,7 @@ class Predicate:
         return index
 
     def solve(self, mode: Mode, args: tuple[Term | None, ...], mind: Asking, trail: Trail) -> Any:
-        """The arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
+        """Return the arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
 
         ``args`` holds None where ``mode`` is False.
         """
@@ -174,7 +174,7 @@ class Predicate:
                 yield entry.args, entry.annots
 
     def facts(self) -> Iterator[Literal]:
-        """The facts in query order, as they are now."""
+        """Return the facts in query order, as they are now."""
         return iter([e for e in reversed(self.entries.values()) if type(e) is Literal])
 
     def add(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
@@ -276,7 +276,7 @@ class Predicate:
         self.plain = not self.rules and not self.open
 
     def candidates(self, args: tuple[Term, ...]) -> list[Literal]:
-        """The facts that may unify with these arguments, in query order."""
+        """Return the facts that may unify with these arguments, in query order."""
         entries = self.entries
         try:
             exact = entries.get(args)
@@ -291,7 +291,7 @@ class Predicate:
         return [e for e in reversed(entries.values()) if type(e) is Literal]
 
     def find(self, args: tuple[Term, ...], annots: tuple[Term, ...], trail: Trail) -> Literal | None:
-        """The fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
+        """Return the fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
 
         It is the first that unifies. A fact with variables counts only if they are still free, as in Jason; otherwise
         the fact equal to the unified one is removed, if there is one.
@@ -363,7 +363,7 @@ class BeliefBase:
         self._opened = opened
 
     def predicate(self, sig: Signature) -> Predicate:
-        """The predicate of a signature, made empty if it is missing."""
+        """Return the predicate of a signature, made empty if it is missing."""
         found = self._predicates.get(sig)
         if found is None:
             found = self._predicates[sig] = Predicate(sig, self._opened)
@@ -383,7 +383,7 @@ class BeliefBase:
         return None, True
 
     def facts(self) -> Iterator[Literal]:
-        """Every fact, predicate by predicate in the order in which they were first mentioned."""
+        """Yield every fact, predicate by predicate in the order in which they were first mentioned."""
         for predicate in self.predicates():
             yield from predicate.facts()
 
@@ -410,7 +410,7 @@ class OpenBeliefs:
         """The scopes of plans that run, by the identity of their frames."""
 
     def here(self, frame: Frame | None) -> Scope:
-        """The scope of the current evaluation; ``frame`` is that of the running plan, None outside of plans."""
+        """Return the scope of the current evaluation; ``frame`` is that of the running plan, None outside of plans."""
         if self._scope is not None:
             return self._scope
         if frame is None:
@@ -421,7 +421,7 @@ class OpenBeliefs:
         return known[1]
 
     def rule(self, answers: Callable[..., Iterator[Any]]) -> Callable[..., Iterator[Any]]:
-        """A rule's generator of answers, run in a scope of its own."""
+        """Yield a rule's generator of answers, run in a scope of its own."""
 
         def in_scope(*args: Any) -> Iterator[Any]:
             scope: Scope = {}

@@ -55,7 +55,7 @@ def solve(mind: MindState, formula: Term, trail: Trail) -> Iterator[None]:
 
 
 def _namespaces(mind: MindState, formula: Open, trail: Trail) -> Iterator[Literal]:
-    """The literal in each namespace that its namespace variable may be bound to."""
+    """Yield the literal in each namespace that its namespace variable may be bound to."""
     literal = formula.literal
     assert literal is not None
     for predicate in mind.beliefs.predicates():
@@ -129,7 +129,7 @@ def _expression(mind: MindState, formula: Expression, trail: Trail) -> Iterator[
 
 
 def computed(mind: MindState, term: Term) -> Any:
-    """A side of a relation with the functions in it computed, now that their variables may have values."""
+    """Return a side of a relation with the functions in it computed, now that their variables may have values."""
     term = deref(term)
     if type(term) is Expression:
         return Expression(term.operator, tuple([computed(mind, operand) for operand in term.operands]))
@@ -151,7 +151,7 @@ def _is_function(mind: MindState, name: str, arity: int) -> bool:
 
 
 def relation_holds(operator: str, left: Term, right: Term, trail: Trail) -> bool:
-    """Whether a relation holds; ``=`` and ``=..`` may bind."""
+    """Return whether a relation holds; ``=`` and ``=..`` may bind."""
     match operator:
         case "=":
             return unify(left, right, trail)
@@ -168,7 +168,7 @@ _ORDERS: Final = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
 def order(left: Term, right: Term) -> int:
-    """The standard order of two terms, arithmetic computed first. NaN is before and after nothing."""
+    """Return the standard order of two terms, arithmetic computed first. NaN is before and after nothing."""
     return compare(value(left), value(right))
 
 
@@ -226,7 +226,7 @@ def _from_parts(parts: list[Term] | None) -> Any:
 
 
 def arithmetic(mind: MindState, operator: str, *operands: Any) -> Any:
-    """An operation in generated code whose operands are not simply numbers."""
+    """Return an operation in generated code whose operands are not simply numbers."""
     result = calculate(operator, operands)
     if result != result:
         for operand in operands:
@@ -259,13 +259,13 @@ class FunctionsOf(Mapping[tuple[str, int], Callable[..., Any]]):
 
 
 def call(function: Any, mind: MindState, trail: Trail, sig: Any, args: tuple[Term, ...]) -> Any:
-    """A function of the program; a call that cannot be computed stays a term."""
+    """Return a function of the program; a call that cannot be computed stays a term."""
     value = function(mind, *[deref(a) for a in args])
     return Literal(sig, args) if value is None else value
 
 
 def by_rule(name: str, arity: int) -> Callable[..., Any]:
-    """The function of ``arity`` arguments that asks the rule ``name`` with one argument more, for its last one."""
+    """Return the function of ``arity`` arguments that asks the rule ``name`` for one more, its last argument."""
     sig = signature(name, arity + 1)
     mode = (True,) * arity + (False,)
 

@@ -29,7 +29,7 @@ from agentd.language.terms.terms import (
 
 
 def resolve(term: Any) -> Any:
-    """A term without bound variables and without arithmetic that can be computed; free variables stay themselves."""
+    """Return a term without bound variables and computable arithmetic; free variables stay themselves."""
     kind = type(term)
     if kind is float or kind is str or (kind is Literal and (term.ground or _looks_ground(term))):
         return term
@@ -58,7 +58,7 @@ def resolve_annots(annots: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def detach(terms: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Terms as another intention or agent gets them: resolved, and their free variables new ones of their own."""
+    """Return terms as another intention or agent gets them: resolved, with free variables of their own."""
     for term in terms:
         kind = type(term)
         if kind is not float and kind is not str and not ((kind is Literal or kind is List) and term.ground):
@@ -76,7 +76,7 @@ def detached(term: Any) -> Any:
 
 
 def closed(term: Open) -> Any:
-    """The literal that ``X[a]``, ``~X``, ``ns::X`` or ``N::p(1)`` is once its variables have values; before, itself."""
+    """Return the literal that ``X[a]``, ``~X``, ``ns::X`` or ``N::p(1)`` becomes with values; before, itself."""
     literal = deref(term.variable) if term.literal is None else term.literal
     namespace = deref(term.namespace)
     if type(literal) is not Literal or type(namespace) is Var:
@@ -90,7 +90,7 @@ def closed(term: Open) -> Any:
 
 
 def is_ground(term: Any) -> bool:
-    """Whether no free variable is inside."""
+    """Return whether no free variable is inside."""
     pending = [term]
     budget, rest = FIRST_NODES, MOST_NODES
     while pending:
@@ -117,7 +117,7 @@ def is_ground(term: Any) -> bool:
 
 
 def _looks_ground(term: Literal) -> bool:
-    """Whether a flat literal is ground, found without a walk and noted in the term."""
+    """Return whether a flat literal is ground, found without a walk and noted in the term."""
     for part in (*term.args, *term.annots) if term.annots else term.args:
         kind = type(part)
         if kind is not float and kind is not str and not (kind is Literal and part.ground):
@@ -150,7 +150,7 @@ class Copier:
         return self._deep(term) if flat is None else flat
 
     def _flat(self, term: Literal) -> Literal | None:
-        """A copy of a literal whose arguments are numbers, texts, ground literals and variables, as most are that are
+        """Copy a literal whose arguments are numbers, texts, ground literals and variables, as most are that are
         not ground; None for another one."""
         args, ground = [], True
         for arg in term.args:

@@ -52,7 +52,7 @@ def bound_again(trail: Trail, mark: int, answer: Any) -> Iterator[Any]:
 
 
 def value(term: Term) -> Any:
-    """A term with its chain of variables followed and, if it is arithmetic that can be computed now, its result."""
+    """Return a term with its chain of variables followed, and the result of arithmetic that can be computed now."""
     term = deref(term)
     if type(term) is Expression and term.operator in ARITHMETIC:
         computed = calculate(term.operator, term.operands)
@@ -110,7 +110,7 @@ def alternatives(term: Term, values: Iterable[Any], trail: Trail) -> Iterator[No
 
 
 def _unify_other(left: Term, right: Term, trail: Trail) -> bool:
-    """The rare pairs: variables, expressions, decorated variables, code."""
+    """Return the rare pairs: variables, expressions, decorated variables, code."""
     if type(left) is Open:
         return _unify_open(left, right, trail, left_side=True)
     if type(right) is Open:
@@ -197,7 +197,7 @@ def _renamed(literal: Literal, namespace: str, negated: bool) -> Literal:
 
 
 def subset(left: tuple[Term, ...], right: tuple[Term, ...], trail: Trail) -> bool:
-    """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
+    """Return whether each annotation on the left unifies with one on the right (first fit, no backtracking).
 
     A `Rest` at the end of the left is bound to the remaining annotations of the right.
     """
@@ -226,13 +226,13 @@ def subsets(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> Any:
 
 
 def in_default(term: Term) -> bool:
-    """Whether a plain variable takes a term: no literal of another namespace (rule 100)."""
+    """Return whether a plain variable takes a term: no literal of another namespace (rule 100)."""
     term = deref(term)
     return type(term) is not Literal or term.sig.namespace == DEFAULT
 
 
 def open_structure(term: Term, sig: Any, trail: Trail) -> Any:
-    """The arguments of a term that shall be a structure of this signature; None if it is something else.
+    """Return the arguments of a term that shall be a structure of this signature; None if it is something else.
 
     A free variable becomes such a structure, with new variables as arguments.
     """

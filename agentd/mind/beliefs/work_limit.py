@@ -85,7 +85,7 @@ class Asked:
         self.work(size * size if name in _SQUARE else size)
 
     def function(self, name: str, known: bool, own: bool) -> bool:
-        """Whether a name is that of a function to compute. Raises QueryRefused for one that may have an effect."""
+        """Return whether a name is a function to compute. Raises QueryRefused for one that may have an effect."""
         if known and not own and not _in_questions(name):
             self._refuse(f"it names the function {name}, which is not known to be free of effects")
         return known
@@ -101,7 +101,7 @@ class Asked:
 
 
 def _in_questions(name: str) -> bool:
-    """Whether a question of another agent may name an internal action or function.
+    """Return whether a question of another agent may name an internal action or function.
 
     It must also be quick: a regular expression can take for ever (of ``.delete``, where a text is its first argument).
     """
@@ -109,7 +109,7 @@ def _in_questions(name: str) -> bool:
 
 
 def _size(term: Term) -> int:
-    """The length of a text or list plus 1; 1 for anything else."""
+    """Return the length of a text or list plus 1; 1 for anything else."""
     term = deref(term)
     if type(term) is str:
         return len(term) + 1

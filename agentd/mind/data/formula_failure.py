@@ -30,7 +30,7 @@ class Failed(Exception):
 
 
 def as_failed(error: Exception) -> Failed:
-    """The failure of a formula that raised an exception: an internal action may raise anything."""
+    """Return the failure of a formula that raised an exception: an internal action may raise anything."""
     match error:
         case Failed():
             return error
@@ -42,7 +42,7 @@ def as_failed(error: Exception) -> Failed:
 
 
 def wrong_arguments(message: str) -> NoReturn:
-    """An internal action got arguments of a wrong number or kind."""
+    """Fail an internal action that got arguments of a wrong number or kind."""
     raise Failed("wrong_arguments", message)
 
 
@@ -50,7 +50,7 @@ _Kind = TypeVar("_Kind", float, str, Literal)
 
 
 def argument(kind: type[_Kind], term: Term, needed: str, error: str = "wrong_arguments") -> _Kind:
-    """An argument of an internal action that must be a number, a string or a literal.
+    """Return an argument of an internal action that must be a number, a string or a literal.
 
     Fails with ``error``, and with ``needed`` as its message, for a term of another kind or a free variable.
     """
@@ -61,15 +61,15 @@ def argument(kind: type[_Kind], term: Term, needed: str, error: str = "wrong_arg
 
 
 def action_said_no() -> NoReturn:
-    """An internal action was a test and did not hold, or found nothing."""
+    """Fail an internal action that was a test and did not hold, or found nothing."""
     raise Failed("ia_failed")
 
 
 def constraint_failed() -> NoReturn:
-    """A relation in a body does not hold."""
+    """Fail a relation in a body, which does not hold."""
     raise Failed("constraint_failed")
 
 
 def test_failed() -> NoReturn:
-    """A compound test has no solution; it raises no event."""
+    """Fail a compound test without a solution; it raises no event."""
     raise Failed("test_goal_failed")

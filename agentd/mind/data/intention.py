@@ -45,7 +45,7 @@ class Timer:
 
 
 def _nothing() -> None:
-    """What a timer does that is over."""
+    """Do nothing: what a timer does that is over."""
 
 
 class Timers:
@@ -79,7 +79,7 @@ class Timers:
             self._cancelled = 0
 
     def next_due(self) -> float | None:
-        """When the earliest timer is due; None without any."""
+        """Return when the earliest timer is due; None without any."""
         while self.heap and self.heap[0].over:
             heappop(self.heap)
             self._cancelled -= 1
@@ -133,7 +133,7 @@ Event: TypeAlias = "tuple[Relevant, tuple[Any, ...], tuple[Any, ...], Intention 
 
 
 def wait_text(awaited: WaitView) -> str:
-    """What an intention waits for, as ``.intention`` shows it: ``action takeoff``, ``answer of bob``, ``wait(5s)``."""
+    """Return what an intention waits for as text: ``action takeoff``, ``answer of bob``, ``wait(5s)``."""
     match awaited.kind:
         case "answer":
             return f"answer of {', '.join(awaited.agents)}"
@@ -189,7 +189,7 @@ class Intention:
 
 
 def values_of(frame: Frame) -> dict[str, Any]:
-    """The variables of a frame that have a value, by name."""
+    """Return the variables of a frame that have a value, by name."""
     return {
         name: frame[place]
         for name, place in frame[PLAN].slots.items()

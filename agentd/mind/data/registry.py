@@ -110,7 +110,7 @@ _MANY: Final = 1 << 30
 
 
 def missing_action(name: str, arity: int) -> str:
-    """The message about an internal action that does not exist."""
+    """Return the message about an internal action that does not exist."""
     return f"there is no internal action {name}/{arity}{near(name, ACTIONS)}"
 
 
@@ -148,7 +148,7 @@ def internal_action(
 
 
 def find_function(name: str, arity: int) -> Callable[..., Any] | None:
-    """The function of this name and arity."""
+    """Return the function of this name and arity."""
     found = FUNCTIONS.get((name, arity))
     if found is None and "." in name:
         unusable = _look_further(name)
@@ -206,7 +206,7 @@ def _look_further(name: str) -> Callable[..., Any] | None:
 
 
 def find_action(name: str, arity: int) -> InternalAction | None:
-    """The internal action of this name and arity; one that fails with ``wrong_arguments`` if the arity is wrong."""
+    """Return the internal action of this name and arity; for a wrong arity one that fails (``wrong_arguments``)."""
     found = ACTIONS.get(name)
     if found is None:
         unusable = _look_further(name)
@@ -242,7 +242,7 @@ class Library:
         """Unknown internal actions that the program uses, with the first place of each."""
 
     def register_function(self, name: str, arity: int, compute: Callable[..., Any]) -> None:
-        """A function of the program's own (``{ register_function("my.f", 2, "rule") }``)."""
+        """Register a function of the program's own (``{ register_function("my.f", 2, "rule") }``)."""
         self._own[(name, arity)] = compute
 
     def copy_functions(self, other: Library) -> None:
@@ -254,11 +254,11 @@ class Library:
         return self.find_function(name, arity) is not None
 
     def is_own_function(self, name: str, arity: int) -> bool:
-        """Whether the program has registered a function itself."""
+        """Return whether the program has registered a function itself."""
         return (name, arity) in self._own
 
     def find_function(self, name: str, arity: int) -> Callable[..., Any] | None:
-        """A function of the program's own, or a registered one."""
+        """Return a function of the program's own, or a registered one."""
         return self._own.get((name, arity)) or find_function(name, arity)
 
     def function(self, name: str, arity: int) -> Callable[..., Any]:
@@ -268,7 +268,7 @@ class Library:
         return found
 
     def functions(self) -> set[tuple[str, int]]:
-        """Names and numbers of arguments of all functions that are known by now."""
+        """Return names and numbers of arguments of all functions that are known by now."""
         return FUNCTIONS.keys() | self._own.keys()
 
     def action(self, name: str, arity: int) -> InternalAction | None:

@@ -41,7 +41,7 @@ def believed(
     args: tuple[Term, ...],
     new: tuple[Term, ...] | None,
 ) -> bool | None:
-    """A belief was added: ``new`` are the annotations that it did not have, None if it was there with all of them."""
+    """Raise the event of an added belief; ``new`` are the annotations that it did not have, None if it had all."""
     if new is None:
         return None
     mind.changes += 1
@@ -62,7 +62,7 @@ def add_belief(mind: MindState, literal: Literal, last: bool = False) -> None:
 def raise_event(
     mind: MindState, focus: Intention | None, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]
 ) -> bool | None:
-    """The event of a belief change, in the focus of an intention or (None) as a new one."""
+    """Return the event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
         hear(mind, relevant, args, annots)
     if relevant.plans or mind.plans.has_nested:
@@ -138,7 +138,7 @@ def replace(
 
 
 def known_value(term: Term) -> Any:
-    """What a variable in a body holds. Fails with ``body_var_without_value`` if it is free (rule 62)."""
+    """Return what a variable in a body holds. Fails with ``body_var_without_value`` if it is free (rule 62)."""
     term = deref(term)
     if type(term) is Open:
         term = closed(term)
@@ -148,7 +148,7 @@ def known_value(term: Term) -> Any:
 
 
 def change_term(mind: MindState, intention: Intention, operator: str, term: Term) -> bool | None:
-    """A belief operator applied to a literal, rule or plan that only the run knows."""
+    """Return a belief operator applied to a literal, rule or plan that only the run knows."""
     term = known_value(term)
     if type(term) is Code:
         _change_code(mind, operator, term)

@@ -32,7 +32,7 @@ class Fork:
         """The variables that are free when the fork begins: each branch has its own, one branch's count (rule 80)."""
 
     def frame_of_branch(self, first: Step) -> Frame:
-        """A copy of the frame for a branch."""
+        """Return a copy of the frame for a branch."""
         copy = list(self.frame)
         copy[STEP] = first
         fresh: dict[Var, Var] = {}
@@ -42,7 +42,7 @@ class Fork:
         return copy
 
     def ended(self, mind: MindState, branch: Intention, frame: Frame) -> None:
-        """A branch has reached its join. The parent continues with the variables of the last branch that counted."""
+        """End a branch at its join. The parent continues with the variables of the last branch that counted."""
         self.branches.remove(branch)
         if self.all_needed and self.branches:
             return
@@ -56,7 +56,7 @@ class Fork:
         resume_waiting(mind, self.parent)
 
     def failed(self, mind: MindState, branch: Intention, extra: tuple[Term, ...], where: str, failure: Failed) -> None:
-        """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
+        """End a branch that has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
 
         When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule
         82), but not without a word.
@@ -95,7 +95,7 @@ def fork(mind: MindState, intention: Intention, frame: Frame, operator: str, fir
 
 
 def join(mind: MindState, intention: Intention, frame: Frame) -> bool:
-    """The last step of each branch."""
+    """Return the last step of each branch."""
     intention.stack.clear()
     mind.gone(intention)
     if intention.branch is not None:
@@ -138,12 +138,12 @@ def free_again(trail: Trail, frame: Frame, kept: Kept) -> None:
 
 
 def present(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """The rows of a solution that are facts; others are answers of rules."""
+    """Return the rows of a solution that are facts; others are answers of rules."""
     return tuple([row for row in rows if row[1] in row[0].entries])
 
 
 def next_round(solutions: list[tuple[Any, ...]]) -> tuple[Any, ...] | None:
-    """The next solution whose facts still hold; its last member are those facts. None after the last one."""
+    """Return the next solution whose facts still hold; its last member are those facts. None after the last one."""
     while solutions:
         solution = solutions.pop()
         if all(args in predicate.entries for predicate, args in solution[-1]):

@@ -196,7 +196,7 @@ class AtomicTurns:
         self._mind, self._atomic = mind, atomic
 
     def message(self) -> bool:
-        """A message may be taken, unless its event has no room: it waits for the plan's end."""
+        """Return whether a message may be taken; one whose event has no room waits for the plan's end."""
         return not self._mind.crowded
 
     def event(self) -> bool:
@@ -225,7 +225,7 @@ class AtomicTurns:
         return True
 
     def over(self) -> bool:
-        """Whether the plan waits for something else than a message."""
+        """Return whether the plan waits for something else than a message."""
         return self._mind.atomic is self._atomic and not self._mind.atomic_can_run
 
 
@@ -233,7 +233,7 @@ class AtomicTurns:
 
 
 def _of_the_others(mind: MindState, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
-    """The frame of the first applicable plan after one whose context could not be computed."""
+    """Return the frame of the first applicable plan after one whose context could not be computed."""
     relevant, args, annots, _ = event
     mark = len(trail)
     for plan in relevant.plans[relevant.plans.index(failed) + 1 :]:
@@ -257,7 +257,7 @@ def _take_place(intention: Intention, frame: Frame) -> None:
 
 
 def _begin_special(mind: MindState, intention: Intention, frame: Frame) -> None:
-    """A plan that needs more than a frame is about to begin."""
+    """Prepare to begin a plan that needs more than a frame."""
     plan: Plan = frame[PLAN]
     if mind.plans.has_meta:
         goal_states.begun(mind, frame)
@@ -297,7 +297,7 @@ def _no_plan(mind: MindState, event: Event) -> bool:
 def _built_in(
     mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...], intention: Intention | None
 ) -> bool:
-    """A message, or a failure to handle one, that no plan of the program is applicable to."""
+    """Return a message, or a failure to handle one, that no plan of the program is applicable to."""
     if relevant.operator == "+":
         handle_event(mind, args, intention)
         return True

@@ -81,7 +81,7 @@ def keep_events(mind: MindState, kept: list[Event]) -> None:
 
 
 def goal_of(event: Event) -> Literal | None:
-    """The goal that an event is to achieve, if it is one, with variables of its own where it has free ones."""
+    """Return the goal that an event is to achieve, if it is one, with variables of its own where it has free ones."""
     relevant, args, annots, _ = event
     if relevant.goal != "!" or relevant.operator != "+":
         return None
@@ -97,7 +97,7 @@ def _apart(args: tuple[Term, ...], annots: tuple[Term, ...]) -> tuple[tuple[Term
 
 
 def fits(goal: Term, literal: Literal | None, trail: Trail) -> bool:
-    """Whether a goal that is asked for unifies with one; nothing is bound if not."""
+    """Return whether a goal that is asked for unifies with one; nothing is bound if not."""
     mark = len(trail)
     if literal is not None and unify(goal, literal, trail):
         return True
@@ -106,7 +106,7 @@ def fits(goal: Term, literal: Literal | None, trail: Trail) -> bool:
 
 
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
-    """The goals that an intention has a plan for, innermost first, with their places in the stack.
+    """Yield the goals that an intention has a plan for, innermost first, with their places in the stack.
 
     A failure plan counts as its goal, which ends only with the failure plan.
     """
@@ -118,7 +118,7 @@ def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
 
 
 def find_goal(intention: Intention, goal: Literal, trail: Trail) -> int | None:
-    """The place of a goal in the stack; its bindings are kept."""
+    """Return the place of a goal in the stack; its bindings are kept."""
     for place, literal in goal_frames(intention):
         if fits(goal, literal, trail):
             return place
@@ -126,13 +126,13 @@ def find_goal(intention: Intention, goal: Literal, trail: Trail) -> int | None:
 
 
 def pursues(intention: Intention, event: Event | None, goal: Literal, trail: Trail) -> bool:
-    """Whether an intention has a plan for a goal, or ``event`` is for it; its bindings are kept."""
+    """Return whether an intention has a plan for a goal, or ``event`` is for it; its bindings are kept."""
     held = event is not None and fits(goal, goal_of(event), trail)
     return held or find_goal(intention, goal, trail) is not None
 
 
 def intended(mind: MindState, goal: Term, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
-    """The intentions with a goal, bindings undone between them."""
+    """Yield the intentions with a goal, bindings undone between them."""
     for intention in mind.all_intentions():
         if intention.suspended is not None and not suspended:
             continue
@@ -167,7 +167,7 @@ def drop_intention(mind: MindState, goal: Literal, trail: Trail) -> bool:
 
 
 def has_ahead(intention: Intention, goal: Literal, trail: Trail) -> bool:
-    """Whether the innermost plan of an intention has ``!goal`` or ``!!goal`` still before it."""
+    """Return whether the innermost plan of an intention has ``!goal`` or ``!!goal`` still before it."""
     if not intention.stack:
         return False
     frame = intention.stack[-1]
@@ -193,7 +193,7 @@ def drop_event(mind: MindState, goal: Literal, trail: Trail) -> bool:
 
 
 def asked_for(goal: Literal, event: Event, trail: Trail) -> bool:
-    """Whether an event is for a goal; nothing is bound."""
+    """Return whether an event is for a goal; nothing is bound."""
     mark = len(trail)
     found = fits(goal, goal_of(event), trail)
     undo(trail, mark)
@@ -215,7 +215,7 @@ def drop_desire(mind: MindState, goal: Literal, trail: Trail) -> bool:
 
 
 def fail_too_deep(mind: MindState, intention: Intention) -> None:
-    """The innermost goal of an intention with too many plans fails."""
+    """Fail the innermost goal of an intention with too many plans."""
     stack = intention.stack
     _take_back(mind, intention)
     mind.gone(intention)
@@ -255,7 +255,7 @@ def end_goal(mind: MindState, intention: Intention, place: int, succeeded: bool)
 
 
 def end_event(mind: MindState, event: Event, succeeded: bool) -> None:
-    """A goal that has no plan yet is over, achieved or failed."""
+    """End a goal that has no plan yet, as achieved or failed."""
     relevant, args, annots, intention = event
     take_out(mind, [event])
     if not succeeded:
@@ -271,7 +271,7 @@ def _failed_by_hand(goal: Literal) -> Failed:
 
 
 def _go_on(mind: MindState, intention: Intention) -> None:
-    """The plans below a goal that is over go on."""
+    """Continue the plans below a goal that is over."""
     if intention.stack and end_frames(mind, intention):
         mind.running.append(intention)
 

@@ -69,7 +69,7 @@ def _leave(mind: MindState, intention: Intention, frame: Frame) -> bool:
 
 
 def condition_holds(mind: MindState, intention: Intention, frame: Frame) -> bool:
-    """Whether the condition of the goal that a frame is for holds now."""
+    """Return whether the condition of the goal that a frame is for holds now."""
     mark, mind.steps_left = len(intention.trail), MOST_STEPS
     try:
         return bool(frame[PLAN].condition(mind, intention.trail, frame))
@@ -120,7 +120,7 @@ def fail_waiting(mind: MindState, intention: Intention, failed: Failed) -> None:
 
 
 def fail_parent(mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failed: Failed) -> None:
-    """A branch of a fork of this intention has failed."""
+    """Fail an intention of which a branch of a fork has failed."""
     mind.waiting.pop(intention.id, None)
     intention.waiting = None
     fail(mind, intention, extra, where, failed)
@@ -130,7 +130,7 @@ def fail_parent(mind: MindState, intention: Intention, extra: tuple[Term, ...], 
 
 
 def formula_failed(mind: MindState, intention: Intention, step: Step, frame: Frame, error: Exception) -> None:
-    """The function of a formula has raised an error."""
+    """Fail a formula whose function has raised an error."""
     failed = as_failed(error)
     if failed.error == "test_goal_failed" and not failed.message:
         code = code_of(step, frame)
@@ -139,7 +139,7 @@ def formula_failed(mind: MindState, intention: Intention, step: Step, frame: Fra
 
 
 def step_failed(mind: MindState, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:
-    """A formula of the intention's innermost plan has failed."""
+    """Fail the intention's innermost plan, of which a formula has failed."""
     code = failure.code if failure.code is not None else code_of(step, frame)
     failure.step, failure.code = step, code
     position = step.syntax.position
@@ -149,7 +149,7 @@ def step_failed(mind: MindState, intention: Intention, step: Step, frame: Frame,
 
 
 def goal_failed(mind: MindState, event: Event) -> None:
-    """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
+    """Fail a goal whose event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
     relevant, args, annots, intention = event
     literal = Literal(relevant.sig, as_they_are(args), as_they_are(annots))
     error, kind = ("no_applicable", "applicable") if relevant.plans else ("no_relevant", "relevant")
@@ -162,7 +162,7 @@ def goal_failed(mind: MindState, event: Event) -> None:
 
 
 def fail_event(mind: MindState, event: Event, failure: Failed) -> None:
-    """A goal fails before it has a plan; ``failure.code`` is the goal."""
+    """Fail a goal before it has a plan; ``failure.code`` is the goal."""
     relevant, args, annots, intention = event
     line, source, where = 0, "", f"{relevant.text}{text(failure.code)}"
     failure.goal = relevant
@@ -193,7 +193,7 @@ def fail_event(mind: MindState, event: Event, failure: Failed) -> None:
 
 
 def _handles(mind: MindState, handler: Any, intention: Intention | None) -> bool:
-    """Whether there are failure plans for a goal, be it in the plan that called it (the innermost one now)."""
+    """Return whether there are failure plans for a goal, be it in the plan that called it (the innermost one now)."""
     if handler.plans or not mind.plans.has_nested:
         return bool(handler.plans)
     return any(True for _ in nested_plans(mind, handler, intention))
@@ -210,7 +210,7 @@ def _note(
 def _end_unanswered(
     mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failure: Failed
 ) -> None:
-    """A test for which no ``+?g`` is applicable: ``-?g`` runs, but the intention that asked ends (rule 61)."""
+    """End a test for which no ``+?g`` is applicable: ``-?g`` runs, but the intention that asked ends (rule 61)."""
     text = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
     mind.effects.append(Log("error", text, ends=True))
     intention.stack.clear()
@@ -268,7 +268,7 @@ def fail(mind: MindState, intention: Intention, extra: tuple[Term, ...], where: 
 
 
 def _has_handler(intention: Intention) -> bool:
-    """Whether a goal of an intention has failure plans: then no texts for the log are needed."""
+    """Return whether a goal of an intention has failure plans: then no texts for the log are needed."""
     return any(
         f[RELEVANT].operator == "+" and f[RELEVANT].goal and f[RELEVANT].counterpart("-").plans
         for f in reversed(intention.stack)

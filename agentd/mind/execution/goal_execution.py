@@ -24,7 +24,7 @@ from schemas.wire.mind_records import WaitView
 
 
 def literal_of(term: Term) -> Literal:
-    """The literal that a variable in a body holds. Raises Failed according to rule 62."""
+    """Return the literal that a variable in a body holds. Raises Failed according to rule 62."""
     term = known_value(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Trigger):
         return trigger_literal(term)
@@ -115,7 +115,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
 
 
 def run_term(mind: MindState, intention: Intention, frame: Frame, step: Step, term: Term) -> bool | None:
-    """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
+    """Run a variable as formula of a body: the body, goal, test, belief change or action that it holds."""
     term = known_value(term)
     if type(term) is Code:
         return _run_code(mind, intention, frame, term)

@@ -38,7 +38,7 @@ def raise_state(
 
 
 def of_goals(mind: MindState, intention: Intention, state: str, reason: Term | None = None) -> None:
-    """This state of all goals of an intention, innermost first, in programs with plans for them.
+    """Report this state of all goals of an intention, innermost first, in programs with plans for them.
 
     The goal around a fork is its parent's and not its branches'.
     """
@@ -59,20 +59,20 @@ def pending(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots:
 
 
 def begun(mind: MindState, frame: Frame) -> None:
-    """The first plan of a goal begins."""
+    """Report that the first plan of a goal begins."""
     if frame[RELEVANT].goal and frame[RELEVANT].operator == "+":
         raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
 
 
 def ended(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
-    """A goal is achieved, by a plan for it or by its failure plan."""
+    """Report that a goal is achieved, by a plan for it or by its failure plan."""
     if mind.plans.has_meta and relevant.goal and relevant.operator != "^":
         raise_state(mind, relevant, args, annots, "achieved")
         raise_state(mind, relevant, args, annots, "finished", atom("achieved"))
 
 
 def dropped(mind: MindState, intention: Intention) -> None:
-    """The goals of an intention are dropped."""
+    """Report that the goals of an intention are dropped."""
     of_goals(mind, intention, "dropped")
     of_goals(mind, intention, "finished", atom("dropped"))
 
@@ -97,7 +97,7 @@ def failed(mind: MindState, intention: Intention | None, failure: Failed, handle
 
 
 def reason_of(intention: Intention) -> Literal | None:
-    """Why an intention does not run, for ``.suspended``; None for one that does.
+    """Return why an intention does not run, for ``.suspended``; None for one that does.
 
     ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
     request such as ``.create_agent``), ``goal_condition``, or the reason given by an internal action in Python.
@@ -118,7 +118,7 @@ def reason_of(intention: Intention) -> Literal | None:
 
 
 def _waited_for(intention: Intention, awaited: WaitView) -> Any:
-    """The first argument of the ``.wait`` that an intention is in."""
+    """Return the first argument of the ``.wait`` that an intention is in."""
     step = None if intention.last is None else intention.last.syntax
     if isinstance(step, nodes.Step) and isinstance(step.term, nodes.InternalAction):
         return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))

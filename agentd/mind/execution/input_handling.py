@@ -66,7 +66,7 @@ def take_inputs(mind: MindState) -> bool:
 
 
 def heeds(mind: MindState, item: Input) -> bool:
-    """Whether anything of the mind may wait for an input: not for a percept that no plan, condition or wait is for.
+    """Return whether the mind may wait for an input: not for a percept that no plan, condition or wait is for.
 
     Such a percept becomes a belief whenever the next inputs are taken: nothing in the mind sees the difference.
     """
@@ -100,7 +100,7 @@ Addition = tuple[Perceived, tuple[Any, ...], tuple[Any, ...]]
 
 
 def perceived(mind: MindState, sig: Signature) -> Perceived:
-    """The percepts of a signature."""
+    """Return the percepts of a signature."""
     found = mind.percepts.get(sig)
     if found is None:
         plans = mind.plans
@@ -176,7 +176,7 @@ def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Term, 
 
 
 def _remove(mind: MindState, place: Perceived, args: tuple[Term, ...], annots: tuple[Term, ...] = PERCEPT) -> None:
-    """A percept holds no longer: the belief loses source(percept), and stays if another source holds it.
+    """Remove a percept: the belief loses source(percept), and stays if another source holds it.
 
     Its event has ``annots``: those that the news of its end had.
     """

@@ -59,7 +59,7 @@ def stack_of(mind: MindState, intention: Intention) -> Any:
 
 
 def calling_step(frame: Frame, above: Frame) -> Step | None:
-    """The formula of a frame's plan that raised the event of the frame above it."""
+    """Return the formula of a frame's plan that raised the event of the frame above it."""
     called = Literal(above[RELEVANT].sig, above[ARGS])
     values = values_of(frame)
     found: list[tuple[Step, Literal]] = []
@@ -90,7 +90,7 @@ def _means(frame: Frame, begun: Step | None) -> Literal:
 
 
 def ahead(step: Step | None) -> list[Step]:
-    """The formulas that a frame has still before it, in order; a loop is listed once."""
+    """Return the formulas that a frame has still before it, in order; a loop is listed once."""
     found: list[Step] = []
     while step is not None and not any(step is other for other in found):
         found.append(step)

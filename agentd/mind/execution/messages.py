@@ -67,7 +67,7 @@ def reply(mind: MindState, mail: Mail, content: Term) -> None:
 
 
 def answer_of(mind: MindState, mail: Mail, found: Term) -> Any:
-    """The answer to a question: a synchronous one names its source; else the receiver adds it, as for ``tell``."""
+    """Return the answer to a question: a synchronous one names its source; else the receiver adds it."""
     answer = Copier(fresh=True).copy(found)
     if type(answer) is not Literal:
         return answer
@@ -85,7 +85,7 @@ _ANSWERING = signature("answer_question")
 
 
 def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term] | None:
-    """The instances of a question that hold, with the annotations of the beliefs, ``most`` of them if rules are used.
+    """Return the true instances of a question, annotated as the beliefs, ``most`` of them if rules are used.
 
     None if the question is refused, which is logged.
     """
@@ -128,7 +128,7 @@ def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term]
 
 
 def _believed(mind: MindState, predicate: Predicate, question: Literal, most: int | None) -> list[Term]:
-    """The answers of a predicate to a literal."""
+    """Return the answers of a predicate to a literal."""
     found: list[Term] = []
     trail: list[Var] = []
     for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
@@ -218,7 +218,7 @@ def receive(mind: MindState, mail: Mail) -> None:
 
 
 def is_answer(in_reply_to: str) -> bool:
-    """Whether a message answers a synchronous ask: it resumes the waiting intention and has no other effect."""
+    """Return whether a message answers a synchronous ask: it resumes the waiting intention and has no other effect."""
     return in_reply_to.startswith("sync")
 
 
@@ -247,7 +247,7 @@ def _mail_of(args: tuple[Term, ...]) -> Mail:
 
 
 def plain(term: Term) -> str:
-    """A name or id as the plans for messages get it: an atom or a string."""
+    """Return a name or id as the plans for messages get it: an atom or a string."""
     return term if type(term) is str else text(term)
 
 
@@ -265,7 +265,7 @@ def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
 
 
 def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Term, ...]:
-    """The annotations of a literal in a message of ``sender``: former sources are nested inside the new one."""
+    """Return the annotations of a literal in a message of ``sender``: former sources are nested inside the new one."""
     if sender == mind.name:
         sender = "self"
     elif not literal.annots:
@@ -346,7 +346,7 @@ def _ask_one(mind: MindState, mail: Mail) -> None:
 
 
 def unanswered(mind: MindState, mail: Mail, failed: Failed) -> None:
-    """A question without an answer: the program's own ``-!kqml_received`` is asked, else see `not_answered`."""
+    """Handle a question without an answer: ask the program's own ``-!kqml_received``, else see `not_answered`."""
     if mind.plans.kqml.counterpart("-").plans:
         _not_handled(mind, mail, failed)
     else:
@@ -354,7 +354,7 @@ def unanswered(mind: MindState, mail: Mail, failed: Failed) -> None:
 
 
 def not_answered(mind: MindState, mail: Mail, error: str, message: str) -> None:
-    """The answer is false when the test has failed; another failure gives none, as Jason."""
+    """Answer false when the test has failed; another failure gives none, as Jason."""
     if error == "test_goal_failed":
         reply(mind, mail, FALSE)
     else:

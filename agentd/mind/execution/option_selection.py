@@ -55,7 +55,7 @@ class WaitingEvent(Struct, frozen=True):
 
     @staticmethod
     def of(event: Event) -> WaitingEvent:
-        """The view of an event of the queue."""
+        """Return the view of an event of the queue."""
         relevant, args, annots, intention = event
         literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
         return WaitingEvent(relevant.text, literal, 0 if intention is None else intention.id)
@@ -86,7 +86,7 @@ class Chooser:
         return self._move(mind.running, self._intention, "select_intention", _itself)
 
     def over(self) -> bool:
-        """Whether there is nothing to choose from."""
+        """Return whether there is nothing to choose from."""
         mind = self._mind
         if mind.running and mind.atomic is None:
             return False
@@ -110,7 +110,7 @@ class Chooser:
 
 
 def choose(mind: MindState, selector: Selector, name: str, items: Sequence[Any]) -> int | None:
-    """The place of the item that a selection function returns, None for none; on a wrong answer 0, and a warning."""
+    """Return the index that a selection function chooses, None for none; on a wrong answer 0, and a warning."""
     try:
         chosen = selector(mind, tuple(items))
     except Exception as error:  # the embedder's code may raise anything; it must not end the mind
@@ -134,7 +134,7 @@ NAMES: Final = ("select_message", "select_event", "select_option", "select_inten
 
 
 def selectors_of(mind: MindState, given: Sequence[Selector | None]) -> dict[str, Selector]:
-    """The selection functions of a mind by name: those given, else the methods of its class with these names."""
+    """Return the selection functions of a mind by name: those given, else the methods of its class with these names."""
     found = {name: each or getattr(type(mind), name, None) for name, each in zip(NAMES, given, strict=True)}
     return {name: selector for name, selector in found.items() if selector is not None}
 
@@ -164,7 +164,7 @@ class Option(Struct, frozen=True):
     bound: tuple[tuple[Var, Any], ...]
 
     def annotation(self, name: str) -> Literal | None:
-        """The annotation of the plan's label with this name, such as ``priority(2)``."""
+        """Return the annotation of the plan's label with this name, such as ``priority(2)``."""
         return next((a for a in self.plan.label.annots if type(a) is Literal and a.sig.functor == name), None)
 
 
@@ -174,7 +174,7 @@ def by_function(selector: Selector) -> Select:
 
 
 def _choosing(choice: Callable[[MindState, Trail, Event, list[tuple[Any, Any]]], Frame | None]) -> Select:
-    """The function that finds the option that is chosen, with its bindings on the trail; None if none is."""
+    """Return the function that finds the option that is chosen, with its bindings on the trail; None if none is."""
 
     def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
         rejected: list[tuple[Any, Any]] = []
@@ -214,7 +214,7 @@ def _by_function(
 def _applicable(
     mind: MindState, trail: Trail, event: Event, rejected: list[tuple[Any, Any]], every: bool
 ) -> Iterator[tuple[Any, Frame]]:
-    """Each applicable plan with a frame while its bindings are in place, all solutions of it if ``every`` or asked for.
+    """Yield each applicable plan and frame while its bindings are there, all solutions if ``every`` or asked for.
 
     Plans that are not applicable are added to ``rejected``, with the reason.
     """

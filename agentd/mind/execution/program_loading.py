@@ -90,7 +90,7 @@ def _begin(mind: MindState, program: CompiledProgram) -> None:
 
 
 def _schema(belief: nodes.Belief) -> nodes.Rule:
-    """The rule that an initial belief with variables is, as in Jason: each use has variables of its own."""
+    """Return the rule that an initial belief with variables is, as in Jason: each use has variables of its own."""
     annots = belief.literal.annotations or nodes.ListTerm()
     if not any(isinstance(a, nodes.Structure) and (a.functor, len(a.args)) == ("source", 1) for a in annots.items):
         annots = replace(annots, items=(*annots.items, _SOURCE_SELF))

@@ -23,7 +23,7 @@ from schemas.wire.mind_records import WaitView
 
 
 def milliseconds(term: Term) -> float:
-    """A time in milliseconds as a term, in seconds."""
+    """Return a time in milliseconds as a term, in seconds."""
     return max(0.0, argument(float, term, "a time is a number of milliseconds") / 1000.0)
 
 
@@ -237,12 +237,12 @@ def request(
 
 
 def wrong_answer() -> Failed:
-    """The answer is not of the form that the fourth argument of ``.send`` asks for."""
+    """Return the failure for an answer that is not of the form that the fourth argument of ``.send`` asks for."""
     return Failed("ask_failed", "the answer does not unify with what was expected")
 
 
 def _credited(answer: Term, name: str) -> Any:
-    """A literal with the agent that answered as its source, unless that has named itself already."""
+    """Return a literal with the agent that answered as its source, unless that has named itself already."""
     if type(answer) is not Literal or answer == FALSE:
         return answer
     sources = [a.with_annots(()) for a in answer.annots if is_source(a)]
@@ -260,7 +260,7 @@ def take_answer(mind: MindState, question: Question, mail: Mail) -> None:
 
 
 def _answer(question: Question, mail: Mail) -> Any:
-    """An answer as the plan gets it: literals, and those in the list for `askAll`, name their sender as source."""
+    """Return an answer as the plan gets it: literals, also those in the list for `askAll`, name their sender."""
     content = deref(mail.content)
     if mail.performative == "untell" and question.performative in ("askOne", "askIf"):
         return FALSE

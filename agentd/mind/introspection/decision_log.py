@@ -100,7 +100,7 @@ _KQML: Final = signature("kqml_received", 4)
 
 
 def record_of(entry: Any) -> Decision | Failure:
-    """The record of an entry of `Decisions`."""
+    """Return the record of an entry of `Decisions`."""
     return entry if type(entry) is Failure else Decision(*entry)
 
 
@@ -138,11 +138,11 @@ class Decisions:
         mind.plans.select, mind.plans.select_slowly = self.select_in_order, self.select
 
     def records(self) -> list[Decision | Failure]:
-        """The records, oldest first."""
+        """Return the records, oldest first."""
         return list(map(record_of, self.entries()))
 
     def entries(self) -> list[Any]:
-        """The same as they are held: `record_of` makes records of them."""
+        """Return the same as they are held: `record_of` makes records of them."""
         self.settle()
         return list(self._last)
 
@@ -199,7 +199,7 @@ class Decisions:
                 self._last[place] = (*entry[:2], (relevant, held_all(args), annots, intention), *entry[3:])
 
     def last_rejected(self) -> Sequence[tuple[Any, Any]]:
-        """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
+        """Return the plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
         self.settle()
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
@@ -328,11 +328,11 @@ class Decisions:
         self._dropped.extend((frame, by) for frame in frames[-MOST_FRAMES:])
 
     def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]:
-        """Whether a plan was dropped, and the formula that has done it, as far as both are remembered."""
+        """Return whether a plan was dropped, and the formula that has done it, as far as both are remembered."""
         return next(((True, by) for dropped, by in self._dropped if dropped is frame), (False, None))
 
     def _noting(self, where: list[Any] | deque[Any]) -> Callable[[Any], None]:
-        """The function that notes a record there and passes it to the listener."""
+        """Return the function that notes a record there and passes it to the listener."""
         listener = self._listener
         if listener is None:
             return where.append
@@ -365,7 +365,7 @@ class Decisions:
         self._origins[id(event)] = (event, origin)
 
     def origin_of(self, event: Event) -> Origin | None:
-        """The origin of an event that starts an intention; called once, when the event is taken."""
+        """Return the origin of an event that starts an intention; called once, when the event is taken."""
         entry = self._origins.pop(id(event), None)
         return None if entry is None else entry[1]
 
@@ -394,7 +394,7 @@ _DROPPING: Final = (".drop_", ".succeed_goal", ".fail_goal")
 
 
 def _raises(item: Any, sig: Signature) -> bool:
-    """Whether an event of this signature can come from an input."""
+    """Return whether an event of this signature can come from an input."""
     if type(item) is not Mail:
         return bool(item.literal.sig is sig)
     content = deref(item.content)

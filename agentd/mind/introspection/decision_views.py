@@ -38,7 +38,7 @@ def views_of(
 
 
 def is_about(record: Decision | Failure, functor: str) -> bool:
-    """Whether a record is about events or goals of this name."""
+    """Return whether a record is about events or goals of this name."""
     if isinstance(record, Decision):
         return record.relevant.sig.functor == functor
     names = [frame[RELEVANT].sig.functor for frame in record.frames]
@@ -46,7 +46,7 @@ def is_about(record: Decision | Failure, functor: str) -> bool:
 
 
 def view_of(mind: MindState, record: Decision | Failure) -> DecisionView | FailureView:
-    """The view of a record that has just been made."""
+    """Return the view of a record that has just been made."""
     alive = {id(record.frame)} if isinstance(record, Decision) else set()
     return Views(mind, (), alive).of(record)
 
@@ -64,11 +64,11 @@ class Views:
         self._alive = alive
 
     def outcome(self, made: Decision) -> Outcome:
-        """The outcome of the chosen plan so far."""
+        """Return the outcome of the chosen plan so far."""
         return self._outcome(made.frame)[0]
 
     def of(self, record: Decision | Failure) -> DecisionView | FailureView:
-        """The view of a record."""
+        """Return the view of a record."""
         return self._decision(record) if isinstance(record, Decision) else self._failure(record)
 
     def _decision(self, made: Decision) -> DecisionView:
@@ -112,7 +112,7 @@ class Views:
         return ("dropped" if dropped else "ended"), None
 
     def _goal(self, frame: Frame) -> str:
-        """The event that a frame is for, as it was when its plan was chosen."""
+        """Return the event that a frame is for, as it was when its plan was chosen."""
         return event_text(frame[RELEVANT], self._args.get(id(frame)) or frame[ARGS])
 
     def _cause(self, made: Decision) -> CauseView | None:
@@ -157,13 +157,13 @@ class Views:
 
 
 def event_text(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...] = ()) -> str:
-    """An event as text, ``+!g(1)``, without the source ``self``."""
+    """Return an event as text, ``+!g(1)``, without the source ``self``."""
     shown = () if annots == SELF else annots
     return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))
 
 
 def rejected_view(plan: Plan, reason: Any) -> RejectedView:
-    """Why a plan was not applicable; ``reason`` is what its function returned or raised, () if unknown."""
+    """Return why a plan was not applicable; ``reason`` is what its function returned or raised, () if unknown."""
     if reason is None:
         annotated = getattr(plan.syntax.trigger.literal, "annotations", None) is not None
         message = f"its trigger {'and annotations do' if annotated else 'does'} not match"
@@ -188,7 +188,7 @@ def rejected_view(plan: Plan, reason: Any) -> RejectedView:
 
 
 def filled_text(node: nodes.Term, bindings: dict[str, Any]) -> str:
-    """A formula with the values of its variables put in."""
+    """Return a formula with the values of its variables put in."""
     try:
         return written(short_text(instantiate(node, dict(bindings))))
     except (UndefinedNumber, RecursionError):
@@ -196,7 +196,7 @@ def filled_text(node: nodes.Term, bindings: dict[str, Any]) -> str:
 
 
 def written(text: str) -> str:
-    """A formula without brackets around the whole of it, or around the operand of ``not``."""
+    """Return a formula without brackets around the whole of it, or around the operand of ``not``."""
     if text.startswith("not ("):
         return f"not {_unbracketed(text[4:])}"
     return _unbracketed(text)
@@ -214,7 +214,7 @@ def _unbracketed(text: str) -> str:
 
 
 def plan_view(plan: Plan, bindings: dict[str, str] | None = None) -> PlanView:
-    """A plan for people. Its texts are made once: they never change."""
+    """Return a plan for people. Its texts are made once: they never change."""
     texts: tuple[str, str, str] | None = plan.shown
     if texts is None:
         node = plan.syntax
@@ -226,7 +226,7 @@ def plan_view(plan: Plan, bindings: dict[str, str] | None = None) -> PlanView:
 
 
 def _values(frame: Frame, values: tuple[Term, ...] | None) -> dict[str, str]:
-    """The variables that had a value when a plan was chosen."""
+    """Return the variables that had a value when a plan was chosen."""
     plan: Plan = frame[PLAN]
     places = frame[VARIABLES:] if values is None else values
     found = {name: places[plan.slots[name] - VARIABLES] for name in plan.bound}
@@ -238,7 +238,7 @@ def _place(step: Step | None) -> str:
 
 
 def what_failed(failed: Failed, code: Any) -> str:
-    """The formula that failed with its values, or the goal that found no plan."""
+    """Return the formula that failed with its values, or the goal that found no plan."""
     if failed.goal is not None:
         return event_text(failed.goal, code.args, code.annots)
     if failed.step is None or type(code) is Code or not isinstance(failed.step.syntax, nodes.Step):

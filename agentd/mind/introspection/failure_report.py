@@ -36,7 +36,7 @@ _MOST_SHOWN: Final = 5
 
 
 def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames: Sequence[Frame], because: str) -> Log:
-    """The note for a failure that ends its intention.
+    """Return the note for a failure that ends its intention.
 
     ``goals`` are the texts of the goals that end, innermost first, and ``frames`` those of their plans; ``because`` is
     why nothing handles it, empty where no plan is there to do so.
@@ -58,7 +58,7 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
 
 
 def unhandled_report(mind: MindState, event: Event) -> Log:
-    """The log line for a failed goal whose failure plans do not match; the annotations of its event describe it."""
+    """Return the log line for a failed goal whose failure plans do not match; its event's annotations describe it."""
     relevant, args, annots, _ = event
     failed, position = failure_of(annots)
     if failed.error in ("no_relevant", "no_applicable"):
@@ -70,7 +70,7 @@ def unhandled_report(mind: MindState, event: Event) -> Log:
 
 
 def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
-    """That no failure plan is there; ``goals`` are the `Relevant` of those that could have one."""
+    """Say that no failure plan is there; ``goals`` are the `Relevant` of those that could have one."""
     without_plan = [failed.goal] if failed.goal is not None and failed.tried else []
     handlers = list(dict.fromkeys(f"-{goal.goal}{goal.sig.name}" for goal in (*without_plan, *goals)))
     if not handlers:
@@ -80,7 +80,7 @@ def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
 
 
 def _sentence(failed: Failed) -> str:
-    """The failed formula or goal and the reason, as far as the failure contains it."""
+    """Return the failed formula or goal and the reason, as far as the failure contains it."""
     what = what_failed(failed, failed.code)
     why = f": {failed.message}" if failed.message else ""
     match failed.error:
@@ -110,7 +110,7 @@ def _sentence(failed: Failed) -> str:
 
 
 def _unknown_action(failed: Failed) -> str:
-    """Name and arity of an internal action that does not exist; empty for one that does."""
+    """Return name and arity of an internal action that does not exist; empty for one that does."""
     code = failed.code
     if type(code) is not Literal or failed.error != "action_failed" or not code.sig.functor.startswith("."):
         return ""
@@ -135,7 +135,7 @@ def _hints(mind: MindState, failed: Failed) -> Iterable[str]:
 
 
 def rejected_lines(plans: Sequence[RejectedView]) -> Iterable[str]:
-    """A line for each plan that was tried."""
+    """Yield a line for each plan that was tried."""
     for rejected in plans[:_MOST_SHOWN]:
         label = f"@{rejected.plan.label} " if rejected.plan.label else ""
         yield f"{label}{rejected.plan.trigger} ({rejected.plan.position}): {_why(rejected)}"
@@ -192,7 +192,7 @@ def _arguments(number: int) -> str:
 
 
 def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
-    """The question whether one of the known names is meant, if one is like a word."""
+    """Yield the question whether one of the known names is meant, if one is like a word."""
     if found := nearest(word, known, CLOSE):
         yield f"did you mean {found}?"
 
@@ -201,7 +201,7 @@ def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
 
 
 def rejected_plans(mind: MindState, event: Event) -> tuple[RejectedView, ...]:
-    """Why each plan that is relevant for an event was not applicable just now."""
+    """Return why each plan that is relevant for an event was not applicable just now."""
     if mind.recorder is not None:
         return tuple(rejected_view(plan, reason) for plan, reason in mind.recorder.last_rejected())
     return tuple(_rejected(mind, plan, around, event) for plan, around in candidates(mind, event[0], event[3]))
@@ -225,7 +225,7 @@ def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -
 
 
 def harmless(mind: MindState, formula: nodes.Term | None, seen: frozenset[Any] = frozenset()) -> bool:
-    """Whether asking a formula (or building a term) has no effect."""
+    """Return whether asking a formula (or building a term) has no effect."""
     match formula:
         case nodes.Variable(namespace=None) | nodes.Number() | nodes.String() | None:
             return True

@@ -29,7 +29,7 @@ _FACTS: Final = frozenset((_ERROR, _MESSAGE, _CODE, _LINE, _SOURCE))
 
 
 def code_of(step: Step, frame: Frame) -> Any:
-    """The failing formula as a term, with the values of its variables put in."""
+    """Return the failing formula as a term, with the values of its variables put in."""
     formula = step.syntax
     values = {name: _shortened(value) for name, value in values_of(frame).items()}
     if isinstance(formula, nodes.Step):
@@ -53,7 +53,7 @@ def _shortened(value: Term) -> Any:
 
 
 def as_they_are(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Terms resolved, or, when one is cyclic or nested too deep for that, only their texts."""
+    """Return terms resolved, or, when one is cyclic or nested too deep for that, only their texts."""
     try:
         return resolve_all(terms)
     except (RecursionError, UndefinedNumber):
@@ -61,33 +61,33 @@ def as_they_are(terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 def without_facts(annots: Iterable[Any]) -> list[Term]:
-    """The annotations of a failure event that do not describe the failure."""
+    """Return the annotations of a failure event that do not describe the failure."""
     return [a for a in annots if not (type(a) is Literal and a.sig in _FACTS)]
 
 
 def brief(whole: str) -> str:
-    """The beginning of the text of a term that may be very large."""
+    """Return the beginning of the text of a term that may be very large."""
     return whole if len(whole) <= _LONGEST else f"{whole[:_LONGEST]}..."
 
 
 def written(step: Step, code: Term) -> str:
-    """A failing formula with its operator, for people."""
+    """Return a failing formula with its operator, for people."""
     operator = step.syntax.operator.value if isinstance(step.syntax, nodes.Step) else ""
     return text(code) if type(code) is Code else operator + text(code)
 
 
 def goal_text(frame: Frame) -> str:
-    """The goal or event that a frame answers, for people."""
+    """Return the goal or event that a frame answers, for people."""
     return event_text((frame[RELEVANT], frame[ARGS], (), None))
 
 
 def event_text(event: Event) -> str:
-    """An event without its annotations, for people."""
+    """Return an event without its annotations, for people."""
     return f"{event[0].text}{brief(text(Literal(event[0].sig, as_they_are(event[1]))))}"
 
 
 def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[Term, ...]:
-    """The annotations that describe a failure to its handler; ``line`` is that of ``source``, from 1 (0: unknown)."""
+    """Return annotations that describe a failure to its handler; ``line`` of ``source`` is from 1 (0: unknown)."""
     own = as_they_are(failure.annots)
     found = [Literal(_ERROR, (atom(failure.error),))]
     if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
@@ -97,14 +97,14 @@ def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[T
 
 
 def _no(error: str, code: Term) -> str:
-    """The message of an internal action that did not hold; empty for ``.fail``, as in Jason, and for other failures."""
+    """Return the message of an internal action that did not hold; empty for ``.fail`` and other failures."""
     if error != "ia_failed" or (type(code) is Literal and code.sig.functor == ".fail"):
         return ""
     return f"{short_text(code)} did not hold"
 
 
 def facts_of(annots: tuple[Term, ...]) -> tuple[str, str]:
-    """The error and the message among the annotations of a failure event."""
+    """Return the error and the message among the annotations of a failure event."""
     facts = _facts(annots)
     return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
 
@@ -123,7 +123,7 @@ def context_failed(mind: MindState, relevant: Relevant, plan: Plan | None, error
 
 
 def failure_of(annots: tuple[Term, ...]) -> tuple[Failed, nodes.Position | None]:
-    """The failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
+    """Return the failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
     facts, (error, message) = _facts(annots), facts_of(annots)
     code = facts.get(_CODE, "")
     failed = Failed(error, message if message != _no(error, code) else "", code=code)

@@ -19,7 +19,7 @@ MOST_GOALS: Final = 100
 
 
 def intention_views(mind: MindState, most: int | None = None) -> list[IntentionView]:
-    """The intentions by their ids, at most ``most`` (None: all)."""
+    """Return the intentions by their ids, at most ``most`` (None: all)."""
     pending = {e[3].id: e for e in mind.events if e[3] is not None}
     intentions = (intention for intention in mind.all_intentions() if intention.stack)
     return [_intention_view(intention, pending.get(intention.id)) for intention in islice(intentions, most)]
@@ -50,14 +50,14 @@ def _intention_view(intention: Intention, event: Event | None) -> IntentionView:
 
 
 def event_view(event: Event) -> EventView:
-    """An event that waits to be given a plan."""
+    """Return an event that waits to be given a plan."""
     relevant, args, annots, intention = event
     literal = Literal(relevant.sig, resolve_all(args), resolve_annots(annots))
     return EventView(text=relevant.text + short_text(literal), intention=0 if intention is None else intention.id)
 
 
 def question_views(mind: MindState, life: str = "") -> list[QuestionView]:
-    """The synchronous asks without an answer; ``life`` is what ids of messages end with on the bus."""
+    """Return the synchronous asks without an answer; ``life`` is what ids of messages end with on the bus."""
     ending = f".{life}" if life else ""
     return [
         QuestionView(
@@ -75,7 +75,7 @@ def question_views(mind: MindState, life: str = "") -> list[QuestionView]:
 
 
 def belief_views(mind: MindState) -> list[BeliefView]:
-    """Every fact, predicate by predicate."""
+    """Return every fact, predicate by predicate."""
     since = mind.beliefs.since
     return [
         BeliefView(text=text(fact), sources=sources_of(fact), since=since(fact)[0]) for fact in mind.beliefs.facts()
@@ -83,7 +83,7 @@ def belief_views(mind: MindState) -> list[BeliefView]:
 
 
 def sources_of(fact: Literal) -> tuple[str, ...]:
-    """The sources of a belief, as names."""
+    """Return the sources of a belief, as names."""
     return tuple(_name(annot.args[0]) for annot in fact.annots if is_source(annot))
 
 

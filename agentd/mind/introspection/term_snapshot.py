@@ -41,7 +41,7 @@ MORE: Final = atom("...")
 
 
 def held(term: Any) -> Any:
-    """The term as it is now: whatever is bound or freed later shows no change in it. A large one is cut short."""
+    """Return the term as it is now, without what is bound or freed later. A large one is cut short."""
     kind = type(term)
     if kind is float:
         return term
@@ -55,7 +55,7 @@ def held(term: Any) -> Any:
 
 
 def held_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The terms as they are now."""
+    """Return the terms as they are now."""
     for term in terms:
         kind = type(term)
         if kind is not float and not (kind is Literal and not term.args and term.ground):
@@ -64,7 +64,7 @@ def held_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _is_small(term: Any) -> bool:
-    """Whether a ground term has few parts."""
+    """Return whether a ground term has few parts."""
     left = _MOST_HELD
     pending = [term]
     while pending:
@@ -92,7 +92,7 @@ def _is_small(term: Any) -> bool:
 
 
 def _is_ground(term: Any) -> bool:
-    """Whether no variable is inside, bound or free; noted in the literals and lists looked through, so seldom asked."""
+    """Return whether no variable is inside, bound or free; the answer is noted in literals and lists."""
     pending, seen = [term], []
     budget = _MOST_LOOKED_AT
     while pending:
@@ -178,7 +178,7 @@ def lighten(frame: Frame) -> None:
 
 
 def short_text(term: Term) -> str:
-    """The text of a term for people: of a long one only the beginning."""
+    """Return the text of a term for people: of a long one only the beginning."""
     whole = flat_text(term)
     if whole is None:
         whole = text(_Copy(lambda part: part is EMPTY).of(term))

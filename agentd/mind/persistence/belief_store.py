@@ -76,11 +76,11 @@ class _Book:
         return marks[bisect_left(marks, rank, key=itemgetter(0))][1]
 
     def is_marked(self, rank: int) -> bool:
-        """Whether `since` is final for an entry."""
+        """Return whether `since` is final for an entry."""
         return rank <= self._marks[-1][0]
 
     def rank(self, last: bool) -> int:
-        """The rank of a new entry."""
+        """Return the rank of a new entry."""
         if self.restoring is not None:
             rank = self.restoring
             self._newest, self._oldest = max(rank, self._newest), min(rank, self._oldest)
@@ -254,7 +254,7 @@ class KeptBeliefs(BeliefBase):
             changes.beliefs.append((rank, data))
 
     def _terms(self, entry: Any) -> list[Term] | None:
-        """The terms to keep of an entry; None for a percept."""
+        """Return the terms to keep of an entry; None for a percept."""
         if type(entry) is RuleClause:
             own = self._own_rules.get(id(entry.syntax))
             return [Code(entry.syntax, entry.values)] if own is None else [own]
@@ -265,7 +265,7 @@ class KeptBeliefs(BeliefBase):
         return [entry]
 
     def values(self) -> dict[str, bytes]:
-        """The values kept as a whole."""
+        """Return the values kept as a whole."""
         return {"rules_removed": terms_to_bytes(self._rules_removed)} if self._rules_removed else {}
 
     # --- restoring ---

@@ -65,7 +65,7 @@ class Keeper:
     # --- for the mind that is being made ---
 
     def belief_base(self, opened: Callable[[], None]) -> KeptBeliefs:
-        """The belief base of the mind; ``opened`` as in `agentd.mind.beliefs.belief_base.BeliefBase`."""
+        """Return the belief base of the mind; ``opened`` as in `agentd.mind.beliefs.belief_base.BeliefBase`."""
         self._beliefs = KeptBeliefs(opened)
         return self._beliefs
 
@@ -103,11 +103,11 @@ class Keeper:
         return count
 
     def give_in_any_case(self, event: Event) -> None:
-        """A queued event of the mind's own is given again like those of others: the mind has no other word of it."""
+        """Give a queued event of the mind's own again like those of others: the mind has no other word of it."""
         self._origins.mark(event, Origin.OTHERS)
 
     def in_hand(self) -> str:
-        """The event that the mind works at, as text. Safe to call from another thread."""
+        """Return the event that the mind works at, as text. Safe to call from another thread."""
         return self._origins.in_hand()
 
     def set_aside(self, event: str) -> int:
@@ -140,7 +140,7 @@ class Keeper:
         return mind.cycle - mind.still, len(mind.events), waiting, suspended, mind.plans.version, mind.message_count
 
     def changes(self) -> MindChanges:
-        """The changes since the last call. To be called between two calls of `Mind.run` only.
+        """Return the changes since the last call. To be called between two calls of `Mind.run` only.
 
         The cost is that of the changes, and a look at each intention and queued event.
         """
@@ -195,7 +195,7 @@ class Keeper:
         self._pending = now
 
     def _own_values(self) -> dict[str, bytes]:
-        """The values kept as a whole that are neither beliefs nor plans."""
+        """Return the values kept as a whole that are neither beliefs nor plans."""
         mind = self._mind
         counts = (self.lives, mind.message_count, mind.action_count)
         values = {"counts": terms_to_bytes(map(float, counts))}
@@ -209,7 +209,7 @@ class Keeper:
         return values
 
     def _properties(self) -> list[Term]:
-        """The properties of namespaces: namespace, key and value of each."""
+        """Return the properties of namespaces: namespace, key and value of each."""
         found: list[Term] = []
         for namespace, properties in self._mind.namespaces.items():
             for key, value in properties.items():
@@ -292,7 +292,7 @@ class KeptPlans:
         """The sources that each of them was kept with."""
 
     def begin(self) -> None:
-        """All plans that are there are the program's."""
+        """Begin, with the plans of the program alone."""
         self._own = dict.fromkeys(self._library)
         self._seen = self._library.version
 
@@ -331,7 +331,7 @@ class KeptPlans:
                 self._ranks[plan] = highest
 
     def values(self) -> dict[str, bytes]:
-        """The values kept as a whole: the program's plans that were removed or have sources besides the agent."""
+        """Return the values kept as a whole: program plans that were removed or have sources besides the agent."""
         if self._library.version == self._valued:
             return self._values
         here = set(self._library)

@@ -67,7 +67,7 @@ class Pending(NamedTuple):
 
 
 def written(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> str:
-    """An event as it is written."""
+    """Return an event as it is written."""
     return f"{relevant.text}{text(Literal(relevant.sig, args, annots))}"
 
 
@@ -133,7 +133,7 @@ class Origins:
                 self.mark(follows, origin)  # no plan was applicable: its failure plan is asked
 
     def in_hand(self) -> str:
-        """The event that the mind works at, or that of the outermost plan of the intention that does; for people.
+        """Return the event that the mind works at, or that of its running intention's outermost plan; for people.
 
         It may be called by another thread while the mind runs.
         """
@@ -174,7 +174,7 @@ class Origins:
         self._most = max(_MOST_NOTED, 2 * len(self._roots))
 
     def pending(self) -> Iterator[tuple[PendingKey, Origin, tuple[Any, ...]]]:
-        """The pending events: place and origin, and the event as relevant plans, arguments and annotations."""
+        """Yield the pending events: place and origin, and the event as relevant plans, arguments and annotations."""
         mind = self._mind
         waiting: dict[int, Event] = {}
         events = mind.all_events()
@@ -201,7 +201,7 @@ class Origins:
             yield (1, known[1]), origin, event[:3]
 
     def _root(self, intention: Intention, event: Event | None) -> tuple[Origin, tuple[Any, ...]]:
-        """The origin of an intention, and the event that its plans answer."""
+        """Return the origin of an intention, and the event that its plans answer."""
         stack = intention.stack
         if stack and type(stack[0][PLAN]) is AnsweringPlan:
             return Origin.OTHERS, self._arrival(intention, stack[0][PLAN].mail)
@@ -217,7 +217,7 @@ class Origins:
         return root.origin, (frame[RELEVANT], args, frame[ANNOTS])
 
     def _arrival(self, intention: Intention, mail: Mail) -> tuple[Any, ...]:
-        """The question that an intention answers, as the event of a message that has arrived: any mind handles that."""
+        """Return the question that an intention answers, as the event of its message: any mind handles that."""
         root = self._roots.get(intention.id)
         if root is None:
             args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
@@ -226,6 +226,6 @@ class Origins:
 
 
 def _gives_way(stack: list[Any], event: Event) -> bool:
-    """Whether the only plan of an intention has ended but for a goal of its own kind, which takes its place."""
+    """Return whether the only plan of an intention has ended but for a goal of its own kind, which takes its place."""
     frame = stack[0]
     return len(stack) == 1 and frame[STEP] is None and frame[RELEVANT].tail is event[0].call and not frame[PLAN].special

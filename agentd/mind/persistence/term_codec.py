@@ -298,7 +298,7 @@ class _Reader:
 
 
 def _read_code(kind: str, text: str, file: str, line: int) -> Any:
-    """The syntax of code from its text, with its original position."""
+    """Return the syntax of code from its text, with its original position."""
     source = "\n" * (min(line, MOST_LINES) - 1) + text
     try:
         node = parse_term(source, file) if kind in _IN_BRACES else parse_plan(source, file)
@@ -311,7 +311,7 @@ def _read_code(kind: str, text: str, file: str, line: int) -> Any:
 
 
 def _one_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The one object for annotations that name one source: comparisons look at identity first."""
+    """Return the one object for annotations that name one source: comparisons look at identity first."""
     if annots[0] is SOURCE_SELF:
         return SELF
     (who,) = annots[0].args

@@ -14,7 +14,7 @@ from agentd.mind.state import MindState
 
 
 def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """The frame of the first applicable plan for an event, with its bindings on the trail; nested plans come first.
+    """Return the frame of the first applicable plan, with its bindings on the trail; nested plans come first.
 
     The contexts know the event as the one in hand.
     """
@@ -32,7 +32,7 @@ def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
 
 
 def nested_plans(mind: MindState, relevant: Relevant, intention: Intention | None) -> Iterator[tuple[Plan, Frame]]:
-    """The nested plans that are in sight of an event, each with the frame of the plan around it.
+    """Yield the nested plans that are in sight of an event, each with the frame of the plan around it.
 
     A goal sees the plans nested in the plan that called it, and those around that plan. A belief event of its own sees
     those of every goal that is active.
@@ -47,7 +47,7 @@ def nested_plans(mind: MindState, relevant: Relevant, intention: Intention | Non
 
 
 def candidates(mind: MindState, relevant: Relevant, intention: Intention | None) -> Iterator[tuple[Plan, Frame | None]]:
-    """The plans that are relevant for an event in the order in which they are tried, nested ones with that frame."""
+    """Yield the plans that are relevant for an event as they are tried, nested ones with their outer frame."""
     if mind.plans.has_nested:
         yield from nested_plans(mind, relevant, intention)
     for plan in relevant.plans:
@@ -72,6 +72,6 @@ def _of_frame(
 
 
 def intention_in_hand(mind: MindState) -> Intention | None:
-    """The intention that is running, or whose event is being given a plan."""
+    """Return the intention that is running, or whose event is being given a plan."""
     taken = mind.plans.taken
     return mind.current if taken is None else taken[3]

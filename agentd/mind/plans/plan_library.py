@@ -51,7 +51,7 @@ class Relevant:
         self._others: dict[str, Relevant] = {}
 
     def counterpart(self, operator: str) -> Relevant:
-        """The plans for the same literal with another operator: ``-!g`` for ``+!g``."""
+        """Return the plans for the same literal with another operator: ``-!g`` for ``+!g``."""
         found = self._others.get(operator)
         if found is None:
             found = self._others[operator] = self._library.relevant(operator, self.goal, self.sig)
@@ -160,7 +160,7 @@ class Plan:
             inner.around = {**self.around, **self.slots}
 
     def tracing(self) -> Any:
-        """The form of `select` that returns the reason if it selects nothing."""
+        """Return the form of `select` that returns the reason if it selects nothing."""
         if self._library.compiler.form != "select":
             return self.trace
         if isinstance(self.trace, partial):
@@ -170,7 +170,7 @@ class Plan:
         return self.trace
 
     def fragment(self, body: syntax.Body, values: dict[str, Any], following: Step | None) -> Step | None:
-        """The first step of a body held by a variable, to run in a frame of this plan and lead on to ``following``."""
+        """Return the first step of a body held by a variable, to run in this plan's frame before ``following``."""
         code = compile_fragment(body, self._library.compiler, values, self.slots, self._size)
         self.slots, self._size = code.slots, code.size
         _, steps = self._load(code, following)
@@ -211,7 +211,7 @@ class Plan:
 
 
 def _only_for(trigger: syntax.Trigger) -> tuple[str, str, Signature] | None:
-    """The events that a trigger is for, as `Relevant` names them; None if they are of several signatures."""
+    """Return the events that a trigger is for, as `Relevant` names them; None if they are of several signatures."""
     literal = trigger.literal
     if not isinstance(literal, syntax.Structure) or isinstance(literal.namespace, syntax.Variable):
         return None
@@ -254,11 +254,11 @@ class PlanLibrary:
         """The program's own plans for messages."""
 
     def provide(self, ref: Ref) -> Any:
-        """The plans of a trigger, or the predicate of a signature, for generated code."""
+        """Return the plans of a trigger, or the predicate of a signature, for generated code."""
         return self.relevant(*ref.what) if ref.kind == "relevant" else self._predicate(ref.what)
 
     def relevant(self, operator: str, goal: str, sig: Signature) -> Relevant:
-        """The plans for a trigger; the same object each time."""
+        """Return the plans for a trigger; the same object each time."""
         key = (operator, goal, sig)
         found = self._relevant.get(key)
         if found is None:
@@ -268,7 +268,7 @@ class PlanLibrary:
 
     @staticmethod
     def answers(plan: Plan, relevant: Relevant) -> bool:
-        """Whether a plan's trigger is of this kind."""
+        """Return whether a plan's trigger is of this kind."""
         trigger = plan.syntax.trigger
         if trigger.operator != relevant.operator or trigger.goal != relevant.goal:
             return False
@@ -282,7 +282,7 @@ class PlanLibrary:
         return namespace == relevant.sig.namespace and literal.negated <= relevant.sig.negated
 
     def make(self, node: syntax.Plan, values: dict[str, Any] | None = None) -> Plan:
-        """A plan that is not yet in the library."""
+        """Return a plan that is not yet in the library."""
         return Plan(self, node, self._label(node), values or {})
 
     def make_of_file(self, node: syntax.Plan) -> Plan:
@@ -401,7 +401,7 @@ class PlanLibrary:
 
 
 def _asks_for_intention(formula: Any) -> bool:
-    """Whether a formula looks at intentions."""
+    """Return whether a formula looks at intentions."""
     pending = [formula]
     while pending:
         node = pending.pop()
@@ -412,7 +412,7 @@ def _asks_for_intention(formula: Any) -> bool:
 
 
 def _is_about_sleep(trigger: syntax.Trigger) -> bool:
-    """Whether a plan's trigger is for the events of an agent's sleep (`agentd.mind.mind`)."""
+    """Return whether a plan's trigger is for the events of an agent's sleep (`agentd.mind.mind`)."""
     literal = trigger.literal
     return (
         isinstance(literal, syntax.Structure)

@@ -23,12 +23,12 @@ from agentd.mind.state import MindState
 
 
 def capture(node: Any, values: dict[str, Any]) -> Code:
-    """The term for code in braces, with the variables of the plan that it is linked to."""
+    """Return the term for code in braces, with the variables of the plan that it is linked to."""
     return Code(node, {name: deref(v) for name, v in values.items()})
 
 
 def trigger_literal(code: Code) -> Literal:
-    """The literal of a trigger term; its variables are those of the plan that wrote it."""
+    """Return the literal of a trigger term; its variables are those of the plan that wrote it."""
     literal = instantiate(code.syntax.literal, dict(code.values))
     literal = deref(literal)
     if type(literal) is not Literal:
@@ -54,7 +54,7 @@ DEEPEST_LABEL = 100
 
 
 def is_label(label: object) -> bool:
-    """Whether a plan's label names it (``@[tag]`` and a variable do not)."""
+    """Return whether a plan's label names it (``@[tag]`` and a variable do not)."""
     return isinstance(label, nodes.Structure) and bool(label.functor)
 
 
@@ -102,7 +102,7 @@ def refuse_label(mind: MindState, label: Any) -> None:
 
 
 def _same_plan(mind: MindState, node: nodes.Plan, values: dict[str, Any]) -> Plan | None:
-    """The plan of the library with the same trigger, context and body, whatever its label."""
+    """Return the plan of the library with the same trigger, context and body, whatever its label."""
     plan: Plan
     for plan in mind.plans:
         other = plan.syntax
@@ -137,7 +137,7 @@ def remove_plans(mind: MindState, term: Any, teller: Any) -> None:
 
 
 def read_trigger(term: Term) -> Code:
-    """A trigger term, or the text of one."""
+    """Return a trigger term, or the text of one."""
     term = deref(term)
     if type(term) is str:
         try:
@@ -150,12 +150,12 @@ def read_trigger(term: Term) -> Code:
 
 
 def relevant_plans(mind: MindState, term: Term, told_by: Term | None = None) -> list[Code]:
-    """The plans for a trigger, as terms."""
+    """Return the plans for a trigger, as terms."""
     return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(term))]
 
 
 def plans_for(mind: MindState, trigger: Code) -> list[Plan]:
-    """The plans whose trigger unifies with this one, in order."""
+    """Return the plans whose trigger unifies with this one, in order."""
     node = trigger.syntax
     literal = deref(instantiate(node.literal, dict(trigger.values)))
     if type(literal) is not Literal:
@@ -166,7 +166,7 @@ def plans_for(mind: MindState, trigger: Code) -> list[Plan]:
 
 
 def _asked_fits(asked: Literal, plan: Plan) -> bool:
-    """Whether a trigger that is asked for unifies with that of a plan, which may ask for more annotations."""
+    """Return whether a trigger that is asked for unifies with that of a plan, which may ask for more annotations."""
     trail: Trail = []
     fits = unify(asked, instantiate(plan.syntax.trigger.literal, dict(plan.values)), trail)
     undo(trail, 0)
@@ -174,7 +174,7 @@ def _asked_fits(asked: Literal, plan: Plan) -> bool:
 
 
 def label_of(plan: Plan) -> Literal:
-    """The label of a plan with its sources, and with ``url("file:...")`` if a file holds it."""
+    """Return the label of a plan with its sources, and with ``url("file:...")`` if a file holds it."""
     file = [Literal(_URL, (f"file:{plan.file}",))] if plan.file else []
     return _annotated(plan, *map(source, plan.sources), *file)
 
@@ -187,18 +187,18 @@ def label_with_line(plan: Plan) -> Literal:
 
 
 def _annotated(plan: Plan, *annots: Literal) -> Literal:
-    """The label of a plan with these annotations and its own, except the sources in it."""
+    """Return the label of a plan with these annotations and its own, except the sources in it."""
     own = [a for a in plan.label.annots if not is_source(a)]
     return plan.label.with_annots(sorted_annots((*own, *annots)))
 
 
 def term_of(plan: Plan, told_by: Term | None = None) -> Code:
-    """A plan of the library as a term, with its label; ``told_by`` is its source for another agent."""
+    """Return a plan of the library as a term, with its label; ``told_by`` is its source for another agent."""
     return _labelled(plan, label_of(plan) if told_by is None else _annotated(plan, source(told_by)))
 
 
 def shown_term(plan: Plan) -> Code:
-    """A plan as a term for people: its label has its sources, but not its file."""
+    """Return a plan as a term for people: its label has its sources, but not its file."""
     return _labelled(plan, _annotated(plan, *map(source, plan.sources)))
 
 
