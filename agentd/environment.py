@@ -232,6 +232,7 @@ class PerceptBoard:
             self._own.pop(agent, None)
 
     def add(self, literal: Literal, agent: str | None) -> None:
+        """Add a percept of an agent (None: of all)."""
         with self._lock:
             present = self._held(agent).setdefault(literal.sig, {})
             if literal.args not in present:
@@ -240,6 +241,7 @@ class PerceptBoard:
         self._notify()
 
     def remove(self, literal: Literal, agent: str | None) -> None:
+        """Remove a percept of an agent (None: of all)."""
         with self._lock:
             present = self._held(agent).get(literal.sig)
             if present is not None and present.pop(literal.args, None) is not None:
@@ -247,6 +249,7 @@ class PerceptBoard:
         self._notify()
 
     def replace(self, literal: Literal, agent: str | None) -> None:
+        """Put a percept in the place of all with its name and number of arguments."""
         sig, args = literal.sig, literal.args
         self._lock.acquire()  # with `with` it would take twice as long
         try:
@@ -274,6 +277,7 @@ class PerceptBoard:
             self.on_change()
 
     def clear(self, agent: str | None) -> None:
+        """Remove all percepts of an agent (None: those of all)."""
         with self._lock:
             held = self._held(agent)
             gone = [(sig, args) for sig, group in held.items() for args in group]

@@ -74,6 +74,7 @@ class _Walk:
         self._saves_any = False
 
     def over(self, items: Iterable[nodes.Item]) -> Survey:
+        """Survey the items of a program; return this survey."""
         self._read(items, DEFAULT)
         while self._pending or self._files:
             if self._pending:

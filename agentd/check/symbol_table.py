@@ -27,14 +27,17 @@ class Mention:
 
     @property
     def arity(self) -> int:
+        """The number of arguments."""
         return len(self.literal.args)
 
     @property
     def position(self) -> nodes.Position:
+        """The place of the trigger's literal."""
         return self.literal.position
 
     @property
     def indicator(self) -> tuple[str, int]:
+        """Name and number of arguments."""
         return self.name, self.arity
 
 
@@ -55,6 +58,7 @@ class PlacedPlan:
 
     @property
     def arity(self) -> int:
+        """The number of arguments."""
         literal = self.plan.trigger.literal
         return len(literal.args) if isinstance(literal, nodes.Structure) else 0
 
@@ -79,6 +83,7 @@ class PlacedPlan:
 
     @property
     def indicator(self) -> tuple[str | None, int]:
+        """Name and number of arguments."""
         return self.name, self.arity
 
 

@@ -161,6 +161,7 @@ class _FromWire:
         self._values: dict[str, Any] = {}
 
     def term(self, term: wire.Term) -> Any:
+        """Return the term of the mind for one of the wire."""
         match term:
             case bool():
                 return atom("true" if term else "false")

@@ -173,6 +173,7 @@ class _Parser:
     # --- the file ---
 
     def project(self) -> Project:
+        """Parse the file. Raises `SyntaxErrors`."""
         try:
             found = self._project()
         except _Wrong as wrong:
@@ -350,13 +351,16 @@ class _Parser:
 
     @property
     def token(self) -> Token:
+        """The next token."""
         return self.tokens[self.at]
 
     @property
     def position(self) -> Position:
+        """The place of the next token."""
         return self.source.position(self.token.at)
 
     def is_mark(self, text: str) -> bool:
+        """Return whether the next token is this mark."""
         return self.token.kind == "mark" and self.token.text == text
 
     def at_section_end(self) -> bool:
@@ -366,6 +370,7 @@ class _Parser:
         return self.token.kind == "word" and self.tokens[self.at + 1].text == ":"
 
     def mark(self, text: str, where: str) -> None:
+        """Take this mark; `where` it is needed, for the error."""
         if not self.is_mark(text):
             raise (
                 self.missing(f"a '{text}' is missing {where}")
@@ -375,6 +380,7 @@ class _Parser:
         self.at += 1
 
     def word(self, what: str) -> Named:
+        """Take a word; `what` it is, for the error."""
         if self.token.kind != "word":
             raise self.wrong(f"{what} is missing; found {self.token}")
         found = Named(self.token.text, self.position)
@@ -403,6 +409,7 @@ class _Parser:
         return ClassSpec(name.text, tuple(arguments), name.position)
 
     def wrong(self, message: str) -> _Wrong:
+        """Return an error at the next token."""
         return _Wrong(problem_at(self.source, self.token.at, message))
 
     def missing(self, message: str) -> _Wrong:

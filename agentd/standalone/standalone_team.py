@@ -77,9 +77,11 @@ class VirtualClock(WallClock):
         self._now = 0.0
 
     def now(self) -> float:
+        """Return the virtual time in seconds."""
         return self._now
 
     def pass_time(self, seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
+        """Advance it by `seconds`, without waiting."""
         self._now += max(0.0, seconds)
 
 

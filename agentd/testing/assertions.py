@@ -72,6 +72,7 @@ def equals(mind: MindState, trail: Trail, expected: Any, actual: Any) -> bool:
 
 @internal_action("agentd.test.differs", 2)
 def differs(mind: MindState, trail: Trail, unwanted: Any, actual: Any) -> bool:
+    """Assert that ``==`` does not hold."""
     return _assert(mind, not same(unwanted, actual), f"expected anything but {_shown(unwanted)}")
 
 
@@ -101,16 +102,19 @@ def same_members(mind: MindState, trail: Trail, expected: Any, actual: Any) -> b
 
 @internal_action("agentd.test.greater", 2)
 def greater(mind: MindState, trail: Trail, number: Any, bound: Any) -> bool:
+    """Assert that a number is above a bound."""
     return _compare(mind, f"expected {_shown(number)} > {_shown(bound)}", (bound, number), operator.lt)
 
 
 @internal_action("agentd.test.at_least", 2)
 def at_least(mind: MindState, trail: Trail, number: Any, bound: Any) -> bool:
+    """Assert that a number is not below a bound."""
     return _compare(mind, f"expected {_shown(number)} >= {_shown(bound)}", (bound, number), operator.le)
 
 
 @internal_action("agentd.test.between", 3)
 def between(mind: MindState, trail: Trail, number: Any, lowest: Any, highest: Any) -> bool:
+    """Assert that a number is in a range, its ends included."""
     shown = f"expected {_shown(lowest)} <= {_shown(number)} <= {_shown(highest)}"
     return _compare(mind, shown, (lowest, number, highest), operator.le)
 
@@ -130,11 +134,13 @@ def clock(mind: MindState, trail: Trail, nanoseconds: Any) -> bool:
 
 @internal_action("agentd.test.holds", 1)
 def holds(mind: MindState, trail: Trail, formula: Any) -> bool:
+    """Assert that a formula holds now."""
     return _assert(mind, _follows(mind, formula, trail), f"expected that {_shown(formula)} holds; it does not")
 
 
 @internal_action("agentd.test.fails", 1)
 def fails(mind: MindState, trail: Trail, formula: Any) -> bool:
+    """Assert that a formula does not hold now."""
     return _assert(mind, not _follows(mind, formula, trail), f"expected that {_shown(formula)} does not hold; it does")
 
 
@@ -155,6 +161,7 @@ def contains(mind: MindState, trail: Trail, whole: Any, part: Any) -> bool:
 
 @internal_action("agentd.test.lacks", 2)
 def lacks(mind: MindState, trail: Trail, whole: Any, part: Any) -> bool:
+    """Assert that `contains` does not hold."""
     held = not _has(whole, part, trail)
     return _assert(mind, held, f"expected no {_shown(part)} in {_shown(whole)}; it is there")
 
@@ -185,23 +192,27 @@ def _is_member(term: Any, members: Iterable[Any], trail: Trail) -> bool:
 
 @internal_action("agentd.test.pass", 0)
 def force_pass(mind: MindState, trail: Trail) -> bool:
+    """Count an assertion that holds."""
     return _assert(mind, True, "")
 
 
 @internal_action("agentd.test.fail", 1)
 def force_failure(mind: MindState, trail: Trail, why: Any) -> bool:
+    """Fail the test."""
     reason = deref(why)
     return _assert(mind, False, reason if type(reason) is str else _shown(reason))
 
 
 @internal_action("agentd.test.ended", 0)
 def ended(mind: MindState, trail: Trail) -> bool:
+    """Report that the goal of the test was achieved."""
     _report(mind, TestEnded())
     return True
 
 
 @internal_action("agentd.test.failed", 5)
 def failed(mind: MindState, trail: Trail, error: Any, why: Any, formula: Any, line: Any, file: Any) -> bool:
+    """Report that the goal of the test has failed."""
     reason, number, source = deref(why), deref(line), deref(file)
     _report(
         mind,

@@ -54,6 +54,7 @@ class TestPaths(SourcePaths):
         return found
 
     def find(self, path: str, beside: str) -> str:
+        """Return the path of a file that the program `beside` names. Raises OSError."""
         if beside and Path(path).name in _HARNESS and self._is_of_jason(path, beside):
             return str(OF_JASON)
         return super().find(path, beside)

@@ -70,6 +70,7 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
+        """Whether the test passed."""
         return self.verdict is Verdict.PASSED
 
     @property

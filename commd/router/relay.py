@@ -55,26 +55,31 @@ class End(asyncio.Protocol):
         """Bytes that waited for it then."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin to relay."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         transport.set_write_buffer_limits(WAITING)
         self._connection.made(self)
 
     def data_received(self, data: bytes) -> None:
+        """Pass data to the other end, or look for the ClientHello in it."""
         if self.other is not None:
             self.other.transport.write(data)
         else:
             self._connection.heard(data)
 
     def pause_writing(self) -> None:
+        """Stop to read at the other end: this one is slow."""
         if self.other is not None:
             self.other.transport.pause_reading()
 
     def resume_writing(self) -> None:
+        """Read at the other end again: this one has room."""
         if self.other is not None:
             self.other.transport.resume_reading()
 
     def connection_lost(self, error: Exception | None) -> None:
+        """End the connection."""
         self._connection.lost()
 
 
@@ -98,6 +103,7 @@ class Connection:
         self.ended = False
 
     def made(self, end: End) -> None:
+        """Take an end that is connected; the outer one waits for its ClientHello."""
         if end is self.outside:
             self.address = counted_as(end.transport.get_extra_info("peername"))
             self._admission.came(self)

@@ -53,9 +53,11 @@ class Unit:
         return found
 
     def add(self, function: Function) -> None:
+        """Add a complete function."""
         self._functions.append(function.source())
 
     def source(self) -> str:
+        """Return the code."""
         return "\n".join(self._functions)
 
     def load(self, runtime: dict[str, Any], provide: Callable[[Ref], Any]) -> dict[str, Any]:
@@ -95,10 +97,12 @@ class Function:
         """The number of loops that are open at this point: Python nests no more than 20."""
 
     def local(self, prefix: str = "v") -> str:
+        """Return a new local name."""
         self._locals += 1
         return f"{prefix}{self._locals}"
 
     def emit(self, line: str) -> None:
+        """Write a line."""
         self._lines.append("    " * self.indent + line)
 
     def reserve(self) -> Line:
@@ -107,6 +111,7 @@ class Function:
         return Line(len(self._lines) - 1, self.indent)
 
     def fill(self, line: Line, text: str) -> None:
+        """Write the text of a line that was left open."""
         self._lines[line.number] = "    " * line.indent + text
 
     def uses(self, name: str) -> bool:
@@ -136,6 +141,7 @@ class Function:
         return name
 
     def source(self) -> str:
+        """Return the code."""
         lines = [line for line in self._lines if line is not None]
         if len(lines) == 1:
             lines.append("    pass")
@@ -180,6 +186,7 @@ class PlanCode(Struct):
     plans that are selected without a trace."""
 
     def slot(self, name: str) -> int:
+        """Return the place of a variable in the frame, new for a new one."""
         found = self.slots.get(name)
         if found is None:
             found = self.slots[name] = self.size

@@ -132,6 +132,7 @@ class _Expansion:
         self._local = count(1)
 
     def file(self, program: nodes.Program, namespace: str) -> None:
+        """Add the items of a file and of those that it includes."""
         self.warnings.extend(str(w) for w in program.warnings)
         self.namespaced |= program.scoped or namespace != DEFAULT
         local = local_names(program.items, self._local)
@@ -265,6 +266,7 @@ class Qualifier:
         return replace(literal, namespace=self.default) if namespace == "" else literal
 
     def formula(self, node: Any) -> Any:
+        """Return a formula of the block."""
         match node:
             case nodes.Structure(functor="true" | "false", args=()):
                 return node

@@ -84,6 +84,7 @@ class TermCompiler:
         """Whether free variables inside code in braces are to be linked to those of the plan (a pattern for ``=``)."""
 
     def constant(self, value: Any) -> str:
+        """Return the name of a constant."""
         return self.unit.constant(value)
 
     def build(self, node: nodes.Term, scope: Scope) -> str:
@@ -170,10 +171,12 @@ class TermCompiler:
         return f"Open({plain}, {annots}, {node.negated}, {self.namespace(node.namespace, scope)})"
 
     def new_variable(self, name: str) -> str:
+        """Write a new variable without a value; return its name."""
         depth = f", {self.depth}" if self.depth else ""
         return self.function.assign(f"Var({self.constant(name)}{depth})")
 
     def namespace(self, namespace: str | nodes.Variable | None, scope: Scope) -> str:
+        """Return an expression for a namespace."""
         if namespace is None:
             return "None"
         return self.constant(namespace) if isinstance(namespace, str) else self.build(namespace, scope)

@@ -268,6 +268,7 @@ class FormulaCompiler(MatchCompiler):
         return built
 
     def count(self, query: nodes.Term, scope: Scope) -> str:
+        """Return an expression for the number of solutions of a query."""
         counter = self.function.assign("0", "c")
         self.each(query, scope, lambda _: self.function.emit(f"{counter} += 1"))
         return self.function.assign(f"float({counter})")

@@ -103,6 +103,7 @@ class StepWriter:
         return "None" if number is None else self.unit.constant(Ref("step", number))
 
     def constant(self, value: Any) -> str:
+        """Return the name of a constant."""
         return self.unit.constant(value)
 
     def succeed(self, found: Scope) -> None:

@@ -60,10 +60,12 @@ class ErrorContext:
 
     @cached_property
     def expected(self) -> frozenset[str]:
+        """The types of tokens that could follow."""
         return machine().accepted(self.states)
 
     @property
     def text(self) -> str:
+        """The source."""
         return self.tokens.texts[self.index]
 
     @property
@@ -73,6 +75,7 @@ class ErrorContext:
 
     @property
     def found(self) -> str:
+        """The token at the error as text."""
         return f"'{shown(self.text)}'" if self.text else "the end of the text"
 
     @cached_property

@@ -58,6 +58,7 @@ class Lexicon(Struct, frozen=True):
 
 
 def lexicon(tables: Tables) -> Lexicon:
+    """Return the lexicon of a grammar."""
     operators = "|".join(re.escape(text) for text in sorted(tables.fixed, key=len, reverse=True))
     groups = [f"(?P<{name}>{pattern})" for name, pattern in tables.patterns.items()]
     master = re.compile("|".join([*groups, rf"(?P<{BROKEN}>/\*)|(?P<OP>{operators})"]))

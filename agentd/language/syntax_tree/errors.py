@@ -75,6 +75,7 @@ class SyntaxErrors(ValueError):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
+        """The problems as findings."""
         return tuple(problem.finding for problem in self.problems)
 
 

@@ -93,6 +93,7 @@ class Variable(Node, frozen=True, eq=False):
 
     @property
     def anonymous(self) -> bool:
+        """Whether it is ``_``, or begins with it."""
         return self.name.startswith("_")
 
 
@@ -141,17 +142,23 @@ class Relation(Node, frozen=True, eq=False):
 
 
 class Not(Node, frozen=True, eq=False):
+    """``not F``."""
+
     operand: Term
     position: Position = NOWHERE
 
 
 class And(Node, frozen=True, eq=False):
+    """``F & G``."""
+
     left: Term
     right: Term
     position: Position = NOWHERE
 
 
 class Or(Node, frozen=True, eq=False):
+    """``F | G``."""
+
     left: Term
     right: Term
     position: Position = NOWHERE
@@ -245,12 +252,16 @@ class If(Node, frozen=True, eq=False):
 
 
 class While(Node, frozen=True, eq=False):
+    """``while (F) { ... }``."""
+
     condition: Formula
     body: Body
     position: Position = NOWHERE
 
 
 class For(Node, frozen=True, eq=False):
+    """``for (F) { ... }``."""
+
     condition: Formula
     body: Body
     position: Position = NOWHERE

@@ -26,6 +26,7 @@ class Source:
         return line, offset - starts[line - 1] + 1
 
     def position(self, offset: int) -> Position:
+        """Return line and column of an offset, from 0."""
         return Position(self.file, *self.place(offset))
 
     def line(self, number: int) -> str:

@@ -101,6 +101,7 @@ class List(Shown):
 
     @property
     def head(self) -> Any:
+        """The first element."""
         return self.items[self.at]
 
     def rest(self) -> Any:

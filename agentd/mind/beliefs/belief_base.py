@@ -50,6 +50,7 @@ class RuleClause:
         """Called with mind, trail and the arguments; those not given are None."""
 
     def answers(self, mode: Mode) -> Callable[..., Iterator[tuple[Term, ...]]]:
+        """Return the generator of a rule's answers, compiled on the first call."""
         found = self.modes.get(mode)
         if found is None:
             found = self.modes[mode] = self.compile(self, mode)
@@ -238,6 +239,7 @@ class Predicate:
             _index_entry(index, position, key, entry)
 
     def add_rule(self, rule: RuleClause, last: bool = False) -> None:
+        """Add a rule, in front of the others or `last`."""
         self.rules += 1
         self.plain = False
         self._insert(rule, rule, last)
@@ -270,6 +272,7 @@ class Predicate:
                 entry.modes.clear()
 
     def remove_rule(self, rule: RuleClause) -> None:
+        """Remove a rule."""
         del self.entries[rule]
         self._indexes.clear()
         self.rules -= 1
@@ -370,9 +373,11 @@ class BeliefBase:
         return found
 
     def known(self, sig: Signature) -> Predicate | None:
+        """Return the predicate of a signature, None if nothing has mentioned it."""
         return self._predicates.get(sig)
 
     def predicates(self) -> list[Predicate]:
+        """Return all predicates, in the order in which they were first mentioned."""
         return list(self._predicates.values())
 
     def mark(self, now: float) -> None:

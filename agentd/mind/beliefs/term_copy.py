@@ -37,6 +37,7 @@ def resolve(term: Any) -> Any:
 
 
 def resolve_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Resolve each of the terms; the same tuple if nothing changes."""
     for term in terms:
         kind = type(term)
         if kind is not float and kind is not str and not ((kind is Literal or kind is List) and term.ground):
@@ -140,6 +141,7 @@ class Copier:
         """Whether a free variable was met."""
 
     def copy(self, term: Any) -> Any:
+        """Copy a term; equal variables stay equal."""
         term = deref(term)
         kind = type(term)
         if kind is float or kind is str:

@@ -101,6 +101,7 @@ class SignalRaised(Struct, frozen=True):
 
     @staticmethod
     def named(functor: str, *args: Term) -> SignalRaised:
+        """Make a signal `functor(args)`."""
         return SignalRaised(Literal(signature(functor, len(args)), args))
 
 

@@ -251,6 +251,7 @@ class Library:
         self.rules_of_functions.update(other.rules_of_functions)
 
     def is_function(self, name: str, arity: int) -> bool:
+        """Return whether a function has this name and arity."""
         return self.find_function(name, arity) is not None
 
     def is_own_function(self, name: str, arity: int) -> bool:
@@ -262,6 +263,7 @@ class Library:
         return self._own.get((name, arity)) or find_function(name, arity)
 
     def function(self, name: str, arity: int) -> Callable[..., Any]:
+        """Return the function of this name and arity."""
         found = self.find_function(name, arity)
         if found is None:
             raise KeyError(f"{name}/{arity}")
@@ -272,6 +274,7 @@ class Library:
         return FUNCTIONS.keys() | self._own.keys()
 
     def action(self, name: str, arity: int) -> InternalAction | None:
+        """Return the internal action of this name and arity."""
         return find_action(name, arity)
 
     def unknown_action(self, node: nodes.InternalAction) -> None:

@@ -210,6 +210,7 @@ def take_out(mind: MindState, gone: Collection[Event]) -> None:
 
 
 def drop_desire(mind: MindState, goal: Literal, trail: Trail) -> bool:
+    """Drop a goal that is intended or waits in the queue. Return whether there was one."""
     own = drop_event(mind, goal, trail)
     return drop_intention(mind, goal, trail) or own
 

@@ -59,6 +59,7 @@ class Decision(NamedTuple):
 
     @property
     def relevant(self) -> Relevant:
+        """The plans that were relevant."""
         return self.event[0]
 
     @property

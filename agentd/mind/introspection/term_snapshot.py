@@ -130,6 +130,7 @@ class _Copy:
         self._variables: dict[int, Var] = {}
 
     def of(self, term: Term) -> Any:
+        """Return the snapshot of a term."""
         self._left -= 1
         if self._left < 0:
             return MORE

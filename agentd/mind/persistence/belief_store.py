@@ -117,6 +117,7 @@ class KeptPredicate(Predicate):
     def add_ground(
         self, args: tuple[Term, ...], annots: tuple[Term, ...], last: bool = False
     ) -> tuple[Term, ...] | None:
+        """Add a ground fact and note the change."""
         before = len(self.entries)
         new = super().add_ground(args, annots, last)
         if len(self.entries) != before:
@@ -140,15 +141,18 @@ class KeptPredicate(Predicate):
         self._book.changed[self.ranks[args]] = (self, args)
 
     def remove(self, literal: Literal) -> None:
+        """Remove a fact and note the change."""
         super().remove(literal)
         self._book.forget(self.ranks.pop(literal.args), literal.annots is PERCEPT)
 
     def add_rule(self, rule: RuleClause, last: bool = False) -> None:
+        """Add a rule and note the change."""
         super().add_rule(rule, last)
         rank = self.ranks[rule] = self._book.rank(last)
         self._book.changed[rank] = (self, rule)
 
     def remove_rule(self, rule: RuleClause) -> None:
+        """Remove a rule and note the change."""
         super().remove_rule(rule)
         self._book.rules_gone.append(rule)
         self._book.forget(self.ranks.pop(rule), percept=False)
@@ -174,6 +178,7 @@ class KeptBeliefs(BeliefBase):
         self._mentioned = 0
 
     def predicate(self, sig: Signature) -> Predicate:
+        """Return the predicate of a signature, made if it is missing."""
         found = self._predicates.get(sig)
         if found is None:
             found = self._predicates[sig] = KeptPredicate(sig, self._opened, self._book)

@@ -109,6 +109,7 @@ class _Writer:
         self.changeable = False
 
     def write(self, terms: Iterable[Any]) -> list[Any]:
+        """Return the tokens of terms."""
         out = self._out
         work: list[Any] = list(terms)
         """Terms to be written, the next one last; tuples hold the token that ends a term after its parts, and the term
@@ -230,6 +231,7 @@ class _Reader:
         self.changeable = False
 
     def read(self, tokens: list[Any]) -> list[Any]:
+        """Return the terms of tokens. Raises ValueError for tokens of no term."""
         stack = self._stack
         for token in tokens:
             if type(token) is not list:

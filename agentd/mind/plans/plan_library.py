@@ -59,6 +59,7 @@ class Relevant:
 
     @property
     def text(self) -> str:
+        """Operator and kind of goal: ``+!``."""
         return f"{self.operator}{self.goal}"
 
     def __repr__(self) -> str:
@@ -202,6 +203,7 @@ class Plan:
 
     @property
     def size(self) -> int:
+        """The number of places in its frame."""
         return self._size
 
     @property
