@@ -11,7 +11,6 @@ those that the run had removed. Initial beliefs and goals are those of the first
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from itertools import takewhile
 from typing import Any
@@ -21,7 +20,6 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.source_annotations import SOURCE_SELF
 from agentd.language.terms.terms import Code, Literal, Term, make_list, proper
-from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import Event
 from agentd.mind.execution.program_loading import load_program, register_functions, warn
 from agentd.mind.persistence.belief_store import KeptBeliefs, Tell
@@ -54,7 +52,6 @@ class Keeper:
         self._told: list[str] = []
         self._refused: dict[tuple[str, str, int], Any] = {}
         """Properties of namespaces that cannot be kept and were reported."""
-        self._fed: deque[tuple[Mail, Any]] = deque()
         self._pending: dict[PendingKey, tuple[Any, ...]] = {}
         """The pending events that are kept."""
         self._waiting: set[PendingKey] = set()
@@ -114,13 +111,6 @@ class Keeper:
         """Take the queued events that are written so out of the mind; return how many."""
         return self._origins.drop(event)
 
-    def feed(self, mail: Mail, mark: Any) -> None:
-        """Feed the mind a message; ``mark`` is in `MindChanges.absorbed` once the mind has taken it."""
-        mailbox = self._mind.mailbox
-        self._mind.feed(mail)
-        if mailbox and mailbox[-1] is mail:
-            self._fed.append((mail, mark))
-
     @property
     def dirty(self) -> bool:
         """Whether anything may have changed since `changes` was asked last; it costs nothing to ask.
@@ -144,7 +134,7 @@ class Keeper:
 
         The cost is that of the changes, and a look at each intention and queued event.
         """
-        changes = MindChanges(absorbed=self._absorbed())
+        changes = MindChanges()
         self._beliefs.change(changes, self._cannot)
         self._plans.change(changes, self._cannot)
         self._change_pending(changes)
@@ -156,17 +146,6 @@ class Keeper:
         changes.unkept, self._told = self._told, []
         self._seen = self._state()
         return changes
-
-    def _absorbed(self) -> list[Any]:
-        fed = self._fed
-        if not fed:
-            return []
-        waiting = {id(mail) for mail in self._mind.mailbox}
-        if not waiting:
-            self._fed = deque()
-            return [mark for _, mark in fed]
-        self._fed = deque(item for item in fed if id(item[0]) in waiting)
-        return [mark for mail, mark in fed if id(mail) not in waiting]
 
     def _cannot(self, what: str, why: Exception) -> None:
         self.unkept += 1

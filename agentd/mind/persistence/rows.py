@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from msgspec import Struct, field
 
 Row = tuple[int, bytes]
@@ -29,8 +27,6 @@ class MindChanges(Struct):
     pending_gone: list[PendingKey] = field(default_factory=list)
     values: dict[str, bytes] = field(default_factory=dict)
     """Whatever is kept as a whole, by name, where it is different."""
-    absorbed: list[Any] = field(default_factory=list)
-    """The marks of the messages that the mind has taken, in that order: see `Keeper.feed`."""
     unkept: list[str] = field(default_factory=list)
     """Descriptions of items that cannot be kept, each once. They have no rows; older rows of them are removed."""
 

@@ -63,7 +63,7 @@ class WatchedMind(RuleBasedStateMachine):
 
     @rule(name=names, number=numbers)
     def is_asked_for_something_by_mail(self, name: str, number: int) -> None:
-        self.life.keeper.feed(Mail("ann", "achieve", term(f"{name}({number})"), "mid1"), "mark")
+        self.life.mind.feed(Mail("ann", "achieve", term(f"{name}({number})"), "mid1"))
 
     @rule(kind=moments, number=numbers)
     def perceives(self, kind: Any, number: int) -> None:

@@ -290,30 +290,15 @@ def told_by_ann() -> tuple[Any, ...]:
     return found.annots
 
 
-def test_marks_of_messages_come_back_when_the_mind_has_taken_them_and_not_before() -> None:
+def test_messages_that_an_atomic_plan_keeps_waiting_are_kept_as_events() -> None:
     life = begun("@a[atomic] +!block <- fly. +!go.")
-    life.keeper.feed(told("achieve", "go"), ("ann", 1))
-    assert life.save().absorbed == []
     life.feed(GoalAdded(term("block")))
-    assert life.save().absorbed == [("ann", 1)]
-    life.keeper.feed(told("achieve", "go"), ("ann", 2))
-    life.keeper.feed(told("askOne", "go", msg_id="m1"), ("cid", 1))
-    assert life.save().absorbed == []
+    life.mind.feed(told("achieve", "go"))
+    life.mind.feed(told("askOne", "go", msg_id="m1"))
     life.settle()
-    assert life.save().absorbed == [("ann", 2), ("cid", 1)]
+    life.save()
     asked = '+!kqml_received(ann,askOne,go,"m1")'
-    assert others(life) == ["+!go[source(ann)]", "+!go[source(ann)]", asked], "they wait for the atomic plan"
-    assert life.save().absorbed == []
-
-
-def test_a_message_chosen_out_of_order_is_the_one_that_is_absorbed() -> None:
-    life = begun("+!go(X) <- fly.", select_message=lambda mind, mails: mails[-1])
-    for n in range(3):
-        life.keeper.feed(told("achieve", f"go({n})"), n)
-    life.mind.run(0.0, 1)
-    assert life.save().absorbed == [2]
-    life.settle()
-    assert life.save().absorbed == [0, 1]
+    assert others(life) == ["+!go[source(ann)]", asked], "they wait for the atomic plan"
 
 
 def test_an_event_that_cannot_be_kept_is_reported_and_the_others_are_kept() -> None:
