@@ -22,13 +22,13 @@ from agentd.mind import Mind
 from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
-from agentd.mind.execution.messages import is_answer, told_annots
+from agentd.mind.execution.messages import QUESTIONS, is_answer, told_annots
 from agentd.persistence.poison_inputs import PoisonInputs
 from agentd.runtime.agent_directory import AgentDirectory
 from agentd.runtime.mind_runner import MindRunner
 from agentd.trace import Tracing
 from commd.bus.bus import Bus, boot_id
-from commd.client.receive_once import MessageRefused, Numbered, ReceiveOnce
+from commd.client.receive_once import MessageRefused, Numbered, Progress, ReceiveOnce
 from commd.client.send_mail import Unsendable
 from commd.mail.message import undelivered
 from schemas.mission.access_rules import NOT_ACCEPTED, MailRights
@@ -90,14 +90,9 @@ class AgentInbox(ReceiveOnce):
         """Note that a message which is not from an agent was put into the mind's mailbox."""
         self._waiting.append((_NOBODY, 0, None))
 
-    def is_next(self, whose: Numbered, seq: int) -> bool:
-        """Whether a message is the next of its numbering, and those before are on disk or came by this process."""
-        return self._of(whose).done == seq - 1
-
-    def expect(self, message: NearMessage) -> None:
+    def expect(self, progress: Progress, seq: int) -> None:
         """Note that the next message of a numbering will be handed over by its sender."""
-        progress = self._of(message.whose)
-        progress.arrived = progress.handed = progress.done = message.seq
+        progress.arrived = progress.handed = progress.done = seq
         self.near += 1
 
     def take(self, message: NearMessage) -> None:
@@ -108,7 +103,7 @@ class AgentInbox(ReceiveOnce):
 
     def take_again(self, message: NearMessage, refused: bool) -> None:
         """The same for a message that a former life has left in its row; `refused`: the mind does not get it."""
-        self.expect(message)
+        self.expect(self.of(message.whose), message.seq)
         self._rows = message.number
         self._waiting.append((message.whose, message.seq, message))
         if refused:
@@ -228,15 +223,17 @@ class MailClient:
             receivers = [name for name in self._directory.names if name != self._agent]
         identity = f"{mail.msg_id}.{self._life}"
         far: list[str] = []
-        near: list[tuple[MailClient, NearMessage]] = []
+        near: list[tuple[MailClient, NearMessage, Progress]] = []
         try:
             for receiver in receivers:
                 other = self._neighbours.find(receiver)
-                message = None if other is None else self._near_message(other, receiver, mail, identity)
-                if other is None or message is None:
-                    far.append(receiver)
-                else:
-                    near.append((other, message))
+                if other is not None:
+                    progress = other.inbox.of(self._own)
+                    message = self._near_message(other, progress, receiver, mail, identity)
+                    if message is not None:
+                        near.append((other, message, progress))
+                        continue
+                far.append(receiver)
             if far:
                 self.outbox.post(far, mail.performative, to_wire(mail.content), identity, mail.in_reply_to)
         except (BadTerm, Unsendable) as bad:
@@ -244,27 +241,33 @@ class MailClient:
             failed = Failed(error, f"the message cannot be sent: {bad}")
             self._tracing.refused(mail, failed)
             raise failed from None
-        for other, message in near:
-            other.inbox.expect(message)
+        for other, message, progress in near:
+            other.inbox.expect(progress, message.seq)
             self.outbox.numbers[message.receiver] = message.seq
-        self.held += near
+            self.held.append((other, message))
         self._tracing.sent(mail, receivers)
 
     # --- to and from agents of the same daemon ---
 
-    def _near_message(self, other: MailClient, receiver: str, mail: Mail, identity: str) -> NearMessage | None:
-        """Return a message to an agent of this daemon; None if it has to go by `commd`.
+    def _near_message(
+        self, other: MailClient, progress: Progress, receiver: str, mail: Mail, identity: str
+    ) -> NearMessage | None:
+        """Return a message to an agent of this daemon, which has made `progress` with the mail of this one.
 
-        Raises BadTerm and Unsendable.
+        None if it has to go by `commd`: those before it are not on disk, or it may not be taken. Raises BadTerm and
+        Unsendable.
         """
         answered = mail.in_reply_to
         if answered:
             answered = answered.removesuffix(f".{other._life}")
-        seq = self.outbox.numbers[receiver] + 1
-        if not (other.inbox.is_next(self._own, seq) and other._may_take(self._agent, mail.performative, answered)):
+        seq, content = self.outbox.numbers[receiver] + 1, mail.content
+        if progress.done != seq - 1 or not other._may_take(self._agent, mail.performative, answered):
             return None
-        small = is_small(mail.content)
-        content = detached(mail.content) if small else from_wire(to_wire(mail.content))
+        small = is_small(content)
+        if not small:
+            content = from_wire(to_wire(content))
+        elif mail.performative not in QUESTIONS:  # its receiver copies a question, to solve it
+            content = detached(content)
         given = Mail(self._agent, mail.performative, content, identity, answered)
         message = NearMessage(given, receiver, mail.in_reply_to, self._own, seq)
         if small or len(message.encoded(self._bus.wire, self._bus.stamp())) <= MOST_BYTES:

@@ -64,9 +64,11 @@ class PoisonInputs:
     def __init__(self, folder: Path, look: Callable[[], Held]) -> None:
         """`look` returns the present work; another thread calls it."""
         self._path, self.kept, self._look = folder / FILE, folder / KEPT, look
-        self._since: float | None = None
+        self.since: float | None = None
+        """When the present turn began, as `time.monotonic`; None between turns."""
+        self.written = False
+        """Whether its work is written down, so that `end` is to be called."""
         self._lock = threading.Lock()
-        self._written = False
         self._note = self._read()
         self.poison: Held | None = None
         """The work to set aside that has not come yet."""
@@ -110,27 +112,21 @@ class PoisonInputs:
         except OSError as error:
             log.warning("not kept what=%s why=%s", text_of(what), error.strerror)
 
-    def begin(self) -> None:
-        """Note that a turn begins."""
-        self._since = time.monotonic()
-
     def end(self) -> None:
-        """Note that the turn has ended."""
-        self._since = None
-        if self._written:
-            with self._lock:
-                self._written, self._note.held = False, None
-                self._write()
+        """Take back what was written down of a turn that has ended."""
+        with self._lock:
+            self.written, self._note.held = False, None
+            self._write()
 
     def look(self, now: float) -> None:
         """Write down the work of a turn that is long at ``now``, in monotonic seconds; called on the thread."""
-        since = self._since
+        since = self.since
         if since is None or now - since < LONG:
             return
         held = self._look()
         with self._lock:
-            if self._since == since and held != self._note.held and held != Held():
-                self._written, self._note.held = True, held
+            if self.since == since and held != self._note.held and held != Held():
+                self.written, self._note.held = True, held
                 self._write()
 
     def _read(self) -> _Note:

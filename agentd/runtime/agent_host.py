@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, deque
+from time import monotonic
 from typing import Protocol
 
 from agentd.conversion.log_format import line_of
@@ -246,9 +247,9 @@ class AgentHost:
         """
         mind, clock, control, poison = self._mind, self._clock, self._control, self._poison
         if poison is not None:
-            poison.begin()
+            poison.since = monotonic()
         try:
-            if control.may_reason():
+            if not control.paused or control.may_reason():
                 _busy.add(self)
                 self._carry_out_all(reason(mind, clock, len(_busy), self._tracing.ran))
             else:
@@ -264,7 +265,9 @@ class AgentHost:
             return None if (due := mind.wake_at) is None else max(0.0, clock.to_wall(due - clock.now()))
         finally:
             if poison is not None:
-                poison.end()
+                poison.since = None
+                if poison.written:
+                    poison.end()
 
     def _carry_out_all(self, effects: list[Effect]) -> None:
         self._mind.beliefs.mark(self._mind.now)

@@ -94,9 +94,7 @@ class OperatorControl:
         return max(0.0, self._until - self._clock.wall()) if self.paused else None
 
     def may_reason(self) -> bool:
-        """Return whether the mind is not paused; ends a pause that has timed out."""
-        if not self.paused:
-            return True
+        """End a pause that has timed out. Return whether there was such a one."""
         if self._clock.wall() >= self._until:
             self._go_on_by_itself(f"a pause lasts at most {self._longest:g} s")
         elif len(self._mind.inputs) > MOST_WAITING:

@@ -99,7 +99,8 @@ class ReceiveOnce:
     def _handed_over(self, whose: Numbered, seq: int) -> None:
         """Act on a message that was handed over; seq 0: one without a number."""
 
-    def _of(self, whose: Numbered) -> Progress:
+    def of(self, whose: Numbered) -> Progress:
+        """Return the numbers of a numbering that is used now; the one used longest ago may be forgotten for it."""
         sender, numbering = whose
         numberings = self._progress.get(sender)
         if numberings is None:
@@ -116,7 +117,7 @@ class ReceiveOnce:
     def done(self, numbers: Mapping[Numbered, int]) -> None:
         """Let `commd` have the receipts of all messages up to these numbers."""
         for whose, seq in numbers.items():
-            progress = self._of(whose)
+            progress = self.of(whose)
             progress.done = max(progress.done, seq)
             progress.handed = max(progress.handed, seq)
         if numbers:
@@ -140,7 +141,7 @@ class ReceiveOnce:
         because this answer was lost."""
         for place, message in enumerate(messages):
             whose, seq = Numbered(message.sender, message.header.boot), message.header.seq
-            progress = self._of(whose)
+            progress = self.of(whose)
             try:
                 hand_over = self._read(message)
                 if seq and seq <= progress.handed:

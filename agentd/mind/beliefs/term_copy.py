@@ -271,7 +271,7 @@ def annots_with_tail(annots: tuple[Term, ...], tail: Term) -> tuple[Term, ...]:
 
 def nested_source(annots: tuple[Term, ...], name: str) -> tuple[Term, ...]:
     """Annotations of an agent's message: its sources, except source(self), become annotations of source(name)."""
-    if not annots:
+    if not annots or annots == SELF:
         return SELF if name == "self" else told_by(name)
     others = [a for a in annots if not is_source(a)]
     inner = tuple(a for a in annots if is_source(a) and a != SOURCE_SELF)

@@ -79,6 +79,8 @@ def answer_of(mind: MindState, mail: Mail, found: Term) -> Any:
 # --- answers ---
 
 
+QUESTIONS: Final = frozenset({"askOne", "askIf", "askAll"})
+"""Performatives whose content is copied before it is solved: the message itself stays as it is."""
 MOST_ANSWERS: Final = 10_000
 """Answers that a question solved by formulas or rules gets."""
 _ANSWERING = signature("answer_question")

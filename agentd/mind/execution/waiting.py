@@ -243,7 +243,7 @@ def wrong_answer() -> Failed:
 
 def _credited(answer: Term, name: str) -> Any:
     """Return a literal with the agent that answered as its source, unless that has named itself already."""
-    if type(answer) is not Literal or answer == FALSE:
+    if type(answer) is not Literal or answer == FALSE or answer.annots == told_by(name):
         return answer
     sources = [a.with_annots(()) for a in answer.annots if is_source(a)]
     if sources == list(told_by(name)):
