@@ -10,9 +10,8 @@ import asyncio
 import dataclasses
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from types import MappingProxyType
 
 from msgspec.structs import replace
 
@@ -34,6 +33,8 @@ CAUSE_AFTER = 1.5
 """Wall seconds after which what hinders an action is logged."""
 MAX_RUNNING = 8
 """Actions that may run at a time, over all agents."""
+WAITS = "paused by the operator"
+"""Condition of an action that waits for the end of a pause, for people."""
 BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
 log = logging.getLogger("actions")
 
@@ -171,8 +172,8 @@ class ActionServer:
         if "hold" in self._driver.orders:
             for action in self._running.values():
                 if not action.held and (action.entry.motion or action.entry.confirm in ("armed", "mode")):
-                    interrupted.append(action.execution)
-                    action.execution = _held(action.request.name, action.execution.feedback)
+                    interrupted.append(ran := action.execution)
+                    action.execution = Execution(ran.name, feedback=dict(ran.feedback), waits_for=WAITS)
                     action.held = True
         self._holding = self._driver.pause(interrupted)
         self._tell_all()
@@ -303,7 +304,7 @@ class ActionServer:
             self.on_control()
         deadline = min(float(entry.deadline), request.deadline or math.inf)
         accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
-        until, held = self._pause.elapsed + deadline, _held(request.name)
+        until, held = self._pause.elapsed + deadline, Execution(request.name, waits_for=WAITS)
         action = RunningAction(request, entry, held, until, deadline, accepted, now, arguments, held=True)
         action.followers.append((request.header.source, follower))
         self._running[request.id] = action
@@ -462,8 +463,3 @@ def is_by_hand(agent: str, request: Action) -> bool:
 def _bad(reason: str) -> Outcome:
     """Return the refusal of a request for its content."""
     return Outcome("refused", reason, "request")
-
-
-def _held(name: str, feedback: Mapping[str, float] = MappingProxyType({})) -> Execution:
-    """Return the execution of an action that waits for the end of a pause."""
-    return Execution(name, feedback=dict(feedback), waits_for="paused by the operator")

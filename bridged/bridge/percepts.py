@@ -138,16 +138,32 @@ class PerceptPublisher:
                     self._wake.set()
         self._use(manifest)
         for reading, at in list(self._last.values()):
-            self._read(reading, at, made)
+            self.take(reading, at, made)
 
-    def take(self, reading: Reading) -> None:
-        """Take in a reading of a driver."""
-        now, source = self._clock.now(), (reading.driver, reading.source)
+    def take(self, reading: Reading, at: float | None = None, only: Collection[str] | None = None) -> None:
+        """Take in a reading of a driver, which came now or `at` a mission time: make its percepts, or `only` those."""
+        now, source = self._clock.now() if at is None else at, (reading.driver, reading.source)
         if reading.fields is None:
             self._last.pop(source, None)
         elif source in self._last or len(self._last) < MAX_SOURCES:
             self._last[source] = (reading, now)
-        self._read(reading, now)
+        for name, entry, readers in self._by_source.get(source, ()):
+            if only is not None and name not in only:
+                continue
+            if reading.fields is None:
+                self._withdraw(name)
+                continue
+            try:
+                parameters = tuple([read(reading.fields) for read in readers])
+                if len(_ENCODE(parameters)) > LARGEST:
+                    raise ValueError("too large to be published")
+            except _Absent:
+                if entry.buf == "update" and not entry.key:  # which of several it was is not known
+                    self._withdraw(name)
+            except (KeyError, IndexError, ValueError, TypeError, OverflowError, RecursionError):
+                self.unreadable += 1
+            else:
+                self._believe(name, entry, parameters, now)
 
     def tick(self) -> float:
         """Publish what the rate held back and is due, and remove what has aged.
@@ -190,26 +206,6 @@ class PerceptPublisher:
         for one in self.sets[agent].present():
             if one.name == name and one.parameters[: len(first)] == first:
                 self._send((agent,), name, one.parameters, "remove", tuple(range(len(one.parameters))))
-
-    def _read(self, reading: Reading, now: float, only: Collection[str] | None = None) -> None:
-        """Make the percepts of a reading's source, or `only` those."""
-        for name, entry, readers in self._by_source.get((reading.driver, reading.source), ()):
-            if only is not None and name not in only:
-                continue
-            if reading.fields is None:
-                self._withdraw(name)
-                continue
-            try:
-                parameters = tuple([read(reading.fields) for read in readers])
-                if len(_ENCODE(parameters)) > LARGEST:
-                    raise ValueError("too large to be published")
-            except _Absent:
-                if entry.buf == "update" and not entry.key:  # which of several it was is not known
-                    self._withdraw(name)
-            except (KeyError, IndexError, ValueError, TypeError, OverflowError, RecursionError):
-                self.unreadable += 1
-            else:
-                self._believe(name, entry, parameters, now)
 
     def _believe(self, name: str, entry: PerceptEntry, parameters: Parameters, now: float) -> None:
         if entry.buf == "add":

@@ -308,7 +308,7 @@ def _note_changes(said: list[Said], *, new: bool = False) -> None:
 
 def _heard(message: dialect.MAVLink_message, source: tuple[int, int]) -> dialect.MAVLink_message:
     """The message as a vehicle reads it from the wire."""
-    (read,) = Framer(WireCounters()).feed_datagram(Encoder(*source).pack(message))
+    (read,) = Framer(WireCounters()).feed(Encoder(*source).pack(message), datagram=True)
     return read
 
 

@@ -71,7 +71,7 @@ class Speaker:
                 data, address = self._socket.recvfrom(4096)
                 self._to = self._to or address
                 self.raw.append(data)
-                self.heard += self._framer.feed_datagram(data)
+                self.heard += self._framer.feed(data, datagram=True)
         return self.heard
 
     def kinds(self, *ids: int) -> set[str]:

@@ -134,7 +134,7 @@ class Sky:
         self.bridge.step()
 
     def _reach_vehicle(self, data: bytes) -> None:
-        for message in self._at_vehicle.feed_datagram(data):
+        for message in self._at_vehicle.feed(data, datagram=True):
             self.sent.append(message)
             if any(component.takes(message) for component in self.components):
                 continue  # an autopilot passes on what is for a component that it has heard
@@ -142,7 +142,7 @@ class Sky:
                 self.downlink.extend(self.vehicle.receive(message))
 
     def _reach_bridge(self, data: bytes) -> None:
-        for message in self._at_bridge.feed_datagram(data):
+        for message in self._at_bridge.feed(data, datagram=True):
             if self.we_hear(message):
                 self.driver.receive(message)
 

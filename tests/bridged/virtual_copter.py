@@ -50,13 +50,13 @@ class Station:
 
     def say(self, message: dialect.MAVLink_message) -> list[dialect.MAVLink_message]:
         """Sends a message over the wire; returns what comes back at once."""
-        (heard,) = self._framer.feed_datagram(self._encoder.pack(message))
+        (heard,) = self._framer.feed(self._encoder.pack(message), datagram=True)
         return self._hear(self.vehicle.receive(heard))
 
     def _hear(self, messages: list[dialect.MAVLink_message]) -> list[dialect.MAVLink_message]:
         # What the vehicle sends must be packable: the bytes are what counts.
         packets = b"".join(self._vehicle_encoder.pack(message) for message in messages)
-        read = self._ear.feed_datagram(packets)
+        read = self._ear.feed(packets, datagram=True)
         assert len(read) == len(messages)
         self.heard += read
         return read

@@ -298,7 +298,7 @@ _STREAM = Framer(_COUNTERS)
 
 def _read_packets(data: bytes, _: random.Random) -> None:
     _STREAM.feed(data)
-    _STREAM.feed_datagram(data)
+    _STREAM.feed(data, datagram=True)
     assert len(_STREAM._pending) < 1000, f"{len(_STREAM._pending)} bytes wait"
 
 

@@ -49,8 +49,6 @@ from schemas.wire.terms import Atom
 
 HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
 """Mission seconds between our heartbeats, and how much earlier one may follow the vehicle's own."""
-IDLE_AFTER = (3.0, 1.0)
-"""Mission and wall seconds for which the streams stay full after the last action, disarmed."""
 PATIENCE_AT_START = 3.0
 """Wall seconds after the start without a warning that the vehicle is not heard."""
 HEARTBEAT_LATE = (1.5, 1.5)
@@ -112,7 +110,6 @@ class VehicleSession:
         self._runs: list[ProcedureRun] = []
         self._heartbeat_at = 0.0
         self._listening_since = math.inf
-        self._idle_at = 0.0
         self._mode_before_pause: int | None = None
         self._commanded = False
         """Whether something was asked of the vehicle since the last pause: the mode `hold` is not that pause's."""
@@ -196,7 +193,7 @@ class VehicleSession:
         if self.vehicle.connected and now - self.vehicle.heard_at > self.link_loss:
             self._lost()
         self._look_at_link()
-        self._pace()
+        self.streams.pace(busy=self.vehicle.armed or bool(self._runs), now=now)
         self.commands.tick(now)
         self.streams.tick(now, lambda: self.vehicle.home is not None)
         if self.vehicle.connected:
@@ -225,7 +222,7 @@ class VehicleSession:
             self.flight.velocity.leaving = True
         run.steps = self._when_connected(run)
         self._runs.append(run)
-        self._pace()
+        self.streams.pace(busy=True, now=self.flight.now)
         message, self.flight.message = self.flight.message, None  # an earlier message is not for it
         self._step()
         self.flight.message = message
@@ -385,13 +382,6 @@ class VehicleSession:
         stream.keep(self.flight.now)
         if self.flight.now >= stream.until and not stream.leaving:
             self._stay()
-
-    def _pace(self) -> None:
-        """Request full streams while the vehicle is armed or a procedure runs, and a little longer."""
-        now = self.flight.now
-        if self.vehicle.armed or self._runs:
-            self._idle_at = now + self.flight.wait(*IDLE_AFTER)
-        self.streams.pace(now < self._idle_at, now)
 
     def _when_connected(self, run: ProcedureRun) -> Steps:
         """Begin when the vehicle is heard; what an agent asked before it knew of others does not take it from them."""

@@ -89,24 +89,19 @@ class Framer:
         self._decoder = dialect.MAVLink(None)
         self._pending = bytearray()
 
-    def feed(self, data: bytes) -> list[dialect.MAVLink_message]:
-        """Read bytes of a stream (TCP, serial): packets may be cut anywhere."""
-        self._pending += data
-        return self._packets(ends_here=False)
+    def feed(self, data: bytes, *, datagram: bool = False) -> list[dialect.MAVLink_message]:
+        """Read bytes of a stream (TCP, serial), in which packets may be cut anywhere, or one datagram.
 
-    def feed_datagram(self, data: bytes) -> list[dialect.MAVLink_message]:
-        """Read one datagram. A packet across datagrams is joined, but noise at the end of one never delays the next."""
-        if self._pending and _starts_whole(data):
-            self.counters.skipped_bytes += len(self._pending)
-            self._pending.clear()
-        self._pending += data
-        return self._packets(ends_here=True)
-
-    def _packets(self, *, ends_here: bool) -> list[dialect.MAVLink_message]:
+        A packet across datagrams is joined, but noise at the end of one never delays the next.
+        """
         pending, messages, at = self._pending, [], 0
+        if datagram and pending and _starts_whole(data):
+            self.counters.skipped_bytes += len(pending)
+            pending.clear()
+        pending += data
         false_starts = 0
         while at < len(pending):
-            if ends_here and false_starts >= MAX_FALSE_STARTS:
+            if datagram and false_starts >= MAX_FALSE_STARTS:
                 self.counters.skipped_bytes += len(pending) - at
                 at = len(pending)
                 break
@@ -120,7 +115,7 @@ class Framer:
             packet = pending[at : at + length]
             system, _, number = ids_of(packet)
             if number not in dialect.mavlink_map:
-                if at + length == len(pending) and not ends_here:
+                if at + length == len(pending) and not datagram:
                     break
                 skip = self._pass_over(packet, system, number, pending[at + length : at + length + 1])
                 false_starts += skip == 1

@@ -157,7 +157,7 @@ class Link:
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
         """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link stays up."""
         loop = asyncio.get_running_loop()
-        for message in peer.framer.feed_datagram(data) if datagram else peer.framer.feed(data):
+        for message in peer.framer.feed(data, datagram=datagram):
             peer.heard, peer.heard_at = True, loop.time()
             peer.systems[message.get_srcSystem()] = peer.heard_at
             try:

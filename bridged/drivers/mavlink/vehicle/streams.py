@@ -35,6 +35,8 @@ DEFAULT_RATE = 2.0
 IDLE_RATE = 0.5
 """Hz of wall time at most while the vehicle rests disarmed and nothing is asked of it: whatever the speed, a parked
 robot costs next to nothing."""
+IDLE_AFTER = (3.0, 1.0)
+"""Mission and wall seconds for which the rates stay full after the last action, disarmed."""
 WINDOW = 4.0
 """Mission and wall seconds over which the rate is judged."""
 HOME_EVERY = 5.0
@@ -82,6 +84,7 @@ class Streams:
         self._commands = commands
         self._window = WINDOW * max(1.0, speed)
         self._scale = max(1.0, speed)
+        self._idle_after, self._idle_at = max(IDLE_AFTER[0], IDLE_AFTER[1] * speed), 0.0
         self._autopilot = autopilot
         self._streams = {stream.name: stream for stream in _wanted(manifest, autopilot)}
         self._judge_at = math.inf
@@ -112,11 +115,16 @@ class Streams:
         self._open_window(now)
         self._home_at = now
 
-    def pace(self, at_work: bool, now: float) -> None:
-        """Request the full rates, or the idle ones; now is in mission seconds."""
-        if at_work == self.at_work:
+    def pace(self, *, busy: bool, now: float) -> None:
+        """Request the full rates while the vehicle is `busy` and a little longer, else the idle ones.
+
+        `busy`: it is armed, or something is asked of it; now is in mission seconds.
+        """
+        if busy:
+            self._idle_at = now + self._idle_after
+        if self.at_work == (now < self._idle_at):
             return
-        self.at_work = at_work
+        self.at_work = not self.at_work
         if self._judge_at < math.inf:
             for stream in self._streams.values():
                 if stream.asked != self._rate(stream) and not stream.denied:

@@ -100,7 +100,7 @@ class Field:
                 assert time.monotonic() < until, f"the copter was in {seen}, never in {mode}"
                 say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 with suppress(TimeoutError):
-                    for message in framer.feed_datagram(station.recv(2048)):
+                    for message in framer.feed(station.recv(2048), datagram=True):
                         if message.get_type() == "HEARTBEAT":
                             seen.add(message.custom_mode)
 

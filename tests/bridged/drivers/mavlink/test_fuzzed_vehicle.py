@@ -81,7 +81,7 @@ def test_noise_between_packets_never_stops_the_driver(noise: list[bytes]) -> Non
         sky = Sky(Path(state))
         framer = Framer(WireCounters())
         for lump in noise:
-            for message in framer.feed_datagram(lump):
+            for message in framer.feed(lump, datagram=True):
                 sky.driver.receive(message)
             sky.step()
         sky.forward(lambda: sky.belief("state"), "a heartbeat is heard", 10)

@@ -97,7 +97,7 @@ def test_garbage_stands_between_packets_and_harms_none() -> None:
     heard = 0
     for number in range(1000):
         packet = encoder.pack(dialect.MAVLink_heartbeat_message(2, 3, 81, number, 4, 3))
-        heard += sum(len(framer.feed_datagram(data)) for data in link.carry(packet, number))
+        heard += sum(len(framer.feed(data, datagram=True)) for data in link.carry(packet, number))
     assert heard == 1000
     assert link.counters.garbage > 250
     assert framer.counters.skipped_bytes > 1000
@@ -105,7 +105,7 @@ def test_garbage_stands_between_packets_and_harms_none() -> None:
 
 def command(number: int) -> dialect.MAVLink_message:
     packet = Encoder(255, 190).pack(dialect.MAVLink_command_long_message(1, 1, number, 0, *([0.0] * 7)))
-    (message,) = Framer(WireCounters()).feed_datagram(packet)
+    (message,) = Framer(WireCounters()).feed(packet, datagram=True)
     return message
 
 

@@ -5,6 +5,7 @@ import os
 import pty
 import socket
 import struct
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -110,21 +111,21 @@ def test_a_wrong_checksum_is_counted_and_the_next_packet_is_read() -> None:
     encoder, counters = Encoder(1, 1), WireCounters()
     bad = bytearray(encoder.pack(heartbeat()))
     bad[-1] ^= 0xFF
-    found = list(Framer(counters).feed_datagram(bytes(bad) + encoder.pack(heartbeat())))
+    found = list(Framer(counters).feed(bytes(bad) + encoder.pack(heartbeat()), datagram=True))
     assert (len(found), counters.bad_checksums, counters.packets) == (1, 1, 1)
 
 
 def test_a_packet_cut_by_a_datagram_border_is_joined() -> None:
     framer = Framer(WireCounters())
     packet = Encoder(1, 1).pack(heartbeat())
-    assert not list(framer.feed_datagram(packet[:9]))
-    assert len(list(framer.feed_datagram(packet[9:]))) == 1
+    assert not list(framer.feed(packet[:9], datagram=True))
+    assert len(list(framer.feed(packet[9:], datagram=True))) == 1
 
 
 def test_noise_at_the_end_of_a_datagram_does_not_delay_the_next_one() -> None:
     framer, encoder = Framer(WireCounters()), Encoder(1, 1)
-    assert not list(framer.feed_datagram(b"\xfd\xff\x00"))
-    assert len(list(framer.feed_datagram(encoder.pack(heartbeat())))) == 1
+    assert not list(framer.feed(b"\xfd\xff\x00", datagram=True))
+    assert len(list(framer.feed(encoder.pack(heartbeat()), datagram=True))) == 1
 
 
 @pytest.mark.parametrize("rubbish", [b"\xfe" * 65000, (b"\xfd\xff" + bytes(8)) * 6500])
@@ -132,12 +133,12 @@ def test_a_datagram_full_of_false_starts_costs_a_few_checksums_and_not_the_packe
     counters, encoder = WireCounters(), Encoder(1, 1)
     framer = Framer(counters)
     good = encoder.pack(heartbeat())
-    assert len(framer.feed_datagram(good * 20 + b"\xfe\x01\x00" * 3 + good)) == 21, "a little noise loses nothing"
+    assert len(framer.feed(good * 20 + b"\xfe\x01\x00" * 3 + good, datagram=True)) == 21, "a little noise loses nothing"
     before = counters.bad_checksums
-    assert not framer.feed_datagram(rubbish)
+    assert not framer.feed(rubbish, datagram=True)
     assert counters.bad_checksums - before <= 16
     assert counters.skipped_bytes >= len(rubbish)
-    assert framer.feed_datagram(good)
+    assert framer.feed(good, datagram=True)
 
 
 def test_unknown_message_ids_and_unknown_flags_are_counted_not_delivered() -> None:
@@ -174,7 +175,7 @@ def test_a_mavlink_1_packet_is_read() -> None:
 @given(st.lists(st.binary(max_size=400), max_size=5), st.booleans())
 def test_no_bytes_break_the_framer_and_a_packet_after_them_arrives(noise: list[bytes], datagrams: bool) -> None:
     framer, encoder = Framer(WireCounters()), Encoder(3, 1)
-    feed = framer.feed_datagram if datagrams else framer.feed
+    feed = partial(framer.feed, datagram=datagrams)
     for data in noise:
         list(feed(data))
     # A false start may wait for up to 280 bytes more before it is given up.

@@ -65,7 +65,7 @@ def test_we_verify_what_pymavlink_signs() -> None:
     vehicle, counters = pymavlinks(), WireCounters()
     framer = Framer(counters, signing())
     for _ in range(3):
-        assert [one.get_type() for one in framer.feed_datagram(BEAT.pack(vehicle))] == ["HEARTBEAT"]
+        assert [one.get_type() for one in framer.feed(BEAT.pack(vehicle), datagram=True)] == ["HEARTBEAT"]
     assert (counters.packets, counters.refused) == (3, 0)
 
 

@@ -57,7 +57,7 @@ def messages(draw: st.DrawFn) -> dialect.MAVLink_message:
     payload = bytearray(draw(st.binary(min_size=kind.unpacker.size, max_size=kind.unpacker.size)))
     body = bytes([len(payload), 0, 0, 0, 255, 190]) + kind.id.to_bytes(3, "little") + bytes(payload)
     crc = dialect.x25crc(bytearray(body) + bytes([kind.crc_extra])).crc.to_bytes(2, "little")
-    (message,) = Framer(WireCounters()).feed_datagram(b"\xfd" + body + crc)
+    (message,) = Framer(WireCounters()).feed(b"\xfd" + body + crc, datagram=True)
     if draw(st.booleans()):
         message.target_system = draw(st.sampled_from([0, 1]))
     if kind is CLASSES["PARAM_SET"] and draw(st.booleans()):
@@ -90,13 +90,13 @@ def test_no_messages_break_the_vehicle_and_all_that_it_says_can_be_packed(
 def test_no_bytes_break_the_vehicle(noise: list[bytes]) -> None:
     vehicle, framer, encoder = Vehicle(HOME), Framer(WireCounters()), Encoder(255, 190)
     for data in noise:
-        for message in framer.feed_datagram(data):
+        for message in framer.feed(data, datagram=True):
             vehicle.receive(message)
         vehicle.advance(0.1)
     replies = [
         reply.get_type()
-        for message in framer.feed_datagram(
-            encoder.pack(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+        for message in framer.feed(
+            encoder.pack(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)), datagram=True
         )
         for reply in vehicle.receive(message)
     ]

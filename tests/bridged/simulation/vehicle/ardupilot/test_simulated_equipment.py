@@ -243,7 +243,7 @@ def packet(signing: Signing | None, message: dialect.MAVLink_message) -> bytes:
 def taken(vehicle: Vehicle, channel: int, data: bytes) -> tuple[int, int]:
     """How many packets the vehicle takes on a channel, and how many it refuses."""
     counters = WireCounters()
-    messages = Framer(counters, gate=vehicle.signing_state.gate(channel)).feed_datagram(data)
+    messages = Framer(counters, gate=vehicle.signing_state.gate(channel)).feed(data, datagram=True)
     return len(messages), counters.refused
 
 
@@ -288,7 +288,7 @@ def test_a_key_is_refused_with_motors_on(station: Station) -> None:
 
 
 def heard(vehicle: Vehicle, message: dialect.MAVLink_message, channel: int = 0) -> list[dialect.MAVLink_message]:
-    (read,) = Framer(WireCounters()).feed_datagram(packet(None, message))
+    (read,) = Framer(WireCounters()).feed(packet(None, message), datagram=True)
     return vehicle.receive(read, channel)
 
 
