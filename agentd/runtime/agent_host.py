@@ -142,7 +142,7 @@ class AgentHost:
         self._tracing.follow(self._mind)
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # so that the predicates in it exist before anybody queries it
-        self._runner = MindRunner(bus, self._mind, self._turn)
+        self._runner = MindRunner(bus, self._mind, self._turn, self._read)
         self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing, neighbours)
         self._mind.post_office = self._mailing.send
         self._poison: PoisonInputs | None = None
@@ -156,13 +156,13 @@ class AgentHost:
         self._by_hand: HandPercepts | None = None
         self._action_requests: ActionRequests | None = None
         if part.robot is not None:
-            self._perceiving = PerceptSync(bus, part.name, part.robot, self._perceive, part.inject)
+            self._perceiving = PerceptSync(bus, part.name, part.robot, self._runner.perceive, part.inject)
             watch = BridgePresence(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
             self._action_requests = ActionRequests(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
         else:
-            self._by_hand = by_hand.add(part.name, part.inject, self._perceive)
+            self._by_hand = by_hand.add(part.name, part.inject, self._runner.perceive)
         self._action_client = ActionClient(
             part.name,
             bus.boot,
@@ -385,20 +385,21 @@ class AgentHost:
 
     # --- inputs ---
 
-    def _perceive(self, perception: Perception) -> None:
+    def _read(self, perception: Perception) -> Input | None:
+        """Return a percept as an input of the mind; None, counted and logged, if it has no terms."""
         try:
             literal = perceived(perception)
         except BadTerm as bad:
             self.counters["bad_percepts"] += 1
             log.warning("agent=%s bad_percept name=%s why=%s", self.part.name, perception.name, bad)
-            return
+            return None
         match perception.update:
             case "replace":
-                self._runner.feed(PerceptReplaced(literal, perception.key))
+                return PerceptReplaced(literal, perception.key)
             case "add":
-                self._runner.feed(PerceptAdded(literal))
+                return PerceptAdded(literal)
             case "remove":
-                self._runner.feed(PerceptRemoved(literal, perception.key))
+                return PerceptRemoved(literal, perception.key)
 
     def _bridge_up(self) -> None:
         self._runner.feed(PerceptReplaced(_BRIDGE_UP))

@@ -10,13 +10,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Final, TypeAlias
 
+from agentd.language.syntax_tree.signatures import signature
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input
-from agentd.mind.execution.input_handling import heeds
+from agentd.mind.execution.input_handling import heeds, heeds_percept
 from commd.bus.bus import Bus
 from commd.common.alarm import Alarm
 from commd.common.clock import Clock
+from schemas.wire.records import Perception
 
 SLICE: Final = 500
 """Reasoning cycles in one slice at most; then the event loop gets a turn."""
@@ -24,7 +26,7 @@ LONGEST_SLICE: Final = 0.2
 """Wall seconds of one slice at most. An agent that reports nothing for `agent_silence` is considered hung."""
 BATCH: Final = 8
 """Cycles between two readings of the clock at most. A slice begins with one: heavy work mostly stays heavy."""
-BELIEVED_WITHIN: Final = 0.25
+BELIEVED_WITHIN: Final = 1.0
 """Wall seconds within which a percept that nothing in the mind waits for becomes a belief: it is not worth a turn."""
 MANY: Final = 32
 """Unpublished decisions after which they are handed over within a slice."""
@@ -62,11 +64,18 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
 class MindRunner:
     """Gives one mind its turns: in the pass of the event loop that brings an input, or when a timer is due."""
 
-    def __init__(self, bus: Bus, mind: Mind, turn: Callable[[], float | None]) -> None:
-        """`turn` reasons, and returns the wall seconds until the next turn: 0: immediately, None: at an input only."""
+    def __init__(
+        self, bus: Bus, mind: Mind, turn: Callable[[], float | None], read: Callable[[Perception], Input | None]
+    ) -> None:
+        """`turn` reasons, and returns the wall seconds until the next turn: 0: immediately, None: at an input only.
+
+        `read` makes an input of a percept, None of one that cannot be.
+        """
         self.mind = mind
-        self._bus, self._turn, self._loop = bus, turn, asyncio.get_running_loop()
-        self._timer = WakeupTimer()
+        self._bus, self._reason, self._read, self._loop = bus, turn, read, asyncio.get_running_loop()
+        self._timer = WakeupTimer(self._turn_now)
+        self._newest: dict[tuple[str, int], Perception] = {}
+        """Percepts that nothing in the mind waits for, by name and arity: a newer one takes the place of its like."""
         self._turn_due = False
         """Whether a turn follows as soon as everything that the bus has delivered is taken in."""
         self._finished = self._left = False
@@ -74,8 +83,25 @@ class MindRunner:
         self._broken: BaseException | None = None
         """The error of a turn outside of `run`."""
 
+    def perceive(self, perception: Perception) -> None:
+        """Give the mind a percept; of several that nothing in it waits for, and that have one value, the last one."""
+        like = perception.name, len(perception.parameters)
+        one_value = perception.update == "replace" and not perception.key
+        if one_value and self._timer.asleep and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
+            self._newest[like] = perception
+            self._timer.within_at_most(BELIEVED_WITHIN)
+        elif (item := self._read(perception)) is not None:
+            self.feed(item)
+
+    def _take_newest(self) -> None:
+        newest, self._newest = self._newest, {}
+        for perception in newest.values():
+            if (item := self._read(perception)) is not None:
+                self.mind.feed(item)
+
     def feed(self, item: Input) -> None:
         """Give the mind an input and see that it gets a turn, soon if anything in it may wait for the input."""
+        self._take_newest()
         self.mind.feed(item)
         if self._turn_due:
             return
@@ -90,7 +116,7 @@ class MindRunner:
 
     def catch_up(self) -> None:
         """Let the mind take what it was given, before others look at its beliefs."""
-        if self.mind.inputs and self._timer.asleep and not self._turn_due:
+        if (self._newest or self.mind.inputs) and self._timer.asleep and not self._turn_due:
             self._turn_now()
 
     def wake(self) -> None:
@@ -124,6 +150,10 @@ class MindRunner:
             stopping.cancel()
             self._timer.close()
 
+    def _turn(self) -> float | None:
+        self._take_newest()
+        return self._reason()
+
     def _turn_now(self) -> None:
         """Take a turn in place of the task that sleeps, in the same pass of the event loop as the input."""
         self._turn_due = False
@@ -150,8 +180,10 @@ class MindRunner:
 class WakeupTimer:
     """What one task sleeps on: an event and a timer."""
 
-    def __init__(self) -> None:
+    def __init__(self, ring: Callable[[], None] | None = None) -> None:
+        """`ring` is called when the time is over, in place of waking the task."""
         self._loop = asyncio.get_running_loop()
+        self._on_time = ring or self.set
         self._set = False
         self._sleeper: asyncio.Future[None] | None = None
         self._alarm = Alarm(self._ring)
@@ -212,7 +244,7 @@ class WakeupTimer:
             self._alarm.by(self._due)
             return
         self._due = None
-        self.set()
+        self._on_time()
 
 
 class LagEstimator:

@@ -262,7 +262,7 @@ def _parts(term: Any) -> int:
         for part in term.args:
             if type(part) is str:
                 count += 1 + len(part) // PART_BYTES
-            elif type(part) is not float:
+            elif type(part) is not float and (type(part) is not Literal or part.args or part.annots):
                 break
         else:
             return count  # as most are

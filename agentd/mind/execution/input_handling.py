@@ -66,13 +66,18 @@ def take_inputs(mind: MindState) -> bool:
 
 
 def heeds(mind: MindState, item: Input) -> bool:
-    """Return whether the mind may wait for an input: not for a percept that no plan, condition or wait is for.
+    """Return whether anything of the mind may wait for an input."""
+    return type(item) not in _PERCEPTS or heeds_percept(mind, item.literal.sig)  # type: ignore[union-attr]
 
-    Such a percept becomes a belief whenever the next inputs are taken: nothing in the mind sees the difference.
+
+def heeds_percept(mind: MindState, predicate: Signature) -> bool:
+    """Return whether a plan, a condition or a wait may be for a percept.
+
+    Another one becomes a belief whenever the next inputs are taken: nothing in the mind sees the difference.
     """
-    if type(item) not in _PERCEPTS or mind.conditions or mind.goal_conditions or mind.listeners:
+    if mind.conditions or mind.goal_conditions or mind.listeners:
         return True
-    plans, place = mind.plans, mind.percepts.get(item.literal.sig)  # type: ignore[union-attr]
+    plans, place = mind.plans, mind.percepts.get(predicate)
     return place is None or bool(place.gained.plans or place.lost.plans or plans.has_nested or plans.sleeps)
 
 

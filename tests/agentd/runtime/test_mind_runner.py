@@ -5,14 +5,21 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from agentd.conversion.term_conversion import perceived
+from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
-from agentd.mind.data.inputs import PerceptReplaced, SignalRaised
-from agentd.runtime.mind_runner import LagEstimator, WakeupTimer
+from agentd.mind.data.inputs import Input, PerceptRemoved, PerceptReplaced, SignalRaised
+from agentd.runtime.mind_runner import BELIEVED_WITHIN, LagEstimator, MindRunner, WakeupTimer
+from commd.bus.bus import Bus
+from schemas.wire.records import Perception
 from tests.agentd.hosts import host_on
+from tests.agentd.minds import World, mind_of
 from tests.support.buses import Connect, bus_test, until, virtual_test
 
 
@@ -44,9 +51,9 @@ async def keeps_a_timer_that_is_due_earlier_and_does_not_wake_then(timer: Wakeup
     begun = loop.time()
     sleeping = asyncio.create_task(timer.wait(0.02))
     await asyncio.sleep(0)
-    alarm = timer._alarm
+    running = timer._alarm._timer
     timer.within(0.1)
-    assert timer._alarm is alarm
+    assert timer._alarm._timer is running
     await sleeping
     assert loop.time() - begun == pytest.approx(0.1)
 
@@ -137,6 +144,41 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connec
     await asyncio.sleep(0.05)
     assert agent.host.health().lag == 0
     await agent.end()
+
+
+@virtual_test
+async def test_of_percepts_that_nothing_waits_for_the_mind_is_given_the_newest_before_all_that_follows() -> None:
+    def percept(name: str, number: float, update: Any = "replace", *key: int) -> Perception:
+        return Perception(name=name, parameters=(number,), update=update, key=key)
+
+    def turn() -> None:
+        world.settle()
+
+    def read(one: Perception) -> Input:
+        read_values.append((one.name, one.parameters[0]))
+        literal = perceived(one)
+        return PerceptReplaced(literal) if one.update == "replace" else PerceptRemoved(literal)
+
+    world, read_values = World(mind_of('+mode(_) : height(H) <- .print("at ", H).')), list[tuple[str, object]]()
+    bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
+    runner, stop = MindRunner(bus, world.mind, turn, read), asyncio.Event()
+    running = asyncio.create_task(runner.run(stop))
+    await asyncio.sleep(0)
+    runner.perceive(percept("height", 0.0))  # the first of its kind
+    await asyncio.sleep(0)
+    for number in (1.0, 2.0, 3.0):
+        runner.perceive(percept("height", number))
+    runner.perceive(percept("mode", 1.0))
+    await asyncio.sleep(0)
+    assert (world.prints, read_values) == (["at 3"], [("height", 0.0), ("mode", 1.0), ("height", 3.0)])
+    runner.perceive(percept("height", 4.0))
+    runner.perceive(percept("height", 4.0, "remove", 0))
+    runner.perceive(percept("height", 5.0))
+    await asyncio.sleep(BELIEVED_WITHIN + 0.1)
+    assert [one for name, one in read_values[3:]] == [4.0, 4.0, 5.0]
+    assert world.mind.query(parse_formula("height(5)"))
+    stop.set()
+    await running
 
 
 def seen(number: int) -> PerceptReplaced:
