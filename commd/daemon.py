@@ -35,7 +35,7 @@ from commd.process.state_dir import state_directory
 from commd.process.systemd import Loop, Member, Unit
 from commd.router import config as router_config
 from commd.router.admission import Admission, open_admission
-from commd.router.link_monitor import open_links
+from commd.router.link_monitor import Links
 from commd.router.link_watchdog import open_link_watchdog
 from commd.router.self_check import SelfCheck
 from commd.router.tls_rejections import hear_refusals
@@ -185,11 +185,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         health = asyncio.create_task(report_health(bus, board, clock, details))
         turning = asyncio.create_task(turn(bus, unit.loop()))
         stopping = asyncio.create_task(stop.wait())
-        work: dict[asyncio.Task[None], str] = {
-            health: "the router",
-            turning: "the watch over the router",
-            **parts.work,
-        }
+        work = {health: "the router", turning: "the watch over the router", **parts.work}
         await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
         broken = [task for task in work if task.done()]
         for task in broken:
@@ -231,7 +227,8 @@ async def open_parts(
         parts.add("admission", router.admission.health)
     if router.mode == "router":
         if router.tls is not None:
-            links = await enter(open_links(bus, mission, board, router.tls, router.most_links))
+            links = Links(bus, mission, board, router.tls, most=router.most_links)
+            stack.callback(asyncio.create_task(links.watch()).cancel)
             parts.add("the links", links.health)
         watchdog = await enter(open_link_watchdog(bus, [other for other in mission.boards if other != board]))
         parts.add("the watch over the links", watchdog.health, [watchdog.running])
@@ -248,11 +245,7 @@ def publish_mission(bus: Bus, board: str, mission: Mission) -> None:
     def answer(query: Query[RunningMission]) -> None:
         query.reply(RunningMission(header=bus.header("mission"), file=mission.path.name, text=mission.text), key)
 
-    bus.serve(
-        key,
-        RunningMission,
-        answer,
-    )
+    bus.serve(key, RunningMission, answer)
 
 
 async def turn(bus: Bus, loop: Loop) -> None:

@@ -11,37 +11,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from commd.client.client import (
-        Client,
-        MailboxFull,
-        NotJoined,
-        NotSent,
-        SendTimeout,
-        TooLarge,
-        Unanswered,
-        UnknownReceiver,
-        join,
-        parse,
-        write,
-    )
-
-__all__ = [
-    "Client",
-    "MailboxFull",
-    "NotJoined",
-    "NotSent",
-    "SendTimeout",
-    "TooLarge",
-    "Unanswered",
-    "UnknownReceiver",
-    "join",
-    "parse",
-    "write",
-]
+    from commd.client.client import *  # noqa: F403
 
 
 def __getattr__(name: str) -> Any:
     """Import the public names when they are first used: agentd needs only some of the parts."""
-    if name in __all__:
+    if not name.startswith("_"):
         return getattr(import_module("commd.client.client"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

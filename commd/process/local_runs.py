@@ -64,7 +64,7 @@ def starting(router: str, waits: Callable[[], None], patience: float = START_PAT
         return
     with file:
         until, reported = time.monotonic() + patience, False
-        while not _locks(file.fileno()):
+        while not _locks(file.fileno(), fcntl.LOCK_EX):
             if not reported:
                 reported = True
                 waits()
@@ -79,7 +79,7 @@ def local_runs(fleet: str = "") -> list[LocalRun]:
     found = []
     for path in sorted(_folder().glob("*.json")):
         with suppress(OSError, msgspec.DecodeError), path.open("rb") as file:
-            if path.stat().st_uid == os.getuid() and not _is_stale(file.fileno()):
+            if path.stat().st_uid == os.getuid() and not _locks(file.fileno(), fcntl.LOCK_SH):  # its process lives
                 found.append(msgspec.json.decode(file.read(), type=LocalRun))
     return [run for run in found if run.network == _network() and fleet in ("", run.fleet)]
 
@@ -97,18 +97,10 @@ def router_of(fleet: str, otherwise: str) -> str:
     return next(iter(routers), otherwise)
 
 
-def _locks(file: int) -> bool:
+def _locks(file: int, kind: int) -> bool:
+    """Lock a file. Returns False if another process holds it."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _is_stale(file: int) -> bool:
-    """Return whether nobody holds the lock: the run was killed."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

@@ -8,8 +8,6 @@ import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 
 from commd.bus.bus import Bus
 from commd.bus.connect_diagnosis import why_not
@@ -133,14 +131,3 @@ def dates(tls: Tls, now: float) -> tuple[str, bool]:
     if identity.ends - now > SOON:
         return "", False
     return f"the certificate of {identity.name} ends on {day(identity.ends)}: `argosy keys renew` makes another", False
-
-
-@asynccontextmanager
-async def open_links(bus: Bus, mission: Mission, board: str, tls: Tls, most: int | None) -> AsyncIterator[Links]:
-    """Monitor the links of a board until the end; `most` as in `Links`."""
-    links = Links(bus, mission, board, tls, most=most)
-    watching = asyncio.create_task(links.watch())
-    try:
-        yield links
-    finally:
-        watching.cancel()

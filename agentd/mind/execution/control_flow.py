@@ -41,14 +41,21 @@ class Fork:
             copy[place] = fresh.setdefault(cell, Var(cell.name))
         return copy
 
-    def ended(self, mind: MindState, branch: Intention, frame: Frame) -> None:
-        """End a branch at its join. The parent continues with the variables of the last branch that counted."""
-        self.branches.remove(branch)
-        if self.all_needed and self.branches:
-            return
+    def _is_over(self, mind: MindState, branch: Intention, waits: bool) -> bool:
+        """Take a branch out; return False if the fork `waits` for others, else drop these."""
+        if branch in self.branches:
+            self.branches.remove(branch)
+        if waits and self.branches:
+            return False
         for other in list(self.branches):
             drop(mind, other)
         self.branches.clear()
+        return True
+
+    def ended(self, mind: MindState, branch: Intention, frame: Frame) -> None:
+        """End a branch at its join. The parent continues with the variables of the last branch that counted."""
+        if not self._is_over(mind, branch, self.all_needed):
+            return
         self.frame[VARIABLES:] = frame[VARIABLES:]
         for place, variable in self._free:
             unify(variable, frame[place], self.parent.trail)
@@ -61,13 +68,8 @@ class Fork:
         When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule
         82), but not without a word.
         """
-        if branch in self.branches:
-            self.branches.remove(branch)
-        if not self.all_needed and self.branches:
+        if not self._is_over(mind, branch, not self.all_needed):
             return
-        for other in list(self.branches):
-            drop(mind, other)
-        self.branches.clear()
         if self.all_needed:
             fail_parent(mind, self.parent, extra, where, failure)
             return
