@@ -127,7 +127,7 @@ class Drops:
         return Log("warning", text if logged is None else f"{text} ({count} so far)")
 
     def unlogged(self, now: float) -> list[Log]:
-        """Return the totals that grew since they were logged last: for the end of a run, at ``now``."""
+        """Return the totals that grew since they were logged last: for a run's end, at ``now`` in mission seconds."""
         left = {kind: count for kind, count in self.counts.items() if count > self._logged[kind][0]}
         self._logged.update((kind, (count, now)) for kind, count in left.items())
         return [Log("warning", f"{count} {kind} were dropped in all") for kind, count in left.items()]

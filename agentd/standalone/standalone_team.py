@@ -398,10 +398,9 @@ class Team:
         try:
             self._check(path)
             Path(path).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise TeamRequestRefused("unknown", f"cannot write {path}: {error.strerror or error}") from error
-        except ValueError as error:  # an invalid file name, or text that UTF-8 cannot encode
-            raise TeamRequestRefused("unknown", f"cannot write {path}: {error}") from error
+        except (OSError, ValueError) as error:  # ValueError: an invalid name, or text that UTF-8 cannot encode
+            why = getattr(error, "strerror", None) or error
+            raise TeamRequestRefused("unknown", f"cannot write {path}: {why}") from error
         return EMPTY
 
     def _do_list_files(self, mind: Mind, folder: str, pattern: str) -> Any:

@@ -45,12 +45,12 @@ class Presence:
         self._router_up = True
 
     def expect(self, agent: str, wall: float) -> None:
-        """Expect an agent that was present before this process started: it counts as absent, and may be lost."""
+        """Expect an agent that was here before this process: from `wall` seconds on it is absent, and may be lost."""
         if self._watches(agent):
             self._absent_since[agent], self._expected[agent] = wall, wall + ROUTER_GRACE
 
     def token(self, agent: str, boot: str, alive: bool, wall: float) -> None:
-        """Note that a token of an agent appeared or ended."""
+        """Note that a token of an agent appeared or ended at `wall` seconds."""
         if not self._watches(agent):
             return
         tokens = self._tokens.get(agent)
@@ -76,7 +76,7 @@ class Presence:
             self._board_since[board] = wall
 
     def router(self, up: bool, wall: float) -> None:
-        """Note that the connection to our own router was made or lost."""
+        """Note that the connection to our own router was made or lost at `wall` seconds."""
         if up != self._router_up:
             self._router_up, self._router_since = up, wall
             if up:
@@ -89,7 +89,7 @@ class Presence:
                 known.pop(agent, None)
 
     def lost(self, wall: float) -> dict[str, str]:
-        """Return the lost agents, each with the reason for people."""
+        """Return the agents that are lost at `wall` seconds, each with the reason for people."""
         if not self._router_up and wall >= self._router_since + BUS_GRACE:
             for agent in sorted(self.known() - set(self._lost)):
                 self._lost[agent] = f"no router for {wall - self._router_since:.0f} s"
@@ -167,7 +167,7 @@ class Silence:
         self._looked = float("inf")
 
     def token(self, name: str, boot: str, alive: bool, wall: float) -> None:
-        """Note that the token of a daemon appeared or ended."""
+        """Note that the token of a daemon appeared or ended at `wall` seconds."""
         if not alive:
             self._until.pop((name, boot), None)
             return
@@ -177,7 +177,7 @@ class Silence:
             self._hung.pop(name, None)
 
     def word(self, name: str, boot: str, wall: float) -> None:
-        """Note a health record."""
+        """Note a health record that arrived at `wall` seconds."""
         if (name, boot) in self._until:
             self._until[name, boot], self._spoke[name] = wall + self.patience, boot
             self._hung.pop(name, None)

@@ -84,7 +84,7 @@ class ErrorContext:
         return sign_at(self.source.text, self.tokens.starts[self.index]) if self.text[:1] in SIGN_CHARACTERS else ""
 
     def adjoins(self, index: int) -> bool:
-        """Return whether there is no blank between a token and the one before it."""
+        """Return whether there is no blank between the token at ``index`` and the one before it."""
         starts = self.tokens.starts
         return index > 0 and starts[index] == starts[index - 1] + len(self.tokens.texts[index - 1])
 
@@ -167,7 +167,7 @@ class ErrorContext:
         return begins_item or self._begins_plan(index + 1)
 
     def ends_gap(self, index: int, gap: str) -> bool:
-        """Return whether the ``..`` or ``...`` of a pattern reaches no further back than a token."""
+        """Return whether the ``..`` or ``...`` of a pattern reaches no further back than the token at ``index``."""
         if gap == ".." and (index in self.tokens.first_in_line or self.tokens.texts[index] == "<-"):
             return True
         return self.tokens.types[index] == "_END"

@@ -60,7 +60,7 @@ _QUOTES: Final = dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"') | dict.fro
 
 
 def broken(source: Source, at: int) -> Broken:
-    """Return what is wrong at an offset where no token begins."""
+    """Return what is wrong at offset ``at``, an index of the text, where no token begins."""
     text = source.text
     character = text[at]
     if character == '"':

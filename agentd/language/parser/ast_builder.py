@@ -330,7 +330,7 @@ class _BlockDepths:
         self.note(at, body, [block for formula in body.formulas for block in _blocks(formula)])
 
     def note(self, at: int, owner: nodes.Body | nodes.Plan, blocks: Sequence[nodes.Body | nodes.Plan]) -> None:
-        """Something with these blocks in it has been read. It is refused once, where it becomes too deep."""
+        """Note that something with these blocks has been read. It is refused once, where it becomes too deep."""
         depth = 1 + max((self._depths.get(id(block), 0) for block in blocks), default=-1)
         if depth == MOST_BLOCKS + 1:
             self.refuse(at)

@@ -171,7 +171,7 @@ def _recogniser() -> _Recogniser:
     head = f"(?:{quoted}|(?!(?:{'|'.join(tables.keywords)}){ends}){name})"
 
     def several(depth: int) -> str:
-        """One or more terms between brackets: after each there is a comma and another term, or the closing bracket."""
+        """Return the pattern of terms between brackets: after each a comma and another one, or the closing bracket."""
         one = f"{number}|{string}|{word}"
         if depth:
             inner = several(depth - 1)

@@ -80,7 +80,7 @@ class SyntaxErrors(ValueError):
 
 
 def problem_at(source: Source, offset: int, message: str) -> Problem:
-    """Return an error at an offset of a source."""
+    """Return an error at ``offset``, an index of the source's text."""
     return problem_on(source, *source.place(offset), message)
 
 

@@ -69,7 +69,7 @@ class _Book:
         marks.append((self._newest, now))
 
     def since(self, rank: int) -> float | None:
-        """By when an entry was added; None if it was restored or is not marked yet."""
+        """Return by when (mission seconds) an entry was added; None if it was restored or is not marked yet."""
         marks = self._marks
         if not marks[0][0] < rank <= marks[-1][0]:
             return None
