@@ -87,7 +87,9 @@ class MindRunner:
         """Give the mind a percept; of several that nothing in it waits for, and that have one value, the last one."""
         like = perception.name, len(perception.parameters)
         one_value = perception.update == "replace" and not perception.key
-        if one_value and self._timer.asleep and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
+        if one_value and like in self._newest:
+            self._newest[like] = perception
+        elif one_value and self._timer.asleep and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
             self._newest[like] = perception
             self._timer.within_at_most(BELIEVED_WITHIN)
         elif (item := self._read(perception)) is not None:

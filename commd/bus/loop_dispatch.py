@@ -11,7 +11,6 @@ import ctypes
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from itertools import count
 from threading import get_ident
 from time import monotonic
 from typing import Any, Final
@@ -124,23 +123,25 @@ class LoopDispatch:
             self.loop.call_soon(handler)
 
     def _run(self) -> None:
-        self._called = False  # before the queue is read: whoever puts something now calls again
-        self._running = True
-        until = monotonic() + TURN
-        try:
-            for number in count():
-                if not self._waiting or (number >= AT_ONCE and monotonic() >= until):
-                    break
+        number, until = 0, monotonic() + TURN
+        while True:
+            self._running = True
+            while self._waiting and (number < AT_ONCE or monotonic() < until):
+                number += 1
                 function, items = self._waiting.popleft()
                 self.call(function, items.popleft())
-        finally:
             self._running = False
-            if self._waiting and not self._called:
-                self._called = True
-                self.loop.call_soon(self._run)
             later, self._later = self._later, []
             for handler in later:
                 self.call(handler)
+            if not self._waiting:
+                self._called = False  # before the last look: whoever puts something now calls again
+                if not self._waiting:
+                    return
+                self._called = True
+            if monotonic() >= until:  # what came meanwhile has its turn behind the rest of the loop
+                self.loop.call_soon(self._run)
+                return
 
     def call(self, function: Callable[..., None], *args: Any) -> None:
         """Call a function; an error in it does not keep the others from being called."""

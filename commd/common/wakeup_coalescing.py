@@ -36,22 +36,23 @@ class _Selector(selectors.DefaultSelector):
         ended = time.monotonic()
         if ended - self._kept_since >= LAG_KEPT:
             self._late, self._late_before, self._kept_since = 0.0, self._late, ended
-        found = self._wait(ended, timeout)
-        now = time.monotonic()
-        self._late = max(self._late, ended - self._began, 0.0 if timeout is None else now - ended - timeout)
-        self._began = now
+        late = ended - self._began
+        found = self._wait(timeout, self.blind_until - ended) if self.blind_until > ended else super().select(timeout)
+        self._began = time.monotonic()
+        if timeout is not None:
+            late = max(late, self._began - ended - timeout)
+        if late > self._late:
+            self._late = late
         return found
 
-    def _wait(self, now: float, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
-        pause = self.blind_until - now
-        if pause > 0:
-            if timeout is not None and timeout <= pause:
-                if timeout > 0:
-                    time.sleep(timeout)
-                return []
-            time.sleep(pause)
-            timeout = None if timeout is None else timeout - pause
-        return super().select(timeout)
+    def _wait(self, timeout: float | None, pause: float) -> list[tuple[selectors.SelectorKey, int]]:
+        """Wait for `pause` wall seconds without looking, then for input."""
+        if timeout is not None and timeout <= pause:
+            if timeout > 0:
+                time.sleep(timeout)
+            return []
+        time.sleep(pause)
+        return super().select(None if timeout is None else timeout - pause)
 
 
 class CoalescingLoop(asyncio.SelectorEventLoop):

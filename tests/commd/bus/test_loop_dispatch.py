@@ -145,3 +145,27 @@ async def test_a_thread_of_zenohs_has_one_state_in_the_interpreter_for_all_its_c
         await until(lambda so_far=number: len(calls) > so_far, "it has arrived")  # type: ignore[misc]
     assert max(calls) >= 50 / module.KEPT
     assert len(module._kept) <= module.KEPT
+
+
+def test_what_arrives_during_a_turn_is_handed_over_in_the_same_pass_unless_the_turn_was_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    passed = [0.0]
+    monkeypatch.setattr(module, "monotonic", lambda: passed[0])
+
+    async def main(takes: float) -> list[Any]:
+        loop, heard = asyncio.get_running_loop(), list[Any]()
+        handover = LoopDispatch(loop, Counter())
+
+        def turn() -> None:
+            passed[0] += takes
+            handover.put(heard.append, "meanwhile")
+
+        handover.put(lambda _: handover.afterwards(turn), None)
+        loop.call_soon(heard.append, "another")
+        while len(heard) < 2:
+            await asyncio.sleep(0)
+        return heard
+
+    assert asyncio.run(main(TURN / 2)) == ["meanwhile", "another"]
+    assert asyncio.run(main(2 * TURN)) == ["another", "meanwhile"]
