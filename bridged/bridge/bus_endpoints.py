@@ -128,7 +128,7 @@ class Service:
         name = query.key.rpartition("/")[2]
         following = _Following(query, self.put_percepts)
         self._bridge.action_server.ask(agent, name, query.record, following.hear, inject=self._inject)
-        return following.to_its_end()
+        return following.ended.result() if following.ended.done() else following.wait()
 
     def _describe(self, agent: str, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
@@ -206,30 +206,24 @@ class _Following:
     def __init__(self, query: Query[Action], put_percepts: Callable[[], None]) -> None:
         """`put_percepts` puts those that a status refers to."""
         self._query, self._put_percepts = query, put_percepts
-        self._ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        """Done when the action has ended; its exception is what was wrong with a status."""
 
     def hear(self, status: ActionStatus | None) -> None:
         """Take in a status; None: a newer query takes the place. Never raises."""
-        if self._ended.done():
+        if self.ended.done():
             return
         try:
             if status is not None:
                 self._put_percepts()
                 self._query.reply(status)
             if status is None or status.final:
-                self._ended.set_result(None)
+                self.ended.set_result(None)
         except Exception as error:  # a status that cannot be sent must not fail its publisher
-            self._ended.set_exception(error)
+            self.ended.set_exception(error)
 
-    def to_its_end(self) -> Coroutine[Any, Any, None] | None:
-        """Return the wait for the end of the action, None if it has ended. Raises what was wrong with a status."""
-        if self._ended.done():
-            self._ended.result()
-            return None
-        return self._wait()
-
-    async def _wait(self) -> None:
-        """Wait for the end, for `FOLLOW_AT_MOST` at most."""
+    async def wait(self) -> None:
+        """Wait for the end of the action, for `FOLLOW_AT_MOST` at most. Raises what was wrong with a status."""
         with suppress(TimeoutError):
             async with asyncio.timeout(FOLLOW_AT_MOST):
-                await self._ended
+                await self.ended

@@ -75,7 +75,7 @@ class Codec(Generic[R]):
         if len(payload) > MAX_BYTES:
             raise BadRecord(f"{name}: {len(payload)} bytes, expected at most {MAX_BYTES}")
         try:
-            if self._wire(encoding) == "json":
+            if (self._wires.get(encoding) or self._wire(encoding)) == "json":
                 return self._json.decode(payload)
             return self._msgpack.decode(payload)
         except msgspec.MsgspecError as error:
@@ -87,15 +87,15 @@ class Codec(Generic[R]):
 
     def unknown_fields(self, payload: bytes, encoding: str = "") -> list[str]:
         """Return the top-level fields of a decodable payload that this version does not know."""
-        probe = self._probe if self._wire(encoding) == "json" else self._probe_msgpack
+        json = (self._wires.get(encoding) or self._wire(encoding)) == "json"
+        probe = self._probe if json else self._probe_msgpack
         try:
             return sorted(set(probe.decode(payload)) - self._known)
         except UnicodeDecodeError:  # in a field name, which decoding ignored
             return ["\ufffd"]
 
     def _wire(self, encoding: str) -> Wire:
-        if wire := self._wires.get(encoding):
-            return wire
+        """Return the wire of an encoding that is not one of ours. Raises BadRecord if it names another record."""
         name = self.record.__name__
         media, _, schema = encoding.partition(";")
         if schema.startswith("argosy."):
