@@ -250,15 +250,12 @@ class Tracing:
     def _put_activity(self) -> None:
         events, left_out = self.activity.take()
         if events or left_out:
-            record = MindActivity(
-                header=self._header("activity"),
-                agent=self._agent,
-                events=events,
-                left_out=left_out,
-                now=self._clock.now(),
-                speed=self._clock.speed,
-            )
-            self._bus.put(self._keys["activity"], record)
+            self._put_record("activity", MindActivity(agent=self._agent, events=events, left_out=left_out))
+
+    def _put_record(self, channel: Channel, record: MindActivity | MindDecisions) -> None:
+        now, speed = self._clock.now(), self._clock.speed
+        made = msgspec.structs.replace(record, header=self._header(channel), now=now, speed=speed)
+        self._bus.put(self._keys[channel], made)
 
     def _put_decisions(self) -> None:
         mind, recorder = self._mind, self._mind.recorder
@@ -271,16 +268,8 @@ class Tracing:
         if not shown:
             return
         decisions, failures = decisions_of(mind, Look(last=shown))
-        record = MindDecisions(
-            header=self._header("decisions"),
-            agent=self._agent,
-            decisions=decisions,
-            failures=failures,
-            left_out=left_out,
-            now=self._clock.now(),
-            speed=self._clock.speed,
-        )
-        self._bus.put(self._keys["decisions"], record)
+        record = MindDecisions(agent=self._agent, decisions=decisions, failures=failures, left_out=left_out)
+        self._put_record("decisions", record)
         self._per_view += 0.2 * ((perf_counter() - begin) / shown - self._per_view)
 
     async def _answer_since_start(self, query: Query[MindInputs]) -> None:
