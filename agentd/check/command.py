@@ -9,30 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from agentd.check import rules_actions, rules_events, rules_loops, rules_variables
 from agentd.check.external_knowledge import Arities, Elsewhere, look_for_packages, standard_library
 from agentd.check.finding_kinds import Kind
 from agentd.check.programs import Surveyed, read_subjects
-from agentd.check.rules_actions import (
-    action_types,
-    directives_as_beliefs,
-    external_actions,
-    formulas_as_actions,
-    internal_actions,
-    undotted_internal_actions,
-    unknown_performatives,
-    wrong_directives,
-)
-from agentd.check.rules_events import (
-    beliefs_never_added,
-    duplicate_labels,
-    events_never_perceived,
-    goals_without_plans,
-    shadowed_plans,
-    unused_belief_plans,
-    unused_plans,
-)
-from agentd.check.rules_loops import busy_loops, endless_asks
-from agentd.check.rules_variables import named_variables, singletons, unbound_variables
 from agentd.process import loading_notice
 from agentd.runtime.program_paths import SourcePaths, read_folders
 from agentd.standalone.command import add_path_argument
@@ -67,36 +47,36 @@ def findings_of(surveyed: Surveyed, robot: Robot, elsewhere: Elsewhere) -> list[
     unusable = look_for_packages(found)
     internal, functions = standard_library()
     findings = list(surveyed.findings)
-    findings += internal_actions(found, internal, functions, unusable)
+    findings += rules_actions.internal_actions(found, internal, functions, unusable)
     if robot.actions is not None:
-        findings += external_actions(found, robot.actions, internal)
-        findings += action_types(found, robot.parameters, robot.values)
+        findings += rules_actions.external_actions(found, robot.actions, internal)
+        findings += rules_actions.action_types(found, robot.parameters, robot.values)
     else:
-        findings += undotted_internal_actions(found, internal)
+        findings += rules_actions.undotted_internal_actions(found, internal)
     if robot.percepts is not None:
-        findings += events_never_perceived(found, robot.percepts, elsewhere)
+        findings += rules_events.events_never_perceived(found, robot.percepts, elsewhere)
     else:
-        findings += unused_belief_plans(found, elsewhere)
-    findings += beliefs_never_added(found, robot.percepts, elsewhere)
-    findings += goals_without_plans(found, elsewhere)
-    findings += shadowed_plans(found)
-    findings += unused_plans(found, elsewhere)
-    findings += busy_loops(found, elsewhere)
+        findings += rules_events.unused_belief_plans(found, elsewhere)
+    findings += rules_events.beliefs_never_added(found, robot.percepts, elsewhere)
+    findings += rules_events.goals_without_plans(found, elsewhere)
+    findings += rules_events.shadowed_plans(found)
+    findings += rules_events.unused_plans(found, elsewhere)
+    findings += rules_loops.busy_loops(found, elsewhere)
     for look in _LOOKS:
         findings += look(found)
-    unchecked = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
+    unchecked = rules_variables.named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
     return sorted(one for one in set(findings) if one not in unchecked)
 
 
 _LOOKS = (
-    wrong_directives,
-    directives_as_beliefs,
-    duplicate_labels,
-    singletons,
-    unbound_variables,
-    endless_asks,
-    unknown_performatives,
-    formulas_as_actions,
+    rules_actions.wrong_directives,
+    rules_actions.directives_as_beliefs,
+    rules_events.duplicate_labels,
+    rules_variables.singletons,
+    rules_variables.unbound_variables,
+    rules_loops.endless_asks,
+    rules_actions.unknown_performatives,
+    rules_actions.formulas_as_actions,
 )
 """Checks that need only the program."""
 

@@ -14,21 +14,7 @@ from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.terms.source_annotations import PERCEPT, SELF
 from agentd.language.terms.terms import Literal
-from agentd.mind.data.inputs import (
-    ActionDone,
-    BeliefAdded,
-    GoalAdded,
-    Input,
-    Mail,
-    PerceptAdded,
-    PerceptRemoved,
-    PerceptReplaced,
-    PerceptsChanged,
-    SignalRaised,
-    TeamReply,
-    TimeRead,
-    TooDeep,
-)
+from agentd.mind.data import inputs
 from agentd.trace.initial_state import Sources, Texts
 from schemas.wire.mind_records import MindInput
 from schemas.wire.terms import Map, Term
@@ -69,7 +55,7 @@ class Interrupted:
 
 
 Reading: TypeAlias = NamesRead | MailRefused | CameBack | Interrupted
-Given: TypeAlias = Input | Reading
+Given: TypeAlias = inputs.Input | Reading
 """Everything that a mind is given."""
 
 
@@ -122,23 +108,23 @@ _KEY: Final = _Field("key", "key", lambda key: list(map(float, key)), lambda key
 _NUMBER: Final = _Field("id", "id", read=int)
 _IDENTITY: Final = _Field("id", "msg_id")
 _FIELDS: Final[dict[type[Any], tuple[_Field, ...]]] = {
-    PerceptReplaced: (_LITERAL, _KEY),
-    PerceptAdded: (_LITERAL,),
-    PerceptRemoved: (_LITERAL, _KEY),
-    PerceptsChanged: (_Field("percepts", "percepts", _changes_written, _changes_read),),
-    Mail: (
+    inputs.PerceptReplaced: (_LITERAL, _KEY),
+    inputs.PerceptAdded: (_LITERAL,),
+    inputs.PerceptRemoved: (_LITERAL, _KEY),
+    inputs.PerceptsChanged: (_Field("percepts", "percepts", _changes_written, _changes_read),),
+    inputs.Mail: (
         *_plain("sender", "performative"),
         _Field("content", "content", to_wire, from_wire),
         _IDENTITY,
         *_plain("in_reply_to"),
     ),
-    ActionDone: (_NUMBER, _Field("ok", "ok", read=bool), *_plain("reason", "state", "cause")),
-    TeamReply: (_NUMBER, *_plain("error", "message")),
-    GoalAdded: (_LITERAL,),
-    BeliefAdded: (_LITERAL,),
-    SignalRaised: (_LITERAL,),
-    TimeRead: (_Field("seconds", "seconds", read=float),),
-    TooDeep: (),
+    inputs.ActionDone: (_NUMBER, _Field("ok", "ok", read=bool), *_plain("reason", "state", "cause")),
+    inputs.TeamReply: (_NUMBER, *_plain("error", "message")),
+    inputs.GoalAdded: (_LITERAL,),
+    inputs.BeliefAdded: (_LITERAL,),
+    inputs.SignalRaised: (_LITERAL,),
+    inputs.TimeRead: (_Field("seconds", "seconds", read=float),),
+    inputs.TooDeep: (),
     NamesRead: (_Field("names", "names", list, tuple),),
     MailRefused: (_IDENTITY, *_plain("error", "message")),
     CameBack: (
@@ -158,7 +144,7 @@ def written(cycle: int, item: Given, included: Mapping[int, Included]) -> MindIn
     kind = type(item)
     try:
         fields: dict[str, Term] = {one.name: one.write(getattr(item, one.attribute)) for one in _FIELDS[kind]}
-        if isinstance(item, TeamReply) and item.value is not None:
+        if isinstance(item, inputs.TeamReply) and item.value is not None:
             fields |= _value_written(item, included)
         return MindInput(cycle=cycle, kind=kind.__name__, fields=fields)
     except (BadTerm, RecursionError) as bad:
@@ -166,7 +152,7 @@ def written(cycle: int, item: Given, included: Mapping[int, Included]) -> MindIn
         return MindInput(cycle=cycle, kind=UNWRITTEN, fields={"of": kind.__name__, "why": why})
 
 
-def _value_written(reply: TeamReply, included: Mapping[int, Included]) -> dict[str, Term]:
+def _value_written(reply: inputs.TeamReply, included: Mapping[int, Included]) -> dict[str, Term]:
     if not isinstance(reply.value, CompiledProgram):
         return {"value": to_wire(reply.value)}
     read = included.get(reply.id)
@@ -186,7 +172,7 @@ def read(record: MindInput) -> Given:
         raise Unreadable(f"the input `{record.kind}` of cycle {record.cycle} is not known to this version")
     try:
         values = {one.attribute: one.read(fields[one.name]) for one in _FIELDS[kind]}
-        if kind is TeamReply:
+        if kind is inputs.TeamReply:
             values["value"] = _value_read(fields)
         item: Given = kind(**values)
     except (KeyError, TypeError, ValueError, AttributeError) as bad:
