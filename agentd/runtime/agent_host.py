@@ -345,7 +345,7 @@ class AgentHost:
     # --- effects ---
 
     def _carry_out(self, effect: Effect) -> None:
-        self._tracing.did(effect)
+        self._tracing.activity.did(self._mind.cycle, effect)
         match effect:
             case Print(text=text):
                 self._prints.append(text)
@@ -413,7 +413,7 @@ class AgentHost:
 
     def _done(self, item: ActionDone) -> None:
         """Give the mind the end of an action."""
-        self._tracing.done(item)
+        self._tracing.activity.given(self._mind.cycle, item)
         self._runner.feed(item)
 
     def _interrupted(self, literal: Literal) -> None:

@@ -114,14 +114,6 @@ class Tracing:
         if inputs.on:
             inputs.ran(first, now)
 
-    def did(self, effect: Effect) -> None:
-        """Take an effect that is carried out."""
-        self.activity.did(self._mind.cycle, effect)
-
-    def done(self, item: Given) -> None:
-        """Take the end of an action."""
-        self.activity.given(self._mind.cycle, item)
-
     def ordered(self, order: str) -> None:
         """Take an operator's order, as text."""
         self.activity.add(ActivityEvent(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))

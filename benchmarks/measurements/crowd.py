@@ -389,10 +389,11 @@ def _at_most(title: str, limit: float, value: float, unit: str, why: str) -> Goa
 
 _ONE_CORE: Final = (
     "One core thinks for all agents, and is used up: two thirds of it by minds, which take as long with few others as "
-    "with many, a quarter by commits, which grow with the agents that each holds (samples of a profile). A third went "
-    "into looks for garbage among 1,000 agents, and a fifth among 100. Tried: one commit for all agents, mail that is "
-    "not encoded, code that agents of one program share, looks for garbage that leave out what is loaded, timers of "
-    "answered questions that end with them, names that are not copied for each message"
+    "with many, a tenth by commits among 1,000, which grow with the agents that each holds (samples of a profile). A "
+    "third went into looks for garbage among 1,000 agents, and a fifth among 100. Tried: one commit for all agents, "
+    "ten a second at most and in a tenth of the time, mail that is not encoded, code that agents of one program share, "
+    "looks for garbage that leave out what is loaded, timers of answered questions that end with them, "
+    "names that are not copied for each message"
 )
 _FOUR_COMMITS: Final = (
     "four commits and three queries follow one another, and take a processor most of the time: in a profile about "
