@@ -26,7 +26,7 @@ LONGEST_SLICE: Final = 0.2
 """Wall seconds of one slice at most. An agent that reports nothing for `agent_silence` is considered hung."""
 BATCH: Final = 8
 """Cycles between two readings of the clock at most. A slice begins with one: heavy work mostly stays heavy."""
-BELIEVED_WITHIN: Final = 1.0
+BELIEVED_WITHIN: Final = 2.0
 """Wall seconds within which a percept that nothing in the mind waits for becomes a belief: it is not worth a turn."""
 MANY: Final = 32
 """Unpublished decisions after which they are handed over within a slice."""

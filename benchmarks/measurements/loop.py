@@ -348,7 +348,9 @@ _WHERE: Final = (
 )
 _TRIED: Final = (
     "tried: keys are declared once, a percept takes one pass of the agent's event loop, the bridge answers the asker "
-    "first and puts the status right behind it (0.6 ms less), one thread of Zenoh's for what comes in (no difference)"
+    "first and puts the status right behind it (0.6 ms less), one thread of Zenoh's for what comes in (no difference), "
+    "a request and its end take no task, queue or timer (ff4f45a: a third fewer instructions in agentd), an action "
+    "that ends at once wakes no clock of its bridge (ed5d9fa: a sixth fewer in bridged)"
 )
 
 

@@ -247,11 +247,12 @@ CPU: Final = "CPU"
 DOUBT: Final = 0.1
 """By so much may the processor time of a single pair be off by chance: pairs of the same flights differ as much."""
 _CPU: Final = (
-    "Taken to be the reason, not measured apart: AgentSpeak is interpreted by Python, so that each percept is held "
-    "against beliefs and plans, where a program reads a value. Tried: a percept of the bus is known for one and no "
-    "reason to write a checkpoint (3584cde); a mind turns in the pass of the loop that brings its percepts (6446a99); "
-    "what is to be kept is looked for only when more than percepts came (4f513ce); numbers and words of percepts are "
-    "read as they are (9654dc5)"
+    "Counted in flight (single UAV, fccdc05, 2026-11-28) the agent takes 29,900 instructions of Python a second, the "
+    "program 17,600, nearly all of them for the bus and passes of its loop; of the difference the mind takes 43 %, "
+    "more passes of the loop 24 %, handing percepts over 14 %, records 6 %, health and supervision the rest. Tried: "
+    "of percepts that nothing waits for the mind is given the newest (07ad4de: a quarter fewer instructions); an "
+    "action takes no task and no timer (ff4f45a); what is to be kept is looked for only when more than percepts came "
+    "(4f513ce)"
 )
 _MEMORY: Final = (
     "Taken to be the reason, not measured apart: the agent's process holds language, reasoner and checkpoint (SQLite) "
