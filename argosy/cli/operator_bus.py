@@ -88,11 +88,23 @@ def where(args: Namespace) -> Where:
         raise Findings([Finding("--keys", 0, 0, text)])
     if mission is not None:
         each = mission if tls is not None and not args.router else None
-        here = "" if args.router or each else router_of(mission.fleet, mission.router.endpoint)
-        router = args.router or (f"the boards of {mission.path.name}" if each else here)
+        if each is not None:
+            router = f"the boards of {mission.path.name}"
+        elif args.router or mission.names_router:
+            router = args.router or mission.router.endpoint
+        else:
+            router = _router_here(mission.fleet)
         return Where(mission.fleet, router, tls, mission, each)
-    router = args.router or (DEFAULT_ROUTER if tls is not None else router_of(args.fleet or "", DEFAULT_ROUTER))
+    router = args.router or (DEFAULT_ROUTER if tls is not None else _router_here(args.fleet or ""))
     return Where(args.fleet or ANY, router, tls)
+
+
+def _router_here(fleet: str) -> str:
+    """Return the router of a run on this machine, or the default; another one than the default is named to the user."""
+    router = asyncio.run(router_of(fleet, DEFAULT_ROUTER))
+    if router != DEFAULT_ROUTER:
+        note(f"at {router}, by the run on this machine")
+    return router
 
 
 @asynccontextmanager

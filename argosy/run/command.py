@@ -147,8 +147,7 @@ def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, 
 
 def _router(mission: Mission) -> str:
     """Return the first board's router: the mission's; of one that names none the next free port. Raises NoPort."""
-    named = ("router", "endpoint") in mission.positions.values or mission.router.external
-    if named or not in_use(mission.router.endpoint):
+    if mission.names_router or not in_use(mission.router.endpoint):
         return mission.router.endpoint
     return next(free_after(mission.router.endpoint, ports_of(mission)))
 

@@ -350,7 +350,9 @@ async def join(
     if robot is not None:
         robots[name] = robot
     check_name(fleet)
-    router = router or router_of(fleet, DEFAULT_ROUTER if declared is None else declared.router.endpoint)
+    if declared is not None and declared.names_router:
+        router = router or declared.router.endpoint
+    router = router or await router_of(fleet, DEFAULT_ROUTER)
     clock = Clock(1.0 if speed is None else speed)
     file = None if numbers is None else Path(numbers)
     async with _bus(router, fleet, name, clock, wire, patience) as bus:

@@ -12,10 +12,15 @@ from pathlib import Path
 
 import msgspec
 
+from commd.bus.bus import open_bus
+from commd.bus.errors import BusError
 from schemas.files.findings import Finding, Findings
+from schemas.wire import keys
 
 START_PATIENCE = 90.0
 """Wall seconds that a run waits for another one that starts with the same router."""
+PROBE_PATIENCE = 1.0
+"""Wall seconds to reach a router, and for it to show which daemons are there."""
 
 
 class LocalRun(msgspec.Struct, frozen=True):
@@ -84,17 +89,32 @@ def local_runs(fleet: str = "") -> list[LocalRun]:
     return [run for run in found if run.network == _network() and fleet in ("", run.fleet)]
 
 
-def router_of(fleet: str, otherwise: str) -> str:
+async def router_of(fleet: str, otherwise: str) -> str:
     """Return the router of the only run of this fleet (empty: of any); `otherwise` if there is none.
 
-    Raises Findings if there are several.
+    For a mission that names no router. Raises Findings if there are several: also if daemons of the fleet that no run
+    has started are at `otherwise`, so that an order to robots in the air does not go to a simulation of them.
     """
     runs = local_runs(fleet)
-    if len(routers := dict.fromkeys(run.router for run in runs)) > 1:
-        there = ", ".join(f"{run.fleet} at {run.router}" for run in runs)
+    there = {run.router: f"{run.fleet} at {run.router}" for run in runs}
+    if there and otherwise not in {run.router for run in local_runs()} and await _serves(otherwise, fleet):
+        there[otherwise] = f"daemons {f'of {fleet} ' if fleet else ''}at {otherwise}"
+    if len(there) > 1:
         which = "name one by --router" if fleet else "name one by --fleet or --router"
-        raise Findings([Finding("argosy", 0, 0, f"several missions run on this machine, {there}: {which}")])
-    return next(iter(routers), otherwise)
+        text = f"several missions run on this machine, {', '.join(there.values())}: {which}"
+        raise Findings([Finding("argosy", 0, 0, text)])
+    return next(iter(there), otherwise)
+
+
+async def _serves(router: str, fleet: str) -> bool:
+    """Whether a daemon of a fleet (empty: of any) is at a router."""
+    try:
+        async with open_bus(
+            router, fleet=fleet or "any", name="operator", daemon="argosy", stamp=time.time_ns, patience=PROBE_PATIENCE
+        ) as bus:
+            return bool(await bus.tokens(keys.alive(fleet or "*", "*", "*", "*"), PROBE_PATIENCE))
+    except BusError:
+        return False
 
 
 def _locks(file: int, kind: int) -> bool:

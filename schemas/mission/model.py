@@ -349,6 +349,11 @@ class Mission:
         return self.path.parent / path
 
     @property
+    def names_router(self) -> bool:
+        """Whether the file names its router: where that is, the mission runs, and nowhere else."""
+        return ("router", "endpoint") in self.positions.values or self.router.external
+
+    @property
     def board_names(self) -> list[str]:
         """The boards in the order of the file; a mission that declares none has this machine."""
         return list(self.boards) or [THIS_MACHINE]

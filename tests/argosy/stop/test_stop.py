@@ -14,10 +14,12 @@ import pytest
 
 from argosy.__main__ import main
 from commd.bus.bus import Bus, Query, open_bus
+from commd.process.local_runs import announced
 from commd.router.config import write
 from schemas.wire import keys
 from schemas.wire.records import Outcome, StopOrder
 from tests.argosy.beside import beside
+from tests.support.ports import free_port
 from tests.support.secured import Secured
 
 
@@ -132,10 +134,13 @@ def test_nobody_there_is_said(endpoint: str, capsys: pytest.CaptureFixture[str])
     )
 
 
-def test_a_mission_names_fleet_and_router(endpoint: str, tmp_path: Path) -> None:
+def test_the_router_that_a_mission_names_is_taken_whatever_else_of_its_fleet_runs_here(
+    endpoint: str, tmp_path: Path
+) -> None:
     mission = tmp_path / "m.yaml"
     mission.write_text(f"mission: m\nfleet: sar\nagents: {{a: {{program: a.asl}}}}\nrouter: {{endpoint: {endpoint}}}\n")
-    with fleet(endpoint, uav1=Outcome(ok=True)) as orders:
+    simulation = f"tcp/127.0.0.1:{free_port()}"
+    with fleet(endpoint, uav1=Outcome(ok=True)) as orders, announced("sar", simulation):
         assert main(["stop", "rtl", "--mission", str(mission)]) == 0
     assert orders == [("uav1", "rtl")]
 

@@ -9,6 +9,8 @@ import pytest
 
 from commd.process.local_runs import announced, local_runs, router_of, starting
 from schemas.files.findings import Findings
+from tests.support.buses import FLEET, Connect, async_test, bus_test
+from tests.support.ports import free_port
 
 USUAL = "tcp/127.0.0.1:7447"
 
@@ -20,21 +22,36 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / f"argosy-{os.getuid()}"
 
 
-def test_a_run_is_found_by_its_fleet_or_as_the_only_one_while_it_lasts() -> None:
-    assert router_of("", USUAL) == USUAL
+@async_test
+async def test_a_run_is_found_by_its_fleet_or_as_the_only_one_while_it_lasts() -> None:
+    usual = f"tcp/127.0.0.1:{free_port()}"
+    assert await router_of("", usual) == usual
     with announced("sar", "tcp/127.0.0.1:7450"):
-        assert router_of("sar", USUAL) == router_of("", USUAL) == "tcp/127.0.0.1:7450"
-        assert router_of("other", USUAL) == USUAL
+        assert await router_of("sar", usual) == await router_of("", usual) == "tcp/127.0.0.1:7450"
+        assert await router_of("other", usual) == usual
     assert local_runs() == []
 
 
-def test_of_several_runs_none_is_guessed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_of_several_runs_none_is_guessed(monkeypatch: pytest.MonkeyPatch) -> None:
     with announced("sar", "tcp/127.0.0.1:7450"):
         monkeypatch.setattr("os.getpid", lambda: 1)
         with announced("survey", USUAL):
-            assert router_of("sar", USUAL) == "tcp/127.0.0.1:7450"
+            assert await router_of("sar", USUAL) == "tcp/127.0.0.1:7450"
             with pytest.raises(Findings, match=r"several missions run on this machine, survey at .*, sar at tcp/"):
-                router_of("", USUAL)
+                await router_of("", USUAL)
+
+
+@bus_test
+async def test_a_simulation_does_not_hide_daemons_that_no_run_has_started(connect: Connect, endpoint: str) -> None:
+    with announced(FLEET, "tcp/127.0.0.1:7450"):
+        assert await router_of(FLEET, endpoint) == "tcp/127.0.0.1:7450", "nobody of the fleet is at the router"
+        await (await connect("uav1", "bridged")).claim("uav1")
+        assert await router_of("another", endpoint) == endpoint
+        with pytest.raises(Findings, match=rf"{FLEET} at tcp/127.0.0.1:7450, daemons of {FLEET} at {endpoint}"):
+            await router_of(FLEET, endpoint)
+        with pytest.raises(Findings, match=r"name one by --fleet or --router"):
+            await router_of("", endpoint)
 
 
 def test_of_the_runs_that_want_one_router_one_starts_at_a_time() -> None:
