@@ -93,7 +93,7 @@ def _sends(survey: Survey) -> Iterator[tuple[InternalAction, str]]:
 
 
 def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
-    """Receivers whose names are written out and who are not in the mission."""
+    """Find receivers whose names are written out and who are not in the mission."""
     known = mission.mailboxes
     for action, receiver in _sends(survey):
         if receiver not in (*known, "self"):
@@ -103,7 +103,7 @@ def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
 
 
 def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
-    """Messages whose receiver and performative are written out, and which that receiver refuses by the mission.
+    """Find messages whose receiver and performative are written out, and which that receiver refuses by the mission.
 
     The contents of a message, such as a plan for `tellHow`, are not sent by this agent.
     """
@@ -136,7 +136,7 @@ def _presence(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]
 
 
 def _restart(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
-    """The goal of `on_restart` needs a plan."""
+    """Look for the plan that the goal of `on_restart` needs."""
     try:
         goal = restart_goal(mission, agent)
     except Findings:
@@ -161,7 +161,7 @@ def _handles_restart(survey: Survey) -> bool:
 def _after_restart(
     mission: Mission, agent: str, program: Program | None, survey: Survey, others: Collection[Survey]
 ) -> Iterator[Finding]:
-    """An agent that is started again has to know what becomes of its robot, and to have something to do."""
+    """Check that an agent that is started again knows what becomes of its robot, and has something to do."""
     declared, robot = mission.agents[agent].on_restart, mission.agents[agent].robot
     if declared != "resume":
         return

@@ -1,7 +1,8 @@
-"""The errors that end a command: `argosy.__main__` prints each in a line and exits with its code."""
+"""The errors that end a command, which `argosy.__main__` prints in a line each, and other lines for stderr."""
 
 from __future__ import annotations
 
+import shutil
 import sys
 from contextlib import suppress
 
@@ -25,3 +26,13 @@ def complain(text: str) -> None:
     """Print on stderr, without control characters; ignore a closed stream."""
     with suppress(OSError):
         print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)
+
+
+def progress(line: str) -> bool:
+    """Redraw the last line of the terminal at stderr; empty = take it away. Returns whether there is a terminal."""
+    if not sys.stderr.isatty():
+        return False
+    with suppress(OSError):
+        wide = shutil.get_terminal_size().columns - 1
+        print(f"\r\x1b[K{printable(line)[:wide]}", end="", file=sys.stderr, flush=True)
+    return True

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import aclosing, suppress
+from contextlib import aclosing
 from pathlib import Path
 from typing import TypeVar
 
-from argosy.cli.errors import BadInput, CommandError
+from argosy.cli.errors import BadInput, CommandError, progress
 from argosy.cli.operator_bus import Unanswered, replies
 from commd.bus.bus import Bus
 from commd.process.state_dir import replace_file
-from schemas.humanize import printable
 from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 AT_MOST = 360.0
@@ -32,22 +30,13 @@ async def ask_vehicle(bus: Bus, key: str, ask: ParameterRequest | None, answer: 
                 if record.done:
                     return record
                 problem = "its bridge ended the request without a result"
-                shown = _show(f"{robot}: {record.came} of {record.of or '?'} {what}") or shown
+                shown = progress(f"{robot}: {record.came} of {record.of or '?'} {what}")
     except TimeoutError as silent:
         problem = str(silent)
     finally:
         if shown:
-            _show("")
+            progress("")
     raise Unanswered(f"{robot}: {problem}")
-
-
-def _show(line: str) -> bool:
-    """Show progress in the last line of a terminal. Returns whether there is one."""
-    if not sys.stderr.isatty():
-        return False
-    with suppress(OSError):
-        print(f"\r\033[K{printable(line)}", end="", file=sys.stderr, flush=True)
-    return True
 
 
 def check_new(path: Path, force: bool) -> None:

@@ -308,7 +308,7 @@ class FleetModel:
             self.ordered(robot.name, status.order)
 
     def ordered(self, robot: str, order: Order) -> None:
-        """An operator has given a robot an order, which its agents cannot override."""
+        """Take that an operator has given a robot an order, which its agents cannot override."""
         seen = self.robots[robot].seen
         if seen.operator != order:
             seen.operator = order
@@ -316,16 +316,16 @@ class FleetModel:
             self._tell(robot, f"the operator orders {order}{gives_back}", "warning")
 
     def released(self, robot: str) -> None:
-        """An operator has given a robot back to its agents."""
+        """Take that an operator has given a robot back to its agents."""
         self.robots[robot].seen.operator = ""
         self._tell(robot, "released by the operator: its agents act again", "warning")
 
     def agent_died(self, agent: str) -> None:
-        """The process of an agent has died: its next life has another mind."""
+        """Take that the process of an agent has died: its next life has another mind."""
         self.agents[agent].forget()
 
     def bridge_died(self, robot: str) -> None:
-        """The bridge of a robot has died: its vehicle is lost, and its actions have failed.
+        """Take that the bridge of a robot has died: its vehicle is lost, and its actions have failed.
 
         The next life of the bridge publishes positions before it knows whether the vehicle is armed: the vehicle is
         heard again with its `state`, not before.
@@ -356,7 +356,7 @@ class FleetModel:
             member.detail, member.detailed = view, self.now()
 
     def mind_unanswered(self, agent: str, why: str = "") -> None:
-        """An agent did not answer the request for its mind."""
+        """Take that an agent did not answer the request for its mind."""
         member = self.agents.get(agent)
         if member is None or not member.there or not self.router_up or self.over:
             return

@@ -50,20 +50,20 @@ class Entry:
     other: str = ""
     """The agent to which or from which a message goes."""
 
-    @property
-    def clock(self) -> str:
-        """The time of day of this machine."""
-        return time.strftime("%H:%M:%S", time.localtime(self.at))
-
     def __str__(self) -> str:
-        return f"{self.clock}  {self.who}: {self.text}"
+        return f"{clock(self.at)}  {self.who}: {self.text}"
+
+
+def clock(at: float) -> str:
+    """Return the time of day on this machine of a time in Unix seconds."""
+    return time.strftime("%H:%M:%S", time.localtime(at))
 
 
 class Timeline:
     """Keeps the last entries."""
 
-    def __init__(self, most: int = MOST) -> None:
-        self.entries: deque[Entry] = deque(maxlen=most)
+    def __init__(self) -> None:
+        self.entries: deque[Entry] = deque(maxlen=MOST)
         self.number = 0
         """Of the last entry."""
         self.listener: Callable[[Entry], None] | None = None
@@ -80,9 +80,9 @@ class Timeline:
             self.listener(entry)
         return entry
 
-    def since(self, number: int, most: int = MOST) -> list[Entry]:
-        """Return the entries after that number, at most the newest `most`; older ones may be gone already."""
-        new = min(max(0, self.number - number), len(self.entries), most)
+    def since(self, number: int) -> list[Entry]:
+        """Return the entries after that number; the oldest may be gone already."""
+        new = min(max(0, self.number - number), len(self.entries))
         return list(islice(self.entries, len(self.entries) - new, None))
 
 

@@ -15,7 +15,7 @@ from argosy.plot.data import Heard, Scene, SceneReader, part_of
 from argosy.plot.figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
 from argosy.plot.style import INCH, WIDTHS
 from argosy.recording.metadata import SECOND
-from argosy.recording.reader import Recording, open_recording
+from argosy.recording.reader import Recording
 from commd.process.process import EXIT_DONE
 from schemas.files.findings import Findings
 from schemas.humanize import count
@@ -81,7 +81,7 @@ def run(args: Namespace) -> int:
     """Plot a recording. Returns the exit code. Raises BadInput, and CommandError where there is nothing to plot."""
     if args.csv is None and args.out is not None and args.out.suffix not in FORMATS:
         raise BadInput(f"--out {args.out}: expected a name that ends in {', '.join(FORMATS)}")
-    recording = open_recording(args.file)
+    recording = Recording(args.file)
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     try:

@@ -19,7 +19,7 @@ def end_with_parent(signal: int) -> None:
 
 
 def main() -> None:
-    """`launch.py SIGNAL PARENT_PID COMMAND...`: become COMMAND, which gets SIGNAL when PARENT_PID dies."""
+    """Become the command of `launch.py SIGNAL PARENT_PID COMMAND...`, which gets SIGNAL when PARENT_PID dies."""
     signal, parent, command = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
     try:
         end_with_parent(signal)

@@ -66,7 +66,7 @@ def places(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[s
 
 
 def free_after(router: str, taken: Collection[int]) -> Iterator[str]:
-    """The endpoints after a router's, as long as nobody listens there."""
+    """Yield the endpoints after a router's, as long as nobody listens there."""
     found = _PORT.fullmatch(router)
     if found is None:  # a socket in the file system
         number = 1

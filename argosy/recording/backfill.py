@@ -14,7 +14,7 @@ import msgspec
 import zenoh
 
 from argosy.recording.mind_inputs import Minds, Whose, range_text, stretches
-from argosy.recording.records import TokenSeen, encoding_of
+from argosy.recording.records import TokenSeen
 from argosy.recording.write_queue import Heard, WriteQueue
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
@@ -48,7 +48,7 @@ def token_seen(key: str, alive: bool, at: int) -> Heard | None:
         return None
     fleet, name, (_, daemon, _) = parsed
     payload = msgspec.json.encode(TokenSeen(key=key, alive=alive))
-    return Heard(at, f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}", payload, encoding_of(TokenSeen), "token")
+    return Heard(at, f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}", payload, codec(TokenSeen).encodings["json"], "token")
 
 
 class Backfill:

@@ -17,7 +17,7 @@ from agentd.language.syntax_tree.errors import SyntaxErrors
 from argosy.cli.errors import BadInput
 from argosy.recording import mind_inputs
 from argosy.recording.mind_verification import OTHER_VERSION, SHOWN, ReplayCheck
-from argosy.recording.reader import Recording, open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.records import TokenSeen
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.text_files import read_bounded
@@ -82,7 +82,7 @@ def run_mind(args: Namespace) -> int:
     except SyntaxErrors as errors:
         print(errors, file=sys.stderr)
         return EXIT_BAD_INPUT
-    recording = open_recording(args.file)
+    recording = Recording(args.file)
     fleet = _fleet(recording, args)
     asked = _checks(recording, args, fleet, edited)
     if recording.missing:

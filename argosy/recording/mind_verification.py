@@ -14,6 +14,7 @@ from pathlib import Path
 from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 from agentd.replay.replay import Act, CannotReplay, Difference, Result, acts, compare, replay
 from agentd.standalone.decision_printer import decision_lines
+from argosy.cli.errors import progress
 from argosy.recording import mind_inputs
 from argosy.recording.mind_inputs import range_text
 from argosy.recording.reader import Recording
@@ -115,16 +116,15 @@ class ReplayCheck:
         ]
 
     def _result(self, batches: list[MindInputs], decisions: list[MindDecisions]) -> Result:
-        show: Callable[[MindInputs], None] | None = None
-        if sys.stderr.isatty():
-            show = lambda batch: print(f"\r\x1b[Kbatch {batch.number} of {len(batches)}", end="", file=sys.stderr)  # noqa: E731
+        def show(batch: MindInputs) -> None:
+            progress(f"batch {batch.number} of {len(batches)}")
+
         try:
             if self.edited:
                 return compare(batches, decisions, files=self.texts, progress=show)
             return replay(batches, decisions, progress=show)
         finally:
-            if show is not None:
-                print("\r\x1b[K", end="", file=sys.stderr)
+            progress("")
 
     def _lacks(self, recording: Recording) -> list[str]:
         """Return what is missing of it, as text."""

@@ -287,8 +287,3 @@ class _Wanted:
 
 def _record_name(schema: Schema) -> str:
     return schema.name.removeprefix(PREFIX) if schema.name.startswith(PREFIX) else ""
-
-
-def open_recording(path: Path) -> Recording:
-    """Open a recording and the files that continue it. Raises BadRecording."""
-    return Recording(path)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from argosy.cli.arguments import duration
-from argosy.cli.errors import BadInput
+from argosy.cli.errors import BadInput, progress
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.recording.backfill import Backfill
@@ -257,18 +257,16 @@ def _size(text: str) -> int:
 
 async def show_status(recorder: Recorder) -> None:
     """Redraw one line of figures on a terminal until cancelled; do nothing where there is no terminal."""
-    if not sys.stderr.isatty():
-        return
-    before = 0
+    before, rate = 0, 0.0
     try:
-        while True:
-            rate = f"{(recorder.messages - before) / REFRESH:.0f} messages/s"
+        while progress(
+            f"{recorder.seconds:.0f} s  {rate:.0f} messages/s  {size(recorder.size)}  {recorder.dropped} dropped"
+        ):
             before = recorder.messages
-            line = f"{recorder.seconds:.0f} s  {rate}  {size(recorder.size)}  {recorder.dropped} dropped"
-            print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
             await asyncio.sleep(REFRESH)
+            rate = (recorder.messages - before) / REFRESH
     finally:
-        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        progress("")
 
 
 def content(recorder: Recorder) -> str:

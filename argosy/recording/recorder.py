@@ -19,7 +19,6 @@ from argosy.recording.records import (
     RecorderNote,
     TokenSeen,
     Unread,
-    encoding_of,
     head_of_payload,
     is_plain,
     unread_payload,
@@ -71,7 +70,7 @@ class Filter:
             return heard if self._is_new(heard) else None
         self.wild += 1  # such a key is no topic
         payload = unread_payload(heard.payload, heard.encoding, deleted=heard.deleted, key=heard.key)
-        return Heard(heard.at, NOTES, payload, encoding_of(Unread), "recorder")
+        return Heard(heard.at, NOTES, payload, codec(Unread).encodings["json"], "recorder")
 
     def _is_new(self, heard: Heard) -> bool:
         """Whether a sample is new: an answer may repeat what was put, and a second router what the first passed on."""
@@ -185,7 +184,9 @@ class Recorder:
     def note(self, kind: str, text: str) -> None:
         """Record an event of the recorder itself."""
         payload = msgspec.json.encode(RecorderNote(kind=kind, text=text))
-        self.write_queue.put(Heard(self.write_queue.now(), NOTES, payload, encoding_of(RecorderNote), "recorder"))
+        self.write_queue.put(
+            Heard(self.write_queue.now(), NOTES, payload, codec(RecorderNote).encodings["json"], "recorder")
+        )
 
     def _run(self) -> None:
         try:

@@ -6,17 +6,15 @@ again: a key with `*` reaches many fleets, and a key outside `argosy/` may drive
 
 from __future__ import annotations
 
-import re
 from base64 import b64encode
 from collections.abc import Iterable
-from functools import cache
 
 import msgspec
 import zenoh
 
 from schemas.files.findings import Finding, Findings
 from schemas.wire import keys
-from schemas.wire.codec import MEDIA
+from schemas.wire.codec import MEDIA, named_by
 from schemas.wire.records import Header, Record
 
 PREFIX = "argosy."
@@ -55,11 +53,7 @@ class RecorderNote(Record, frozen=True, kw_only=True):
     text: str
 
 
-RECORDS: dict[str, type[Record]] = {
-    record.__name__: record
-    for record in (*(r for c in keys.CHANNELS for r in (c.carries, c.answers)), TokenSeen, Unread, RecorderNote)
-    if record is not None
-}
+RECORDS = keys.RECORDS | {record.__name__: record for record in (TokenSeen, Unread, RecorderNote)}
 """All records that a recording may hold, by name."""
 
 
@@ -77,39 +71,21 @@ _HEAD = msgspec.json.Decoder(RecordHead)
 NO_HEAD = RecordHead()
 
 
-def encoding_of(record: type[Record]) -> str:
-    """Return the Encoding of a record that the recorder writes itself, as JSON."""
-    return f"application/json;{PREFIX}{record.__name__}/1"
-
-
 def record_of_encoding(encoding: str) -> str:
     """Return the name of the record that an Encoding names; empty = none of ours."""
-    _, _, schema = encoding.partition(";")
-    name = schema.removeprefix(PREFIX).partition("/")[0] if schema.startswith(PREFIX) else ""
+    name, _ = named_by(encoding)
     return name if name in RECORDS else ""
 
 
 def record_put_on(key: str) -> str:
     """Return the name of the record that is put on a key, by the table of channels; empty = none is."""
-    return next((name for pattern, name in _patterns() if pattern.fullmatch(key)), "")
+    put = (channel.carries for channel in keys.channels_of(key) if channel.kind == "put")
+    return next((record.__name__ for record in put if record is not None), "")
 
 
 def record_name(key: str, encoding: str) -> str:
     """Return the record that a payload holds: by its Encoding, or by its key if the Encoding names no schema."""
     return record_of_encoding(encoding) or ("" if encoding.partition(";")[2] else record_put_on(key))
-
-
-@cache
-def _patterns() -> tuple[tuple[re.Pattern[str], str], ...]:
-    def pattern(key: str) -> re.Pattern[str]:
-        chunks = ("[^/]+" if chunk.startswith("{") else re.escape(chunk) for chunk in key.split("/"))
-        return re.compile(f"{keys.ROOT}/[^/]+/{'/'.join(chunks)}")
-
-    return tuple(
-        (pattern(channel.key), channel.carries.__name__)
-        for channel in keys.CHANNELS
-        if channel.kind == "put" and channel.carries is not None
-    )
 
 
 def is_plain(key: str) -> bool:

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from argosy.cli.arguments import finite_number
-from argosy.cli.errors import BadInput, CommandError
+from argosy.cli.errors import BadInput, CommandError, progress
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
 from argosy.recording.metadata import SECOND
 from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
 from argosy.recording.mind_inputs import MOST_MISSING, PART, RecordedMind, range_text
 from argosy.recording.player import LATE, Part, Player, foreign
-from argosy.recording.reader import Recording, open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
@@ -79,7 +79,7 @@ def run(args: Namespace) -> int:
         return run_mind(args)
     if wrong := without_a_mind(args):
         raise BadInput(wrong)
-    recording = open_recording(args.file)
+    recording = Recording(args.file)
     if args.info:
         print(contents(recording, as_json=args.json), end="")
         return EXIT_DONE
@@ -194,15 +194,12 @@ class _Replay:
                 self._somebody = there
                 playing.cancel()
                 return
-            if sys.stderr.isatty():
-                figures = self._player.figures
-                status = f"{figures.at:.0f} of {self._player.recording.seconds:.0f} s  {figures.republished} messages"
-                print(f"\r\x1b[K{status}", end="", file=sys.stderr, flush=True)
+            figures = self._player.figures
+            progress(f"{figures.at:.0f} of {self._player.recording.seconds:.0f} s  {figures.republished} messages")
 
     def _report(self) -> None:
         figures = self._player.figures
-        if sys.stderr.isatty():
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        progress("")
         left = f", {figures.left_out} left out (answers to queries)" if figures.left_out else ""
         with suppress(OSError):
             print(f"replayed {figures.at:.1f} s: {figures.republished} messages{left}")

@@ -16,10 +16,6 @@ IN_A_REPORT = "recording.mcap"
 MISSING = f"no recording: it needs `{install_command('record')}`"
 
 
-class NoRecording(BadInput):
-    """A recording that was requested is impossible; the text says why."""
-
-
 @dataclass(frozen=True)
 class RunRecording:
     """Where a run is recorded."""
@@ -30,23 +26,23 @@ class RunRecording:
 
 
 def recording_of(record: Path | None, report: Path | None) -> RunRecording | str:
-    """Return where a run is recorded, or why it is not; empty = not requested. Raises NoRecording."""
+    """Return where a run is recorded, or why it is not; empty = not requested. Raises BadInput."""
     if record is None and report is None:
         return ""
     if find_spec("mcap") is None:
         if record is not None:
-            raise NoRecording(f"--record {record}: it needs `{install_command('record')}`")
+            raise BadInput(f"--record {record}: it needs `{install_command('record')}`")
         return MISSING
     if record is not None:
         if record.exists():
-            raise NoRecording(f"--record {record}: the file exists: name another one")
+            raise BadInput(f"--record {record}: the file exists: name another one")
         if not record.absolute().parent.is_dir():
-            raise NoRecording(f"--record {record}: folder {record.parent} does not exist")
+            raise BadInput(f"--record {record}: folder {record.parent} does not exist")
         try:
             record.open("xb").close()
             record.unlink()
         except OSError as error:
-            raise NoRecording(f"--record {record}: {error.strerror}") from None
+            raise BadInput(f"--record {record}: {error.strerror}") from None
         return RunRecording(record, True)
     assert report is not None
     return RunRecording(report / IN_A_REPORT, False)

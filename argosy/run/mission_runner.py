@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
+from typing import NoReturn
 
 from msgspec.structs import replace
 
@@ -92,7 +93,7 @@ class MissionRunner:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop_requested, number)
-        helpers = [asyncio.create_task(self._draw(refresh)), asyncio.create_task(self._measure())]
+        helpers = [asyncio.create_task(_each(REFRESH, refresh)), asyncio.create_task(_each(1.0, self._measure))]
         startup = asyncio.create_task(self._start())
         ending = Ending(EXIT_FAILED, "failed by an error of argosy itself")
         try:
@@ -337,16 +338,9 @@ class MissionRunner:
             bus = self._observer.bus
             bus.put(keys.run(bus.fleet, bus.name), replace(self.status.record(), header=bus.header("run")))
 
-    async def _draw(self, refresh: Callable[[], None]) -> None:
-        while True:
-            refresh()
-            await asyncio.sleep(REFRESH)
-
-    async def _measure(self) -> None:
-        while True:
-            self._sample()
-            self._publish()
-            await asyncio.sleep(1.0)
+    def _measure(self) -> None:
+        self._sample()
+        self._publish()
 
     def _sample(self) -> None:
         children = [child for child in self.status.children if child.alive]
@@ -382,6 +376,13 @@ class MissionRunner:
         if child.process.kind.name == "recorder":
             self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())
         self._wake.set()
+
+
+async def _each(seconds: float, act: Callable[[], None]) -> NoReturn:
+    """Act every so many wall seconds."""
+    while True:
+        act()
+        await asyncio.sleep(seconds)
 
 
 def _causes(failed: Iterable[Formula]) -> dict[str, str]:

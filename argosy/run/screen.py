@@ -247,9 +247,8 @@ def _robot(member: FleetRobot, width: int, silent: float, old: float) -> list[Te
 
 def _no_vehicle(robot: FleetRobot) -> Text:
     """Return the line of a robot that is not a vehicle: its percepts."""
-    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.seen.reported.values())), "dim"))
-    text.no_wrap, text.overflow = True, "ellipsis"
-    return text
+    percepts = printable("  ".join(robot.seen.reported.values()))
+    return Text.assemble(" ", (robot.name, "bold"), "  ", (percepts, "dim"), no_wrap=True, overflow="ellipsis")
 
 
 def _feedback(action: ActionSeen, room: int) -> str:
@@ -271,11 +270,8 @@ def _spark(track: Track, width: int) -> str:
 
 
 def _line(entry: Entry) -> Text:
-    text = Text.assemble(
-        (f" {entry.at:7.1f}  ", "dim"), (f"{entry.who}  ", "dim bold"), (entry.text, STYLES[entry.level])
-    )
-    text.no_wrap, text.overflow = True, "ellipsis"
-    return text
+    parts = (f" {entry.at:7.1f}  ", "dim"), (f"{entry.who}  ", "dim bold"), (entry.text, STYLES[entry.level])
+    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
 def _title(text: str) -> Text:

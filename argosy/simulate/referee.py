@@ -262,9 +262,9 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
 
     Raises ValueError and OSError.
     """
-    from argosy.recording.reader import open_recording  # needs the extra `record`, which servo logs do not
+    from argosy.recording.reader import Recording  # needs the extra `record`, which servo logs do not
 
-    recording = open_recording(file)
+    recording = Recording(file)
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     copters, seen = copters_of(mission, recording, LATCH)

@@ -15,8 +15,8 @@ from schemas.files.findings import nearest
 from schemas.humanize import shortened
 from schemas.liveness import LAG_LATE
 from schemas.manifest.loader import ActionDescription
-from schemas.wire import keys, mind_records, records, vehicle_records
-from schemas.wire.codec import MEDIA, BadRecord, Wire, codec
+from schemas.wire import keys
+from schemas.wire.codec import MEDIA, BadRecord, Wire, codec, named_by
 from schemas.wire.mind_records import (
     ActivityEvent,
     DecisionView,
@@ -230,10 +230,10 @@ def wire_of(payload: bytes, encoding: str = "") -> Wire:
 
 def read_record(key: str, payload: bytes, encoding: str = "") -> Record | None:
     """Return the record of a payload; None if it is not one of ours. Raises BadRecord if it does not decode."""
-    name, wire = _named(encoding), wire_of(payload, encoding)
+    name, wire = named_by(encoding)[0], wire_of(payload, encoding)
     media = MEDIA[wire]
     if name:
-        known = _by_name().get(name)
+        known = ActionDescription if name == ActionDescription.__name__ else keys.RECORDS.get(name)
         return codec(known).decode(payload, encoding) if known is not None else None
     fields = _fields(payload, wire)
     if fields is None:
@@ -263,36 +263,11 @@ def plain(payload: bytes, encoding: str = "") -> Any:
 
 def candidates(key: str) -> tuple[type[Record], ...]:
     """Return the records that may be on a key, by the table of channels."""
-    parsed = keys.parse(key.partition("?")[0])
-    if parsed is None:
-        return ()
-    return _on("/".join(parsed[2][:1]), len(parsed[2]))
-
-
-@cache
-def _on(first: str, size: int) -> tuple[type[Record], ...]:
     found: dict[type[Record], None] = {}
-    for channel in keys.CHANNELS:
-        chunks = channel.key.split("/")[1:]
-        if chunks[0] == first and (len(chunks) == size or chunks[-1] == "**"):
-            for kind in (channel.answers, channel.carries):
-                if kind is not None:
-                    found[kind] = None
-            if first == "action":
-                found[ActionDescription] = None
+    for channel in keys.channels_of(key):
+        described = ActionDescription if channel.carries is Action else None
+        found.update(dict.fromkeys(filter(None, (channel.answers, channel.carries, described))))
     return tuple(found)
-
-
-@cache
-def _by_name() -> dict[str, type[Record]]:
-    modules = (records, vehicle_records, mind_records)
-    kinds = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
-    return {kind.__name__: kind for kind in (*kinds, ActionDescription) if issubclass(kind, Record)}
-
-
-def _named(encoding: str) -> str:
-    _, _, schema = encoding.partition(";")
-    return schema.removeprefix("argosy.").partition("/")[0] if schema.startswith("argosy.") else ""
 
 
 def _fields(payload: bytes, wire: Wire) -> set[str] | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -16,20 +15,24 @@ from typing import Final
 
 from argosy.check.command import check_mission
 from argosy.cli.arguments import count, finite_number
-from argosy.cli.errors import BadInput
+from argosy.cli.errors import BadInput, progress
 from argosy.cli.extras import install_command
+from argosy.processes.simulators import ON_MAVLINK, vehicle_of
 from argosy.trial.faults import Fault, draw, read
-from argosy.trial.refusals import refusals
+from argosy.trial.process import SIMULATED
 from argosy.trial.report import Comparison, Trial, text, write
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.statistics import cause_of, causes, same_cause
 from argosy.trial.worker import ENOUGH
 from argosy.trial.workers import workers
+from bridged.bridge.robot_setup import prepare
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from schemas.files.findings import Finding, Findings
 from schemas.humanize import printable, span
 from schemas.mission.model import Mission
 
+DRIVERS: Final = ("mavlink", "zenoh")
+"""Drivers whose input and output a trial has in virtual time."""
 EXIT_INTERRUPTED: Final = 130
 SECONDS: Final = finite_number(lambda number: number > 0, "number of seconds above 0")
 SHARE: Final = finite_number(lambda number: 0 <= number <= 1, "share (0 to 1)")
@@ -107,9 +110,37 @@ def _mission(path: str) -> Mission:
     errors = [one for one in findings if one.severity == "error"]
     if mission is None or errors:
         raise Findings(errors or findings)
-    if refused := refusals(mission):
+    if refused := list(refusals(mission)):
         raise Findings(refused)
     return mission
+
+
+def refusals(mission: Mission) -> Iterator[Finding]:
+    """Yield why a mission, which is free of errors, cannot be tried: it has other edges than a trial."""
+    at = mission.positions.finding
+    if mission.secured:
+        yield at(("security",), "`security`: a trial has no TLS; expected a mission without it")
+    if mission.gateway is not None:
+        yield at(("gateway",), "`gateway`: a trial has no sockets for Comm nodes; expected a mission without it")
+    if mission.router.external:
+        yield at(("router",), "`external: true`: a trial has a network of its own; expected the boards' own routers")
+    for name, robot in mission.robots.items():
+        vehicle = vehicle_of(robot)
+        if robot.simulate is None:
+            yield at(("robots", name), f"{name} has no `simulate`: a trial has simulated robots alone")
+            continue
+        drivers = prepare(mission, name, None, 1.0)[1].manifest.drivers()
+        if others := [one for one in drivers if one not in DRIVERS]:
+            text = f"{name} uses driver {', '.join(others)}, which has its own clock; a trial has {', '.join(DRIVERS)}"
+            yield at(("robots", name, "manifest"), text)
+        if vehicle not in SIMULATED:
+            yield at(
+                ("robots", name, "simulate"),
+                f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle` to be one of "
+                f"{', '.join(SIMULATED)}, which a trial has in virtual time",
+            )
+        elif vehicle in ON_MAVLINK and not robot.link.startswith("udp"):
+            yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")
 
 
 def _make_folder(out: Path) -> None:
@@ -143,20 +174,20 @@ def _requests(mission: Mission, args: Namespace) -> Iterator[Request]:
 
 def _run_all(mission: Mission, args: Namespace, trial: Trial) -> None:
     """Run all seeds, and put the outcomes into the trial by their seeds. Ctrl-C ends all runs that are under way."""
-    progress = Progress(args.runs)
+    shown = Progress(args.runs)
     try:
         jobs = min(args.jobs or len(os.sched_getaffinity(0)), args.runs)
         with workers(jobs, args.run_timeout) as run_all:
             for outcome in run_all(_requests(mission, args)):
                 _refuse(outcome)
                 trial.outcomes.append(outcome)
-                progress.show(trial.outcomes)
+                shown.show(trial.outcomes)
     except KeyboardInterrupt:
         pass  # the report says how many are done
     finally:
-        progress.end()
+        progress("")
         trial.outcomes.sort(key=lambda one: one.seed)
-        trial.wall = time.monotonic() - progress.begun
+        trial.wall = time.monotonic() - shown.begun
 
 
 def _refuse(outcome: Outcome) -> None:
@@ -177,10 +208,9 @@ class Progress:
     def show(self, outcomes: Sequence[Outcome]) -> None:
         """Draw the line again, or print one if it is due."""
         seconds = time.monotonic() - self.begun
-        if sys.stderr.isatty():
-            wide = shutil.get_terminal_size().columns - 1
-            print(f"\r\x1b[K{self.line(outcomes, seconds)[:wide]}", end="", file=sys.stderr, flush=True)
-        elif seconds >= (self._lines + 1) * self.every and len(outcomes) < self.wanted:
+        if not progress(self.line(outcomes, seconds)) and (
+            seconds >= (self._lines + 1) * self.every and len(outcomes) < self.wanted
+        ):
             self._lines = int(seconds / self.every)
             print(self.line(outcomes, seconds), file=sys.stderr, flush=True)
 
@@ -190,11 +220,6 @@ class Progress:
         failed = sum(not one.success for one in outcomes)
         why = "; ".join(f"{len(one.seeds)} x {printable(one.text)}" for one in causes(outcomes))
         return f"{len(outcomes)} of {self.wanted} runs, {left} left, {failed} failed" + (f": {why}" if why else "")
-
-    def end(self) -> None:
-        """Take the line away."""
-        if sys.stderr.isatty():
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def _replay(mission: Mission, args: Namespace) -> int:

@@ -200,6 +200,7 @@ class Datagrams(asyncio.DatagramTransport):
         self._owner = loop.owner.get()
 
     def sendto(self, data: Any, addr: Any = None) -> None:
+        """Let a datagram arrive after the delay of its way, unless the way loses it."""
         receiver = self._remote if addr is None else tuple(addr)
         assert receiver is not None
         delay = self._loop.delay(self._local, receiver)
@@ -216,15 +217,19 @@ class Datagrams(asyncio.DatagramTransport):
             other._context.copy().run(other._protocol.datagram_received, data, self._local)
 
     def is_closing(self) -> bool:
+        """Whether it is closed."""
         return self._closed
 
     def get_protocol(self) -> Any:
+        """Return what receives its datagrams."""
         return self._protocol
 
     def get_write_buffer_size(self) -> int:
+        """Return 0 bytes: nothing waits."""
         return 0
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
+        """Return the address of this or the other end, or a socket that knows nothing."""
         return {"sockname": self._local, "peername": self._remote, "socket": _Socket()}.get(name, default)
 
     def free(self) -> None:
@@ -234,6 +239,7 @@ class Datagrams(asyncio.DatagramTransport):
             del self._loop._udp[self._local]
 
     def close(self) -> None:
+        """Give its address free, and tell the protocol."""
         if not self._closed:
             self.free()
             self._loop.call_soon(self._protocol.connection_lost, None)

@@ -486,11 +486,16 @@ class Network:
 
     def close(self, *sessions: Session, lease: float = 0.0) -> None:
         """End sessions and all that they have declared; other boards notice after `lease` virtual seconds."""
+
+        def notice(session: Session) -> None:
+            self._bury(session)
+            self.topology_changed()
+
         closing = [one for one in sessions if not one.closed]
         for one in closing:
             one.closed = True
             if lease:
-                self.loop.call_later(lease, self._noticed, one, context=BUS)
+                self.loop.call_later(lease, notice, one, context=BUS)
             else:
                 self._bury(one)
         for one in closing:
@@ -511,10 +516,6 @@ class Network:
                 self._seen.pop(declared, None)
                 self._tables[declared.kind].remove(declared)
             session.declared.clear()
-
-    def _noticed(self, session: Session) -> None:
-        self._bury(session)
-        self.topology_changed()
 
     def _clients(self, endpoint: str) -> list[Session]:
         router = self._routers.get(endpoint)

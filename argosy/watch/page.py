@@ -16,7 +16,8 @@ from textual.widgets import Input, Static
 
 from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.model import FleetModel
-from argosy.watch.row_text import BAD, GOOD, WARN, clock, joined, safe, safe_text
+from argosy.fleet_model.timeline import clock
+from argosy.watch.row_text import BAD, GOOD, WARN, joined, safe, safe_text
 from argosy.watch.scroll_pane import ScrollPane
 from schemas.humanize import count, span
 

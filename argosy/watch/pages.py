@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.widget import Widget
 
 from argosy.fleet_model.model import FleetModel
-from argosy.fleet_model.timeline import Entry
+from argosy.fleet_model.timeline import Entry, clock
 from argosy.run.screen import STYLES
 from argosy.watch import mind_page
 from argosy.watch.overview_page import overview
@@ -259,6 +259,6 @@ class TimelineRows:
 def _entry_row(model: FleetModel, entry: Entry) -> Row:
     style = STYLES[entry.level] if entry.what not in ("sent", "received") else "magenta"
     seconds = model.clock.seconds(entry.at)
-    time = entry.clock if seconds is None else f"{seconds:8.1f}"
+    time = clock(entry.at) if seconds is None else f"{seconds:8.1f}"
     text = Text.assemble((f"{time} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
     return Row(text, indent=10, found_by=entry.what)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,6 +12,8 @@ from rich.text import Text
 from schemas.humanize import printable
 
 HEAD, DIM, BAD, WARN, GOOD = "bold dim", "dim", "bold red", "yellow", "green"
+GAP = 2
+"""Columns between two cells."""
 _FOLDERS = re.compile(r"[^\s(,]*/(?=[^\s/(,]+:\d)")
 _LONG = re.compile(r"(\.\d{6})\d+")
 
@@ -68,10 +69,8 @@ def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
     return text
 
 
-def table(
-    rows: Sequence[Sequence[Text]], width: int, *, flex: int, right: Sequence[int] = (), gap: int = 2
-) -> list[Text]:
-    """Return rows as lines of `width` columns, cells aligned and `gap` apart; cell `flex` gets the remaining width.
+def table(rows: Sequence[Sequence[Text]], width: int, *, flex: int, right: Sequence[int] = ()) -> list[Text]:
+    """Return rows as lines of `width` columns, cells aligned; cell `flex` gets the remaining width.
 
     `right`: cells that are aligned at their right end.
 
@@ -84,15 +83,15 @@ def table(
     least = min(widths[flex], 12)
     while (
         count > flex + 1
-        and sum(gap + one for at, one in enumerate(widths[:count]) if one and at != flex) + least > width
+        and sum(GAP + one for at, one in enumerate(widths[:count]) if one and at != flex) + least > width
     ):
         count -= 1
-    others = sum(gap + one for at, one in enumerate(widths[:count]) if one and at != flex)
+    others = sum(GAP + one for at, one in enumerate(widths[:count]) if one and at != flex)
     widths[flex] = max(least, min(widths[flex], width - others))
-    return [_line(row[:count], widths, flex, right, gap) for row in rows]
+    return [_line(row[:count], widths, right) for row in rows]
 
 
-def _line(row: Sequence[Text], widths: Sequence[int], flex: int, right: Sequence[int], gap: int) -> Text:
+def _line(row: Sequence[Text], widths: Sequence[int], right: Sequence[int]) -> Text:
     text = Text(no_wrap=True)
     for at, cell in enumerate(row):
         if not widths[at]:
@@ -103,7 +102,7 @@ def _line(row: Sequence[Text], widths: Sequence[int], flex: int, right: Sequence
         else:
             one.truncate(widths[at], overflow="ellipsis", pad=True)
         text.append_text(one)
-        text.append(" " * gap)
+        text.append(" " * GAP)
     text.rstrip()
     return text
 
@@ -121,11 +120,6 @@ def rounded(text: str) -> str:
 def places(text: str) -> str:
     """Return a text whose `file:line` have no folders."""
     return _FOLDERS.sub("", text)
-
-
-def clock(at: float) -> str:
-    """Return the time of day on this machine of a time in Unix seconds."""
-    return time.strftime("%H:%M:%S", time.localtime(at))
 
 
 @dataclass(frozen=True)

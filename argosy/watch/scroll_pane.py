@@ -64,12 +64,15 @@ class ScrollPane(ScrollView, can_focus=True):
         self._lay_out()
 
     def action_step(self, by: int) -> None:
+        """Scroll by some lines."""
         self._go_to(self.scroll_offset.y + by)
 
     def action_page(self, by: int) -> None:
+        """Scroll by some pages."""
         self._go_to(self.scroll_offset.y + by * max(1, self.size.height - 1))
 
     def action_ends(self, which: int) -> None:
+        """Scroll to the first line for a negative number, else to the last."""
         self._go_to(0 if which < 0 else len(self._lines))
 
     def _to_end(self) -> None:
@@ -82,6 +85,7 @@ class ScrollPane(ScrollView, can_focus=True):
         self.scroll_to(y=max(0, min(line, last)), animate=False, immediate=True)
 
     def on_resize(self, _: Resize) -> None:
+        """Lay the rows out for the new size."""
         self._lay_out()
 
     def render_line(self, y: int) -> Strip:
@@ -155,6 +159,7 @@ class Choice(ScrollPane):
         """Whether the user chose it; else the first row is chosen."""
 
     def action_step(self, by: int) -> None:
+        """Choose the row some rows further."""
         keys = self._keys()
         if not keys:
             super().action_step(by)
@@ -165,15 +170,18 @@ class Choice(ScrollPane):
             self._go_to(0)  # the headings above the first row
 
     def action_page(self, by: int) -> None:
+        """Choose the row some pages further."""
         self.action_step(by * max(1, self.size.height - 2))
 
     def action_ends(self, which: int) -> None:
+        """Choose the first row for a negative number, else the last."""
         keys = self._keys()
         if keys:
             self._choose(keys[0 if which < 0 else -1])
         super().action_ends(which)
 
     def action_open(self) -> None:
+        """Open the chosen row, if there is one."""
         if self.chosen in self._keys():
             self._by_hand = True
             self.post_message(self.Opened(self, self.chosen))

@@ -151,8 +151,8 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     yield Line(f"So {given_up}, and the failure plan {plan} handled it.", 1, handler.chosen.position)
 
 
-def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", indent: int = 1) -> list[Line]:
-    """Explain the cause of an event, a line of this `indent` for each step back; the first one names it `called`."""
+def cause_lines(memory: Memory, decision: DecisionView, called: str = "it") -> list[Line]:
+    """Explain the cause of an event, a line for each step back; the first one names it `called`."""
     lines: list[Line] = []
     known: dict[tuple[str, ...], int] = {}
     rounds = further = 0
@@ -168,29 +168,29 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
         elif len(lines) >= MOST_LINKS:
             further += 1
         else:
-            lines += _link(made, cause, event_text(made.event) if lines else called, indent)
+            lines += _link(made, cause, event_text(made.event) if lines else called)
     if further:
-        lines.append(Line(f"... and {count(further, 'step')} more back.", indent))
+        lines.append(Line(f"... and {count(further, 'step')} more back.", 1))
     if rounds:
-        lines.append(Line(f"This loop ran {count(rounds, 'time')} before, as far as is remembered.", indent))
+        lines.append(Line(f"This loop ran {count(rounds, 'time')} before, as far as is remembered.", 1))
     if last is not None and last[1].by is None and last[1].failure is None:
         first = last[0]
         subject = first_up(event_text(first.event) if lines else called)
         place = "" if first.goal == ANSWERING else first.asked_at
-        lines.append(Line(f"{subject} {origin_text(memory, first)}.", indent, place))
+        lines.append(Line(f"{subject} {origin_text(memory, first)}.", 1, place))
     return lines
 
 
-def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterator[Line]:
+def _link(made: DecisionView, cause: Cause, subject: str) -> Iterator[Line]:
     if cause.failure is not None:
         failure, place = cause.failure, cause.failure.position
         at = f" at {place}" if place else ""
-        yield Line(f"{first_up(subject)} follows this failure{at}: {failure_text(failure)}.", indent, place)
+        yield Line(f"{first_up(subject)} follows this failure{at}: {failure_text(failure)}.", 1, place)
     elif cause.by is not None:
         at = f" at {made.asked_at}" if made.asked_at else ""
         focus = ", as an intention of its own" if cause.own_focus and made.kind == "+!" else ""
         text = f"The plan for {raiser_text(cause.by.event)} {_verb(made)} {subject}{at}{focus}."
-        yield Line(text, indent, made.asked_at)
+        yield Line(text, 1, made.asked_at)
 
 
 def _verb(made: DecisionView) -> str:

@@ -15,7 +15,7 @@ from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError
 from argosy.recording.mind_inputs import RecordedMind, range_text
 from argosy.recording.played_minds import MOST_ACTIONS
-from argosy.recording.reader import Recording, open_recording
+from argosy.recording.reader import Recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
 from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, MindView
@@ -33,7 +33,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
 
     Raises BadRecording and NotRecorded.
     """
-    recording = open_recording(file)
+    recording = Recording(file)
     recorded = _mind_at(recording, agent, at)
     batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(recorded.batches))]
     if not batches or batches[0].initial is None:

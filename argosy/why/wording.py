@@ -11,6 +11,8 @@ ANSWERING = "+!answer_question"
 """The internal event of an intention that answers a question of another agent."""
 LONGEST = 160
 """Characters of a formula that are shown."""
+MOST_GOALS = 4
+"""Goals that a line names."""
 
 
 def shown(text: str) -> str:
@@ -28,7 +30,7 @@ def ago(now: float, then: float) -> str:
 
 
 def first_up(text: str) -> str:
-    """The text as the beginning of a sentence."""
+    """Return the text as the beginning of a sentence."""
     return text[:1].upper() + text[1:]
 
 
@@ -87,31 +89,31 @@ def event_text(event: str) -> str:
 
 
 def goal_text(event: str) -> str:
-    """The event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
+    """Return the event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
     sign, rest = sign_of(without_annotations(event))
     return f"{sign.removeprefix('+') if sign in ('+!', '+?') else sign}{shown(rest)}"
 
 
 def raiser_text(event: str) -> str:
-    """The event of a plan that raised another one: the goal it is for, or what happened."""
+    """Return the event of a plan that raised another one: the goal it is for, or what happened."""
     return goal_text(event) if sign_of(event)[0] in ("+!", "+?") else event_text(event)
 
 
-def goals_text(events: Iterable[str], most: int = 4) -> str:
-    """Several goals, the innermost first; of many the number."""
+def goals_text(events: Iterable[str]) -> str:
+    """Return several goals, the innermost first; of many the number."""
     goals = [goal_text(event) for event in events]
-    rest = len(goals) - most
-    return joined([*goals[:most], f"{rest} more"] if rest > 0 else goals)
+    rest = len(goals) - MOST_GOALS
+    return joined([*goals[:MOST_GOALS], f"{rest} more"] if rest > 0 else goals)
 
 
 def plan_text(plan: PlanView) -> str:
-    """A plan with its label and place: `@careful +!fly(H) (fly.asl:4)`."""
+    """Return a plan with its label and place: `@careful +!fly(H) (fly.asl:4)`."""
     label = f"@{plan.label} " if plan.label else ""
     return f"{shown(label + plan.trigger)} ({plan.position})" if plan.position else shown(label + plan.trigger)
 
 
 def with_values(bindings: Mapping[str, str]) -> str:
-    """`, with B = 12`."""
+    """Return values as `, with B = 12`."""
     pairs = [f"{name} = {value}" for name, value in bindings.items()]
     return f", with {shown(', '.join(pairs))}" if pairs else ""
 

@@ -77,7 +77,7 @@ class _Scan:
             self.at = len(self.text) if end < 0 else end
 
     def header(self) -> Path:
-        """`[table]` or `[[array of tables]]`."""
+        """Read `[table]` or `[[array of tables]]`."""
         array = self.text.startswith("[[", self.at)
         start, self.at = self.at, self.at + 1 + array
         self.blank()
@@ -92,7 +92,7 @@ class _Scan:
         return path
 
     def inside(self, path: Path) -> Path:
-        """The same path through the last elements of the arrays of tables on it."""
+        """Return the same path through the last elements of the arrays of tables on it."""
         whole: Path = ()
         for step in path[:-1]:
             whole = (*whole, step)
@@ -101,7 +101,7 @@ class _Scan:
         return (*whole, *path[-1:])
 
     def pair(self, table: Path) -> None:
-        """`key = value`."""
+        """Read `key = value`."""
         start = self.at
         parts = self.key()
         if not parts:

@@ -56,7 +56,7 @@ class Duration(_Quantity):
 
 
 def decode_hook(expected: type, value: object) -> object:
-    """msgspec's `dec_hook` for files. Raises ValueError that says what was expected."""
+    """Return a value as one of these types: msgspec's `dec_hook`. Raises ValueError that says what was expected."""
     if issubclass(expected, _Quantity):
         return expected.read(value)
     raise NotImplementedError(f"no decoding for {expected!r}")

@@ -126,6 +126,7 @@ def _described(model: Any) -> str:
 
 
 def is_struct(model: Any) -> bool:
+    """Whether a type is a msgspec struct."""
     return isinstance(model, type) and issubclass(model, msgspec.Struct)
 
 

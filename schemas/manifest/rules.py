@@ -80,18 +80,19 @@ def _driver(entry: RobotEntry) -> Iterator[Wrong]:
         yield ("driver",), "expected the name of a driver, such as `mavlink`"
 
 
-def _link_loss(entry: RobotEntry) -> Iterator[Wrong]:
-    if entry.link_loss <= 0:
-        yield ("link_loss",), "expected more than 0 s"
+def _lasts(field: str) -> tuple[frozenset[str], Rule]:
+    """Return the rule that a duration, if there is one, is more than 0 s."""
+
+    def more_than_0(entry: Any) -> Iterator[Wrong]:
+        if (seconds := getattr(entry, field)) is not None and seconds <= 0:
+            yield (field,), "expected more than 0 s"
+
+    return frozenset({field}), more_than_0
 
 
 def _source(entry: PerceptEntry) -> Iterator[Wrong]:
     if not entry.source.strip():
         yield ("source",), "expected where the driver has it from, such as a message or key"
-
-
-def _args(entry: PerceptEntry) -> Iterator[Wrong]:
-    yield from _paths(entry.fields(), ("args",))
 
 
 def _paths(fields: Iterable[Field], where: tuple[str, ...]) -> Iterator[Wrong]:
@@ -115,11 +116,6 @@ def _kept(entry: PerceptEntry) -> Iterator[Wrong]:
     for field, there in (("key", entry.key), ("deadband", entry.deadband)):
         if entry.buf == "add" and there:
             yield (field,), '`buf = "add"` keeps every one; this is for `update`'
-
-
-def _ttl(entry: PerceptEntry) -> Iterator[Wrong]:
-    if entry.ttl is not None and entry.ttl <= 0:
-        yield ("ttl",), "expected more than 0 s"
 
 
 def _params(entry: ActionEntry) -> Iterator[Wrong]:
@@ -224,29 +220,24 @@ def _feedback(entry: ActionEntry) -> Iterator[Wrong]:
             yield ("feedback", str(index)), f"`{name}` is repeated"
 
 
-def _deadline(entry: ActionEntry) -> Iterator[Wrong]:
-    if entry.deadline <= 0:
-        yield ("deadline",), "expected more than 0 s"
-
-
 RULES: dict[type, tuple[tuple[frozenset[str], Rule], ...]] = {
     RobotEntry: (
         (frozenset({"driver"}), _driver),
-        (frozenset({"link_loss"}), _link_loss),
+        _lasts("link_loss"),
     ),
     PerceptEntry: (
         (frozenset({"source"}), _source),
-        (frozenset({"args"}), _args),
+        (frozenset({"args"}), lambda entry: _paths(entry.fields(), ("args",))),
         (frozenset({"key", "args"}), _key),
         (frozenset({"buf", "key", "deadband"}), _kept),
-        (frozenset({"ttl"}), _ttl),
+        _lasts("ttl"),
     ),
     ActionEntry: (
         (frozenset({"params"}), _params),
         (frozenset({"fields", "params"}), _fields),
         (frozenset({"command", "message", "topic", "service", "call"}), _ways),
         (frozenset({"feedback"}), _feedback),
-        (frozenset({"deadline"}), _deadline),
+        _lasts("deadline"),
     ),
 }
 """By kind of entry: the fields that a rule reads, and the rule."""

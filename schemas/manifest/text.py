@@ -84,7 +84,7 @@ def _data(entry: msgspec.Struct) -> Any:
 
 
 def plain(value: object) -> object:
-    """msgspec's `enc_hook`: a duration as people write it, if nothing of it is lost."""
+    """Return a duration as people write it, if nothing of it is lost: msgspec's `enc_hook`."""
     if isinstance(value, Duration):
         text = str(value)
         try:

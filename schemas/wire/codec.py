@@ -97,14 +97,20 @@ class Codec(Generic[R]):
     def _wire(self, encoding: str) -> Wire:
         """Return the wire of an encoding that is not one of ours. Raises BadRecord if it names another record."""
         name = self.record.__name__
-        media, _, schema = encoding.partition(";")
-        if schema.startswith("argosy."):
-            recorded, _, version = schema.removeprefix("argosy.").partition("/")
+        recorded, version = named_by(encoding)
+        if recorded:
             if version != str(VERSION):  # before the name: another version may reply with another record
                 raise OtherVersion(name, version)
             if recorded != name:
                 raise BadRecord(f"{name}: expected a {name}, got a {recorded}")
-        return "msgpack" if media == MEDIA["msgpack"] else "json"
+        return "msgpack" if encoding.partition(";")[0] == MEDIA["msgpack"] else "json"
+
+
+def named_by(encoding: str) -> tuple[str, str]:
+    """Return the record that an Encoding names, and its version; both empty = none of ours."""
+    schema = encoding.partition(";")[2]
+    record, _, version = schema.removeprefix("argosy.").partition("/") if schema.startswith("argosy.") else ("", "", "")
+    return record, version
 
 
 _JSON = msgspec.json.Encoder()

@@ -7,8 +7,9 @@ only keys. A name of a fleet, agent, robot or board is one chunk of a key.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, TypeAlias
 
 from schemas.liveness import STATUS_EVERY
@@ -114,6 +115,29 @@ CHANNELS = (
         "{name}/health/{daemon}", "put", Health, None, "every daemon", "bridged, agentd, observers", 1, "telemetry"
     ),
 )
+
+
+RECORDS: dict[str, type[Record]] = {
+    record.__name__: record
+    for record in (one for channel in CHANNELS for one in (channel.carries, channel.answers))
+    if record is not None
+}
+"""All records on the bus, by name."""
+
+
+def channels_of(key: str) -> Iterator[Channel]:
+    """Yield the channels that a key belongs to; a query's parameters may follow it."""
+    if (parsed := parse(key.partition("?")[0])) is not None:
+        rest = "/".join(parsed[2])
+        yield from (channel for pattern, channel in _patterns() if pattern.fullmatch(rest))
+
+
+@cache
+def _patterns() -> tuple[tuple[re.Pattern[str], Channel], ...]:
+    """Return what follows the name in the keys of each channel, as a pattern."""
+    rests = (channel.key.partition("/")[2].removesuffix("**") for channel in CHANNELS)
+    patterns = (re.sub(r"{\w+}", "[^/]+", rest) + (".*" if rest.endswith("/") else "") for rest in rests)
+    return tuple(zip(map(re.compile, patterns), CHANNELS, strict=True))
 
 
 def _with_name(rest: str) -> Callable[[str, str], str]:

@@ -125,7 +125,7 @@ def to_float(term: Term) -> float | None:
 
 
 def decode_hook(expected: type, value: Any) -> Any:
-    """msgspec's `dec_hook`: turn decoded JSON or MessagePack into a term. Raises ValueError that says what is wrong."""
+    """Turn decoded JSON or MessagePack into a term: msgspec's `dec_hook`. Raises ValueError that says what is wrong."""
     if expected.__name__ != "Term":
         raise NotImplementedError(f"no decoding for {expected!r}")
     return _term(value)

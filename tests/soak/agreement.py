@@ -22,7 +22,7 @@ from pathlib import Path
 from agentd.conversion.introspection import EVERYTHING
 from agentd.conversion.mind_view import MindViews
 from agentd.replay.replayed_mind import ReplayedMind
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.trial.single_run import Request
 from argosy.trial.workers import workers
 from schemas.wire.mind_records import MindDecisions
@@ -64,7 +64,7 @@ class Course:
 
 def course_of(recording: Path) -> Course:
     """Read a recording of one flight."""
-    course, read = Course(), open_recording(recording)
+    course, read = Course(), Recording(recording)
     begun: dict[str, int] = {}
     orders: dict[str, list[str]] = {}
     ended = 0

@@ -28,7 +28,7 @@ from agentd.jason_project.project_parser import parse_project
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from argosy.mail.command import board_lines
 from argosy.recording.metadata import End
-from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.reader import BadRecording, Recording
 from argosy.recording.records import RECORDS, fleet_of, is_plain
 from argosy.recording.write_queue import Heard
 from argosy.recording.writer import COMPRESSIONS
@@ -374,7 +374,7 @@ def _recordings() -> tuple[bytes, ...]:
 def _read_recording(data: bytes, _: random.Random) -> None:
     path = Path(_folder().name, "a.mcap")
     path.write_bytes(data)
-    recording = open_recording(path)
+    recording = Recording(path)
     for message in recording.messages():
         _ = message.record
     recording.minds()

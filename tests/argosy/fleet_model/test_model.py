@@ -233,7 +233,6 @@ def test_the_timeline_answers_what_came_since_a_number_and_keeps_the_newest() ->
     assert new[-1].text == "5999"
     assert new[-1].number == fleet.model.timeline.number == before + 6000
     assert [entry.text for entry in fleet.model.timeline.since(before + 5998)] == ["5998", "5999"]
-    assert [entry.text for entry in fleet.model.timeline.since(0, most=1)] == ["5999"]
 
 
 def test_everything_that_may_grow_is_bounded() -> None:

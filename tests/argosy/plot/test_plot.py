@@ -12,7 +12,7 @@ import pytest
 from argosy.__main__ import main
 from argosy.plot.command import read_scene
 from argosy.recording.metadata import End, Facts
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.write_queue import Heard
 from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
@@ -153,7 +153,7 @@ def test_a_figure_is_as_wide_as_a_column_of_paper(flown: Path, tmp_path: Path) -
 
 
 def test_messages_stand_at_the_time_at_which_they_were_sent_although_each_agent_counts_its_own(flown: Path) -> None:
-    told, asked = read_scene(open_recording(flown)).messages
+    told, asked = read_scene(Recording(flown)).messages
     assert (told.sender, told.receiver, told.performative) == ("scout", "rescuer", "tell")
     assert told.sent == pytest.approx(1.9, abs=1e-6)
     assert told.received == pytest.approx(2.5, abs=1e-6)
@@ -161,7 +161,7 @@ def test_messages_stand_at_the_time_at_which_they_were_sent_although_each_agent_
 
 
 def test_places_are_what_robots_saw_flew_to_and_left_behind_and_no_other_figures(flown: Path) -> None:
-    places = read_scene(open_recording(flown)).places
+    places = read_scene(Recording(flown)).places
     assert [(place.kind, place.robot, place.label) for place in places] == [
         ("victim", "uav1", "7"),
         ("target", "uav2", ""),
@@ -204,7 +204,7 @@ def test_tables_hold_what_the_figure_shows(flown: Path, tmp_path: Path) -> None:
 def test_without_the_mission_each_agent_that_perceives_is_a_robot_of_its_own(tmp_path: Path) -> None:
     fleet = Fleet(tmp_path / "bare.mcap", mission="")
     fly(fleet)
-    scene = read_scene(open_recording(fleet.close()))
+    scene = read_scene(Recording(fleet.close()))
     assert list(scene.robots) == ["rescuer", "scout"]
 
 
@@ -315,4 +315,4 @@ def test_figures_that_are_no_place_and_no_time_end_in_a_line_or_are_not_drawn(
     told = capsys.readouterr()
     assert "Limits" not in told.err
     assert "Warning" not in told.err
-    assert [place.kind for place in read_scene(open_recording(path)).places] == ["victim", "target", "drop_buoy"]
+    assert [place.kind for place in read_scene(Recording(path)).places] == ["victim", "target", "drop_buoy"]

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.trial.faults import Fault
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
@@ -79,7 +79,7 @@ async def recording(endpoint: str, path: Path, *arguments: str, fleet: str = "te
 async def seen(path: Path, key: str, count: int, seconds: float = 90) -> None:
     """Wait until so many messages on a key are in a file."""
     await until(
-        lambda: sum(t.messages for t in open_recording(path).topics if t.key == key) >= count,
+        lambda: sum(t.messages for t in Recording(path).topics if t.key == key) >= count,
         f"{count} on {key}",
         seconds,
     )

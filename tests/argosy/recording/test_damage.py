@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from argosy.recording.mcap_records import LARGEST, McapFile
 from argosy.recording.metadata import End
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.writer import RecordingWriter
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, write
@@ -39,7 +39,7 @@ def part(path: Path, number: int, following: str = "", recording: str = "abc") -
 
 def read(path: Path) -> tuple[list[float], str]:
     """Return the altitudes that are read, and what is missing."""
-    recording = open_recording(path)
+    recording = Recording(path)
     return [record.parameters[0] for _, record in recording.typed(Perception)], recording.missing  # type: ignore[misc]
 
 
@@ -90,7 +90,7 @@ def test_a_file_of_another_recording_in_the_place_of_the_next_is_not_read_and_to
     told = f"{other}: belongs to another recording, but has the name of the next part"
     part(other, 2, recording="another")
     assert read(path) == ([1], told)
-    assert sum(topic.messages for topic in open_recording(path).topics) == 1
+    assert sum(topic.messages for topic in Recording(path).topics) == 1
     other.write_text("mine")
     assert read(path) == ([1], told)
 

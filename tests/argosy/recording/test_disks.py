@@ -16,7 +16,7 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.recording.metadata import End
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.record_command import content, warnings
 from argosy.recording.recorder import Limits, Recorder
 from argosy.recording.run_recorder import RunRecording, record_command
@@ -90,7 +90,7 @@ def until_it_ends(recorder: Recorder, count: int, at_once: int) -> None:
 def told_truly(recorder: Recorder, error: str) -> None:
     """The summary is what the file holds."""
     path = recorder.path
-    found = open_recording(path)
+    found = Recording(path)
     read = [record.parameters[1] for _, record in found.typed(Perception)]
     assert recorder.problem == f"cannot write {path}: {error}"
     assert read[: recorder.messages] == list(range(recorder.messages))
@@ -137,7 +137,7 @@ async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(
     told = f"cannot write {path}: No space left on device"
     assert (code, err) == (1, f"error: {told}; the file can be read up to there\n")
     assert out.splitlines()[-1].endswith(f"; ended: {told}")
-    assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
+    assert f"{path}: {sum(topic.messages for topic in Recording(path).topics)} messages in " in out
 
 
 HANGS = """
@@ -198,7 +198,7 @@ async def test_two_recorders_never_write_one_file(
     assert await refused(capsys, "--router", endpoint, "-o", path, "--force") == told
     writer.add(altitude(2, 2))
     writer.close(END)
-    assert [record.parameters for _, record in open_recording(path).typed(Perception)] == [(1,), (2,)]
+    assert [record.parameters for _, record in Recording(path).typed(Perception)] == [(1,), (2,)]
     RecordingWriter(path, FACTS, overwrite=True).close(END)
 
 
@@ -223,7 +223,7 @@ def test_a_part_that_cannot_be_begun_leaves_the_one_before_it_ended_as_it_should
     recorder = recorder_of(path, Limits(size=SMALL, split=True))
     (tmp_path / "a-0002.mcap").write_text("mine")
     until_it_ends(recorder, 600, 600)
-    found = open_recording(path)
+    found = Recording(path)
     assert recorder.problem == f"cannot continue in {tmp_path}/a-0002.mcap: File exists"
     assert (found.missing, found.end and found.end.why) == ("", recorder.problem)
     assert sum(topic.messages for topic in found.topics) == recorder.messages > 200

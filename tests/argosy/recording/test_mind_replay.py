@@ -14,7 +14,7 @@ import pytest
 from argosy.__main__ import main
 from argosy.recording.metadata import End
 from argosy.recording.mind_inputs import RecordedMind
-from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.reader import BadRecording, Recording
 from argosy.recording.records import TokenSeen
 from argosy.recording.write_queue import Heard
 from argosy.recording.writer import RecordingWriter
@@ -76,7 +76,7 @@ class Recorded:
         `stays`: the buyer does not leave; `again`: another daemon of it comes at the end; `twice`: all is there once
         more, as of another fleet.
         """
-        recording, path = open_recording(self.path), self.path.with_name(name)
+        recording, path = Recording(self.path), self.path.with_name(name)
         writer = RecordingWriter(path, recording.facts, overwrite=True)
         for message in recording.messages():
             data: bytes | None = message.data
@@ -204,7 +204,7 @@ def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed
 
 
 def test_nothing_is_proved_beyond_inputs_that_are_missing(recorded: Recorded, replayed: Replay) -> None:
-    last = max(batch.number for batch in open_recording(recorded.path).minds("buyer")[0].batches)
+    last = max(batch.number for batch in Recording(recorded.path).minds("buyer")[0].batches)
     path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
     code, out, _ = replayed("buyer", path=path)
     assert code == 1
@@ -266,7 +266,7 @@ def test_what_nobody_listened_to_is_lived_again_but_not_proved(recorded: Recorde
 
 
 def test_inputs_that_this_version_cannot_read_are_told_and_never_agree(recorded: Recorded, replayed: Replay) -> None:
-    recording, one, all_of_them = open_recording(recorded.path), "one.mcap", "all.mcap"
+    recording, one, all_of_them = Recording(recorded.path), "one.mcap", "all.mcap"
     for name in (one, all_of_them):
         writer = RecordingWriter(recorded.path.with_name(name), recording.facts, overwrite=True)
         for message in recording.messages():
@@ -303,7 +303,7 @@ def cut_off(recorded: Recorded, good: Callable[[RecordedMind], bool]) -> Path:
     for size in range(len(whole) - 1000, 1000, -500):
         cut.write_bytes(whole[:size])
         with suppress(BadRecording):
-            if any(good(life) for life in open_recording(cut).minds("buyer")):
+            if any(good(life) for life in Recording(cut).minds("buyer")):
                 return cut
     raise AssertionError("there is no such beginning")
 
@@ -329,7 +329,7 @@ def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
 
 
 def test_what_was_asked_for_in_part_agrees_in_part(recorded: Recorded, replayed: Replay) -> None:
-    last = max(batch.number for batch in open_recording(recorded.path).minds("buyer")[0].batches)
+    last = max(batch.number for batch in Recording(recorded.path).minds("buyer")[0].batches)
     path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
     code, out, _ = replayed("buyer", "--until", "0.1", path=path)
     assert code == 0

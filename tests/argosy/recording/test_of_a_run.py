@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from argosy.cli.errors import BadInput
 from argosy.cli.extras import install_command
 from argosy.recording import run_recorder
-from argosy.recording.reader import open_recording
-from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
+from argosy.recording.reader import Recording
+from argosy.recording.run_recorder import RunRecording, recording_of, what_became_of_it
 from schemas.wire.log_lines import LogLine, RecordingEnded
 from tests.argosy.conftest import Start
 
@@ -25,7 +26,7 @@ def test_a_recorder_that_dies_ends_no_flight_and_is_told_of(start: Start, single
     assert told in run.stdout
     assert "  recording  cut off: the recorder was killed by SIGKILL" in run.stdout
     assert "done" in run.stdout
-    assert open_recording(path).missing
+    assert Recording(path).missing
     assert run.left_running() == []
 
 
@@ -34,7 +35,7 @@ def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.
     assert recording_of(None, tmp_path) == RunRecording(tmp_path / "recording.mcap", asked_for=False)
     monkeypatch.setattr(run_recorder, "find_spec", lambda name: None)
     assert recording_of(None, tmp_path) == f"no recording: it needs `{install_command('record')}`"
-    with pytest.raises(NoRecording, match=r"a.mcap: it needs `.* -m pip install -e '.*\[record\]'`"):
+    with pytest.raises(BadInput, match=r"a.mcap: it needs `.* -m pip install -e '.*\[record\]'`"):
         recording_of(tmp_path / "a.mcap", None)
 
 

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from argosy.__main__ import main
 from argosy.recording.mind_inputs import Gap
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.recorder import NOTES, PERIOD
 from argosy.recording.records import RecorderNote, TokenSeen, Unread
 from commd.bus.bus import Bus, Query
@@ -60,7 +60,7 @@ async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == f"recording {path}"
     assert out.splitlines()[-1].endswith("; ended: ctrl-C")
-    found = open_recording(path)
+    found = Recording(path)
     messages = [m for m in found.messages() if m.origin == "put"]
     assert sorted(((m.key, m.record) for m in messages), key=str) == sorted(sent, key=str)
     for key in (ALTITUDE, keys.health(FLEET, "uav1", "bridged")):
@@ -89,7 +89,7 @@ async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
         killed = time.monotonic()
         code, _, _ = await recorder.end(signal.SIGKILL)
     assert code == -signal.SIGKILL
-    found = open_recording(path)
+    found = Recording(path)
     assert found.end is None
     assert "cut off" in found.missing
     values = [record.parameters[0] for _, record in found.typed(Perception)]
@@ -125,7 +125,7 @@ async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_co
         other.withdraw(token)
         await seen(path, f"{keys.ROOT}/{FLEET}/uav2/alive/bridged", 2)
         await recorder.end()
-    found = open_recording(path)
+    found = Recording(path)
     tokens = [(record.key.split("/")[2], record.alive) for _, record in found.typed(TokenSeen)]
     assert tokens == [("uav1", True), ("uav2", True), ("uav2", False)]
     ((percept, record),) = found.typed(Perception)
@@ -158,7 +158,7 @@ async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lo
         await seen(path, INPUTS, 7)
         code, out, _ = await recorder.end()
     assert (code, "missing" in out) == (0, False)
-    (life,) = open_recording(path).minds()
+    (life,) = Recording(path).minds()
     assert life.batches == kept
     assert life.whole
 
@@ -180,7 +180,7 @@ async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(
     told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
     assert str(gap) == told
     assert f"warning: {told}" in out.splitlines()
-    found = open_recording(path)
+    found = Recording(path)
     assert found.end is not None
     assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
     assert found.minds()[0].missing == [range(1, 3)]
@@ -218,7 +218,7 @@ async def test_it_records_the_keys_alone_that_it_is_told(connect: Connect, endpo
         bus.put(ALTITUDE, altitude(bus, 1))
         await seen(path, ALTITUDE, 1)
         await recorder.end()
-    found = open_recording(path)
+    found = Recording(path)
     assert [topic.key for topic in found.topics] == [ALTITUDE]
     assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
 
@@ -237,7 +237,7 @@ async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told
         code, out, _ = await recorder.end()
     told = f"warning: 1 messages, put on key expressions (`*`), are under {NOTES}"
     assert (code, told in out.splitlines()) == (0, True)
-    found = open_recording(path)
+    found = Recording(path)
     assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
     ((_, kept),) = found.typed(Unread)
     assert kept.key == "argosy/*/uav1/percept/altitude"
@@ -258,7 +258,7 @@ async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_
     async with recording(endpoint, path, "--force", "--max-time", "1s") as recorder:
         code, out, _ = await recorder.end(None)
     assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
-    assert open_recording(path).end is not None
+    assert Recording(path).end is not None
 
 
 @pytest.mark.parametrize(
@@ -309,7 +309,7 @@ async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_ask
             await seen(path, ALTITUDE, 1)
             code, _, _ = await recorder.end()
     assert code == 0
-    notes = [note.text for _, note in open_recording(path).typed(RecorderNote)]
+    notes = [note.text for _, note in Recording(path).typed(RecorderNote)]
     assert notes == ["the router is lost: nothing is received", "the router is back"]
 
 

@@ -6,7 +6,7 @@ import asyncio
 from collections import Counter
 from pathlib import Path
 
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from schemas.wire import keys
 from schemas.wire.records import Health
 from tests.argosy.recording.files import validated
@@ -19,7 +19,7 @@ PROGRAM = "!go. +!go <- +beat; .wait(200); -beat; !go."
 
 def heard(path: Path, key: str) -> int:
     """How many messages on a key are in a file by now."""
-    return sum(topic.messages for topic in open_recording(path).topics if topic.key == key)
+    return sum(topic.messages for topic in Recording(path).topics if topic.key == key)
 
 
 def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
         fleet.start("pi1", "agentd").says("agents=a")
         fleet.start("pi2", "agentd").says("agents=b")
         asyncio.run(record(fleet))
-    recording = open_recording(path)
+    recording = Recording(path)
     assert {life.agent: life.whole for life in recording.minds()} == {"a": True, "b": True}
     said = Counter((m.key, one.header.boot, one.header.seq) for m, one in recording.typed(Health))
     assert set(said.values()) == {1}

@@ -18,7 +18,7 @@ from argosy.__main__ import main
 from argosy.recording.metadata import BEGIN as BEGUN
 from argosy.recording.metadata import End
 from argosy.recording.played_minds import PlayedMind
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
 from argosy.recording.write_queue import Heard
 from commd.bus.bus import Bus
@@ -189,7 +189,7 @@ async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_
         ([given[0], other], "a batch of its inputs cannot be read: MindInputs: "),
     ):
         mind = PlayedMind(player, key)
-        for number, message in enumerate(open_recording(recorded(tmp_path / "a.mcap", messages)).messages()):
+        for number, message in enumerate(Recording(recorded(tmp_path / "a.mcap", messages)).messages()):
             mind.take(message)
             if number == 0:
                 assert (await eye.ask_one(key, None, MindView, PATIENCE)).agent == "uav"

@@ -18,7 +18,7 @@ import psutil
 import pytest
 
 from argosy.cli.extras import install_command
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.recording.records import TokenSeen
 from commd.bus.bus import open_bus
 from schemas.wire import keys
@@ -102,7 +102,7 @@ def test_the_run_says_on_the_bus_how_far_it_has_come_and_how_it_ended(done: Done
 
 def test_the_report_has_a_recording_of_the_whole_run(done: Done) -> None:
     path = done.report / "recording.mcap"
-    recording = open_recording(path)
+    recording = Recording(path)
     assert recording.missing == ""
     assert recording.facts.mission_text == (done.report.parent / "single_uav.yaml").read_text()
     assert (recording.facts.speed, recording.facts.fleet) == (10.0, "single-uav")

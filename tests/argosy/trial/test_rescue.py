@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from agentd.replay.replay import replay
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.simulate.referee import judge_recording
 from argosy.trial.faults import Fault, Kill, LinkCut
 from argosy.trial.single_run import Outcome, Request
@@ -102,7 +102,7 @@ def test_a_mission_that_is_done_with_buoys_astray_is_no_success(tmp_path: Path) 
 
 def decided_the_same_again(recording: Path) -> None:
     """Each mind that was recorded from its start decides and does the same when it is replayed."""
-    minds = [mind for mind in open_recording(recording).minds() if mind.whole]
+    minds = [mind for mind in Recording(recording).minds() if mind.whole]
     assert {mind.agent for mind in minds} == {"scout", "rescuer1", "rescuer2"}
     for mind in minds:
         result = replay(mind.batches)

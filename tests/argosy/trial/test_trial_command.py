@@ -124,7 +124,6 @@ def test_a_trial_without_a_terminal_prints_a_line_from_time_to_time(capsys: pyte
     progress = Progress(5, begun=time.monotonic() - 130)
     progress.show([*BAD])
     progress.show([*BAD, *GOOD])
-    progress.end()
     assert [line.partition(",")[0] for line in capsys.readouterr().err.splitlines()] == ["2 of 5 runs"]
 
 

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import pytest
 
-from argosy.recording.reader import open_recording
+from argosy.recording.reader import Recording
 from argosy.trial.faults import Fault, Kill, Operator, Vehicle
 from argosy.trial.single_run import Request
 from argosy.trial.workers import workers
@@ -74,7 +74,7 @@ def test_the_missions_agent_draws_a_square(tmp_path: Path) -> None:
     with workers(1) as run_all:
         (outcome,) = run_all([Request(str(MISSIONS / "turtle.yaml"), 1, record=str(file))])
     assert outcome.success, outcome.why
-    recording = open_recording(file)
+    recording = Recording(file)
     poses = [
         cast("tuple[float, float, float]", one.parameters)[:2]
         for _, one in recording.typed(Perception)
