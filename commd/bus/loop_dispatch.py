@@ -147,5 +147,5 @@ class LoopDispatch:
         """Call a function; an error in it does not keep the others from being called."""
         try:
             function(*args)
-        except Exception as error:
+        except (Exception, asyncio.CancelledError) as error:  # such as the result of a task that was cancelled
             self.loop.call_exception_handler({"message": "handling what has arrived", "exception": error})

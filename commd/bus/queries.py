@@ -317,9 +317,11 @@ class QuerySession:
             if reply is not None and not isinstance(reply, str):  # a trial has replies of its own
                 heard(self._read_reply(bare, reply, answer, timeout))
                 return
-            over = True
-            self._asked.discard(arrived)
-            if reply is not None:
+            if reply is None:
+                over = True
+                self._asked.discard(arrived)
+            else:  # Zenoh keeps it until its timeout otherwise
+                close()
                 heard(Reply(bare, None, reply))
             heard(None)
 

@@ -91,14 +91,22 @@ class ActionRequests:
         patience: float = ACCEPT_PATIENCE,
         on_status: Callable[[ActionStatus], None] | None = None,
     ) -> ActionStatus:
-        """Request an action as `begin` does, and return its final status."""
+        """Request an action as `begin` does, and return its final status. Raises what `on_status` raises."""
         ended: asyncio.Future[ActionStatus] = self._loop.create_future()
 
         def end(status: ActionStatus) -> None:
             if not ended.done():
                 ended.set_result(status)
 
-        self.begin(action, end, patience, on_status)
+        def hear(status: ActionStatus) -> None:
+            try:
+                if on_status is not None:
+                    on_status(status)
+            except Exception as error:
+                if not ended.done():
+                    ended.set_exception(error)
+
+        self.begin(action, end, patience, hear)
         try:
             return await ended
         finally:
@@ -176,13 +184,13 @@ class ActionRequests:
             self._end(one, status)
         else:
             one.heard, one.taken = self._loop.time(), True
-            if one.on_status is not None:
-                one.on_status(status)
             if status.deadline is not None:
                 one.until = one.heard + self._to_wall(status.deadline) + ASKERS_MARGIN
                 one.late = "no outcome within its deadline"
             one.reason = "bridge_lost: its answers ended without an outcome"
             self._watch(one, min(one.until, one.heard + ACTION_ASKED_AGAIN))
+            if one.on_status is not None:
+                one.on_status(status)
 
     def _ask_again(self, one: _Request, *, silent: bool) -> None:
         """Repeat a query that has ended, or is `silent`, unless the action has failed."""
@@ -224,8 +232,14 @@ class ActionRequests:
         """Report the end of an action, behind the percepts that it refers to."""
 
         def report() -> None:
+            if self._closed:
+                return
             self.counters[status.state] += 1
-            one.on_end(status)
+            try:
+                one.on_end(status)
+            except Exception as defect:  # the other actions are looked at nevertheless
+                what = {"message": f"reporting the end of action {one.action.name}", "exception": defect}
+                self._loop.call_exception_handler(what)
 
         self._forget(one.action.id)
         if status.after is None:

@@ -234,6 +234,8 @@ async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its
         await router.aclose()
         assert (await asyncio.wait_for(asking, 120)).error == ROUTER_LOST
         assert await anext(replies, None) is None
+        token = hung.get.call_args.kwargs["cancellation_token"]
+        await until(lambda: token.is_cancelled, "Zenoh does not keep it until its timeout")
 
 
 @bus_test

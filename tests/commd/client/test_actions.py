@@ -290,6 +290,57 @@ async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
 
 
 @bus_test
+async def test_what_the_callers_function_for_statuses_raises_reaches_the_caller(connect: Connect) -> None:
+    async def serve(query: Query[Action]) -> None:
+        answer(query, "accepted", deadline=600.0)
+        await asyncio.sleep(60)
+
+    def fail(status: ActionStatus) -> None:
+        raise ValueError(f"cannot show {status.state}")
+
+    action_requests, *_ = await act(connect, serve)
+    with pytest.raises(ValueError, match="cannot show accepted"):
+        await action_requests.perform(request("land"), patience=1, on_status=fail)
+
+
+@bus_test
+async def test_a_defect_in_who_hears_an_end_or_a_status_keeps_no_action_from_its_end(connect: Connect) -> None:
+    defects, ends = list[str](), list[ActionStatus]()
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: defects.append(str(context["exception"])))
+
+    async def serve(query: Query[Action]) -> None:
+        answer(query, "running")
+        await asyncio.sleep(600)
+
+    def fail(status: ActionStatus) -> None:
+        raise ValueError(status.state)
+
+    action_requests, *_ = await act(connect, serve)
+    action_requests.begin(request("goto"), fail, patience=0.5)
+    action_requests.begin(request("land", (), "uav:b:2"), ends.append, patience=0.5, on_status=fail)
+    await until(lambda: bool(ends), "the other one ends too")
+    assert ends[0].reason == "the bridge has not taken it within 0.5 s"
+    assert sorted(defects) == ["failed", "running"]
+
+
+@bus_test
+async def test_after_the_close_no_end_is_reported(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 0.3)
+
+    async def serve(query: Query[Action]) -> None:
+        answer(query, "succeeded", result=True, after=99, header=Header(boot="its life"))
+
+    ends = list[ActionStatus]()
+    action_requests, perceiving, *_ = await act(connect, serve)
+    perceiving.percepts.boot = "its life"
+    action_requests.begin(request("land"), ends.append)
+    await until(lambda: bool(perceiving._waiting), "the end waits for the percepts before it")
+    action_requests.close()
+    await until(lambda: perceiving.counters["late"] == 1, "it has waited for long enough")
+    assert ends == []
+
+
+@bus_test
 async def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
         await asyncio.sleep(60)
