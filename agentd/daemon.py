@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
 
 from agentd.extensions.file_access import state_folder
 from agentd.persistence.checkpoint import CheckpointError
@@ -13,14 +14,20 @@ from agentd.runtime.agent_group import AgentGroup
 from agentd.runtime.program_loader import DECISIONS, prepare
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
+from commd.common.tasks import wait_at_most
 from commd.process.garbage import look_seldom
 from commd.process.output import ERROR, stderr
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
 from commd.process.restart_counter import note_start
+from commd.process.state_dir import DISK_FAILS, probe
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Finding, Findings
 from schemas.mission.model import Mission, load_mission
 
+SPACE = 256 * 1024
+"""Bytes that a new checkpoint needs with its log."""
+LOOK = 1.0
+"""Wall seconds between two attempts to write to a full disk."""
 log = logging.getLogger("agentd")
 
 
@@ -84,6 +91,10 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ) as bus:
         await greet(bus, (mission.agents[part.name].board for part in parts))
         folder = state_folder(args.state, mission.fleet)
+        if any(mission.agents[part.name].on_restart != "fresh" for part in parts):
+            await wait_for_disk(folder, unit, stop)
+        if stop.is_set():
+            return EXIT_DONE
         agent_group = AgentGroup(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
         try:
             await agent_group.add(*parts)
@@ -94,6 +105,28 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         log.info("agents=%s", ",".join(agent_group.hosts))
         await agent_group.run(stop)
     return EXIT_DONE if agent_group.stopped is None else agent_group.stopped.exit_code
+
+
+async def wait_for_disk(folder: Path, unit: Member, stop: asyncio.Event) -> None:
+    """Wait until the disk of a folder has space, or `stop` is set.
+
+    An agent that began without its state would forget what it did; until it joins, it counts as lost, and its robot is
+    brought to safety. Other errors than of a full or broken disk are left to what opens the checkpoint.
+    """
+    told = False
+    while not stop.is_set():
+        try:
+            await asyncio.to_thread(probe, folder, SPACE)
+        except OSError as error:
+            if error.errno not in DISK_FAILS:
+                return
+            if not told:
+                log.error("no agent begins before its state can be kept: %s: %s", folder, error.strerror)
+                unit.status(f"waiting for the disk of {folder}: {error.strerror}")
+            told = True
+            await wait_at_most(stop, LOOK)
+        else:
+            return
 
 
 def chosen(mission: Mission, args: Namespace) -> list[str]:

@@ -17,7 +17,7 @@ from commd.common.clock import Clock
 from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import note_start
-from commd.process.state_dir import state_directory
+from commd.process.state_dir import DISK_FAILS, state_directory
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
 from schemas.liveness import HEALTH_EVERY
@@ -113,7 +113,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 async def bind(
     bus: Bus, mission: Mission, part: RobotSetup, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
 ) -> tuple[Bridge, Service]:
-    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning or Findings."""
+    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, Findings or OSError."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents, mission.inject)
     action_log = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
@@ -134,6 +134,8 @@ async def bind(
             logs=args.logs,
         )
     except (ValueError, OSError) as error:
+        if isinstance(error, OSError) and error.errno in DISK_FAILS:  # no input is bad: a later start may succeed
+            raise
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         problem = f"robot {part.name} cannot be served: {why}"
         raise Findings([mission.positions.finding(("robots", part.name), problem)]) from error

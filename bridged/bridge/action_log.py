@@ -7,10 +7,13 @@ lines: SQLite takes 1.5 MB of a bridge's memory, and syncs in the thread that se
 from __future__ import annotations
 
 import logging
+import math
 import os
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from errno import ENOSPC
+from io import FileIO
 from pathlib import Path
 from zlib import crc32
 
@@ -19,7 +22,7 @@ from msgspec.structs import replace
 
 from bridged.drivers.api import Order
 from commd.process.restart_counter import machine_boot
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.state_dir import DISK_FAILS, make_private_file, make_private_folder
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Header, Note, State
 
 KEEP = 3600.0
@@ -31,6 +34,8 @@ MAX_ENTRIES = 20_000
 REWRITE_AT = 4 * 1024 * 1024
 """Bytes of the file below which it is not worth leaving out what is older than an hour; then it is when the file has
 doubled."""
+TRY_AGAIN = 1.0
+"""Wall seconds between two attempts to write a file that could not be written."""
 _STANDING = ""
 """The id of lines that say who has the robot, agent and operator. The last such line counts."""
 log = logging.getLogger("action_log")
@@ -88,13 +93,21 @@ class ActionLog:
 
     A line outlives the process when it is written. A thread syncs it for power losses, at most one sync running and one
     waiting: a slow card must not delay heartbeats. The thread also rewrites the file without old lines.
+
+    While its disk is full or broken, everything is in memory alone: what records it raises OSError, and `step` rewrites
+    the file when that is possible again.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
-        """Open the file, or make it with its directory. Raises OSError."""
+        """Open the file, or make it with its directory.
+
+        Raises OSError, but not for a disk that is full or broken: a robot is not left alone for that.
+        """
         self.path = path
-        self.note: Note | None = None
+        self._damaged: Note | None = None
         """What was wrong with the file at the start."""
+        self._failure: OSError | None = None
+        """Why the file cannot be written now."""
         self._wall = wall
         self._standing = _NOBODY
         """Who has the robot."""
@@ -103,16 +116,42 @@ class ActionLog:
         self._sync: Future[None] | None = None
         self._unsynced = False
         """Something was written since a sync was asked for."""
-        make_private_folder(path.parent)
-        self._read()
         self._fresh = path.with_suffix(".new")
-        _write(self._fresh, self._kept())
-        self._fresh.replace(path)
-        self._file = path.open("ab")
+        self._file: FileIO | None = None
+        """None while it cannot be written."""
         self._rewriting: Future[None] | None = None
-        self._copied = 0
-        """Bytes of the file that a rewriting under way covers."""
-        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
+        self._meanwhile: list[Entry] = []
+        """Entries made since a rewriting that is under way began."""
+        self._rewrite_at = REWRITE_AT
+        self._try_at = -math.inf
+        try:
+            self._read()
+            _write(self._fresh, self._kept())
+            self._take_over()
+        except OSError as error:
+            if error.errno not in DISK_FAILS:
+                raise
+            self._failed(error)
+
+    def notes(self) -> list[Note]:
+        """Return the warnings that hold now."""
+        failing = None
+        if self._failure is not None:
+            text = (
+                f"{self.path} cannot be written: {self._failure.strerror}; ids of actions, who has the robot and the"
+                " operator's order are in memory alone, and only ways down are accepted"
+            )
+            failing = Note("ledger_failing", text)
+        return [note for note in (self._damaged, failing) if note is not None]
+
+    def step(self, now: float) -> None:
+        """Let time pass: write a file that could not be written again. `now` in wall seconds."""
+        if self._rewriting is not None:
+            if self._rewriting.done():
+                self._replace(self._rewriting)
+        elif self._file is None and now >= self._try_at:
+            self._try_at = now + TRY_AGAIN
+            self._rewrite()
 
     def begin(self, action: Action) -> None:
         """Record that an id is about to be executed; the record outlives this process. Raises OSError.
@@ -125,7 +164,8 @@ class ActionLog:
         """Sync soon what has been written, so that it outlives a power loss. Raises OSError."""
         if self._unsynced:
             self._unsynced = False
-            if self._sync is None or self._sync.running() or self._sync.done():  # else one waits that will do that
+            waits = self._sync is not None and not (self._sync.running() or self._sync.done())  # one that will do that
+            if self._file is not None and not waits:
                 self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
 
     def finish(self, agent: str, status: ActionStatus) -> None:
@@ -194,19 +234,40 @@ class ActionLog:
     def close(self) -> None:
         """Close the file; a sync under way ends by itself."""
         self._syncer.shutdown(wait=False)
-        self._file.close()
+        if self._file is None:
+            log.error("robot=%s %s ends without what could not be written", self.path.stem, self.path)
+        else:
+            self._file.close()
 
     def _append(self, entry: Entry) -> None:
         self._remember(entry)
-        self._file.write(_line(entry))
-        self._file.flush()
+        if self._rewriting is not None:
+            self._meanwhile.append(entry)
+        if self._file is None:
+            raise OSError(*(self._failure or OSError(ENOSPC, os.strerror(ENOSPC))).args)
+        try:
+            _add(self._file, [entry])
+        except OSError as error:
+            self._failed(error)
+            raise
         self._unsynced = True
         if self._rewriting is None and self._file.tell() > self._rewrite_at:
-            self._copied = self._file.tell()
-            self._rewriting = self._syncer.submit(_write, self._fresh, self._kept())
+            self._rewrite()
         elif self._rewriting is not None and self._rewriting.done():
             self._replace(self._rewriting)
-            self._rewriting = None
+
+    def _rewrite(self) -> None:
+        """Have the thread write a new file of what is to be kept."""
+        self._meanwhile = []
+        self._rewriting = self._syncer.submit(_write, self._fresh, self._kept())
+
+    def _failed(self, error: OSError) -> None:
+        """Go on without the file, which may end in half a line: it is rewritten when that is possible."""
+        if self._failure is None:
+            log.error("robot=%s %s cannot be written: %s", self.path.stem, self.path, error.strerror)
+        if self._file is not None:
+            self._file.close()
+        self._file, self._failure = None, error
 
     def _kept(self) -> list[Entry]:
         return [*self._entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
@@ -229,6 +290,11 @@ class ActionLog:
             lines = self.path.read_bytes().split(b"\n")
         except FileNotFoundError:
             return
+        except OSError as error:
+            if error.errno not in DISK_FAILS:
+                raise
+            self._is_damaged(f"it cannot be read ({error.strerror})", None)
+            return
         damaged = 0
         for line in filter(None, lines):
             try:
@@ -236,32 +302,54 @@ class ActionLog:
             except (ValueError, msgspec.MsgspecError):
                 damaged += 1
         if damaged:
-            text = (
-                f"{self.path}: {damaged} lines are damaged, or were cut off by a power failure: an action that is asked"
-                " for again may be done twice, and an order of the operator may be forgotten"
-            )
-            self.note = Note("ledger_damaged", text, value=damaged)
-            log.error("ledger_damaged %s", text)
+            self._is_damaged(f"{damaged} lines are damaged, or were cut off by a power failure", damaged)
+
+    def _is_damaged(self, what: str, lines: float | None) -> None:
+        text = (
+            f"{self.path}: {what}: an action that is asked for again may be done twice, and an order of the operator"
+            " may be forgotten"
+        )
+        self._damaged = Note("ledger_damaged", text, value=lines)
+        log.error("ledger_damaged %s", text)
 
     def _replace(self, rewriting: Future[None]) -> None:
         """Replace the old file by the new one with the records made meanwhile; on an error keep the old one."""
-        before = self._file
+        self._rewriting = None
         try:
             rewriting.result()
-            with self.path.open("rb") as old:
-                old.seek(self._copied)
-                meanwhile = old.read()
-            file = self._fresh.open("ab")
-            file.write(meanwhile)
-            file.flush()
-            self._fresh.replace(self.path)
+            self._take_over()
         except OSError as error:
-            log.error("%s cannot be made smaller: %s", self.path, error.strerror)
+            if self._file is None:
+                self._failure = error
+            else:
+                log.error("%s cannot be made smaller: %s", self.path, error.strerror)
+                self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
         else:
-            before.close()
-            self._file, self._sync, self._unsynced = file, None, True
+            self._sync, self._unsynced = None, True
             self.keep()
-        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
+
+    def _take_over(self) -> None:
+        """Go on with the new file, in the place of the old one. Raises OSError."""
+        file = FileIO(self._fresh, "ab")
+        try:
+            _add(file, self._meanwhile)
+            self._fresh.replace(self.path)
+        except OSError:
+            file.close()
+            raise
+        if self._file is not None:
+            self._file.close()
+        if self._failure is not None:
+            log.warning("robot=%s %s can be written again", self.path.stem, self.path)
+        self._file, self._failure = file, None
+        self._rewrite_at = max(REWRITE_AT, 2 * file.tell())
+
+
+def _add(file: FileIO, entries: list[Entry]) -> None:
+    """Append entries. Raises OSError, also if the disk takes only a part."""
+    lines = b"".join(map(_line, entries))
+    if file.write(lines) != len(lines):
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
 
 
 def _line(entry: Entry) -> bytes:
@@ -279,7 +367,8 @@ def decoded(line: bytes) -> Entry:
 
 
 def _write(path: Path, entries: list[Entry]) -> None:
-    """Write a new file."""
+    """Write a new file, in a folder that may be missing."""
+    make_private_folder(path.parent)
     make_private_file(path)
     with path.open("wb") as file:
         for entry in entries:

@@ -64,7 +64,7 @@ class Bridge:
         """`shared` is what the drivers of one process share; each turn of the robot's own driver is a beat of `loop`;
         `logs` is the folder for downloaded logs (default: beside the action log).
 
-        Raises OSError if the action log cannot be opened, ValueError for what a driver cannot use.
+        Raises OSError if the action log cannot be used, ValueError for what a driver cannot use.
         """
         self.name = robot
         self._clock, loop = clock, loop or Loop.unwatched()
@@ -170,6 +170,7 @@ class Bridge:
     def step(self) -> float:
         """Let time pass for orders, percepts and actions. Returns the wall seconds until the next step is due."""
         self.driver.step()
+        self.action_log.step(self._clock.wall())
         due = self._clock.to_wall(min(self.percepts.tick(), self.action_server.step()))
         period = TICKS_ACTIVE * self._tick if self.driver.active or self.action_server.running else TICK_IDLE
         pause = max(self._tick, min(due, in_step(self._clock.wall(), period, self._tick)))
@@ -196,5 +197,4 @@ class Bridge:
 
     def notes(self) -> tuple[Note, ...]:
         """Return the warnings that hold now."""
-        damaged = () if self.action_log.note is None else (self.action_log.note,)
-        return (*self.driver.notes(), *self.orders.notes(), *damaged)
+        return (*self.driver.notes(), *self.orders.notes(), *self.action_log.notes())

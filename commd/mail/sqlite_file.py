@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 import sqlite3
@@ -11,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from commd.mail.page_checksums import ENDING
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.state_dir import DISK_FAILS, make_private_file, make_private_folder
 from schemas.files.findings import Finding, Findings
 
 CACHE_KIB = 256
@@ -108,7 +107,7 @@ def may_pass(path: Path, error: Exception) -> bool:
     """Whether a file that cannot be opened now may be opened later: its disk is full or failing."""
     if code_of(error) in DISK - {sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY}:
         return not path.is_dir() and os.access(path if path.exists() else path.parent, os.R_OK | os.W_OK)
-    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+    return isinstance(error, OSError) and error.errno in DISK_FAILS
 
 
 def words_for(error: Exception) -> str:

@@ -26,6 +26,7 @@ from commd.common.wakeup_coalescing import CoalescingLoop, loop_lag
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
+from commd.process.state_dir import DISK_FAILS
 from schemas.files.findings import Findings
 from schemas.files.units import check_endpoint
 from schemas.liveness import HEALTH_EVERY
@@ -114,10 +115,11 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of Zenoh's is no Exception
-        words = f"defect in argosy: {type(error).__name__}: {error}"
+        disk = isinstance(error, OSError) and error.errno in DISK_FAILS
+        words = f"the disk cannot be written: {error}" if disk else f"defect in argosy: {type(error).__name__}: {error}"
         if os.environ.get("ARGOSY_DEBUG"):
             raise
-        stderr().write(f"error: {name}: {words}; ARGOSY_DEBUG=1 shows where", ERROR)
+        stderr().write(f"error: {name}: {words}" + ("" if disk else "; ARGOSY_DEBUG=1 shows where"), ERROR)
         return EXIT_FAILED
     finally:
         note_ends(one_line(words))

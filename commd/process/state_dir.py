@@ -6,6 +6,10 @@ import errno
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
+
+DISK_FAILS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS})
+"""Errors of a disk that is full or broken: what may be done without it goes on."""
 
 
 def state_directory(given: Path | None) -> Path:
@@ -49,6 +53,16 @@ def replace_file(path: Path, content: bytes, *, private: bool = True, synced: bo
         with suppress(OSError):
             new.unlink(missing_ok=True)
         raise
+
+
+def probe(folder: Path, size: int) -> None:
+    """Write a file of `size` bytes and remove it. Raises OSError."""
+    make_private_folder(folder)
+    path = folder / f".probe.{os.getpid()}"
+    try:
+        replace_file(path, bytes(size), synced=False)
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def make_private_file(path: Path) -> None:

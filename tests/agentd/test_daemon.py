@@ -9,21 +9,24 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from agentd.daemon import wait_for_disk
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.runtime import agent_host
 from agentd.runtime.mind_runner import BATCH, SLICE, Ran, reason
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
+from commd.process.systemd import Unit
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from tests.agentd.daemons import TWO, daemons, mission
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
-from tests.support.buses import Connect, bus_test, until
+from tests.support.buses import Connect, bus_test, until, virtual_test
 from tests.support.processes import running
 from tests.support.promises import kept
 
@@ -50,6 +53,22 @@ def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_pat
         with running("agentd", "serve", path, "b", "--router", endpoint) as second:
             assert second.ends(30) == 1
             assert "error: agentd: another agentd serves `b` of fleet `two` already" in second.text
+
+
+@virtual_test
+async def test_a_daemon_with_a_full_disk_waits_for_space_before_its_agents_join(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("agentd.daemon.probe", Mock(side_effect=OSError(28, "No space left on device")))
+    waits = asyncio.create_task(wait_for_disk(tmp_path, Unit.of_environment().member("agentd"), asyncio.Event()))
+    await asyncio.sleep(60)
+    assert not waits.done()
+    assert [one.message for one in caplog.records] == [
+        f"no agent begins before its state can be kept: {tmp_path}: No space left on device"
+    ]
+    monkeypatch.undo()
+    await waits
+    assert not os.listdir(tmp_path)
 
 
 @pytest.mark.parametrize(

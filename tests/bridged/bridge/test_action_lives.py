@@ -286,6 +286,18 @@ def test_a_full_disk_refuses_what_moves_but_not_the_way_down(sky: Sky, monkeypat
     assert sky.do("land").state == "succeeded"
 
 
+def test_a_bridge_that_begins_with_a_full_disk_serves_a_vehicle_in_the_air(
+    sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky.flying()
+    monkeypatch.setattr("bridged.bridge.action_log._write", Mock(side_effect=OSError(28, "No space left on device")))
+    again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    moving = again.do("goto", *GOAL, id="later:1")
+    assert (moving.state, moving.reason) == ("refused", "its id cannot be kept on disk: No space left on device")
+    assert "ledger_failing" in [note.code for note in again.bridge.notes()]
+    assert again.do("land", id="later:2").state == "succeeded"
+
+
 def test_an_id_is_not_executed_again_by_the_next_life_of_the_bridge(sky: Sky, tmp_path: Path) -> None:
     ended = sky.do("set_mode", "GUIDED")
     begun = sky.begin("arm_motors", True)

@@ -226,6 +226,94 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
     action_log.close()
 
 
+FULL = Mock(side_effect=OSError(28, "No space left on device"))
+
+
+def codes(action_log: ActionLog) -> list[str]:
+    return [note.code for note in action_log.notes()]
+
+
+def has_space_again(action_log: ActionLog, now: float) -> None:
+    action_log.step(now)
+    soon(lambda: rewritten(action_log), "the new file")
+    action_log.step(now)
+
+
+@pytest.mark.parametrize("at", ["_write", "make_private_folder"])
+def test_a_disk_that_is_full_at_the_start_is_done_without_and_taken_up_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, at: str
+) -> None:
+    path = tmp_path / "uav1.actions"
+    before = ActionLog(path)
+    before.begin(begun("a:1"))
+    before.hold("a", free=False)
+    before.order("rtl")
+    before.close()
+    monkeypatch.setattr(module, at, FULL)
+    action_log = ActionLog(path)
+    assert (known(action_log, "a:1"), action_log.held(), action_log.ordered) == (True, ("a", False), "rtl")
+    assert codes(action_log) == ["ledger_failing"]
+    for record in (lambda: action_log.begin(begun("a:2")), lambda: action_log.order(None)):
+        with pytest.raises(OSError, match="No space left on device"):
+            record()
+    has_space_again(action_log, 10.0)
+    assert codes(action_log) == ["ledger_failing"]
+    monkeypatch.undo()
+    action_log.step(10.5)
+    assert not rewritten(action_log), "it is tried once a second"
+    has_space_again(action_log, 11.0)
+    assert codes(action_log) == []
+    action_log.begin(begun("a:3"))
+    action_log.close()
+    assert [one.message for one in caplog.records] == [
+        f"robot=uav1 {path} cannot be written: No space left on device",
+        f"robot=uav1 {path} can be written again",
+    ]
+    again = ActionLog(path)
+    assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
+    assert again.ordered is None, "as the operator said while the disk was full"
+    again.close()
+
+
+def test_a_disk_that_fills_up_is_taken_up_again_with_what_was_recorded_meanwhile(tmp_path: Path) -> None:
+    path = tmp_path / "uav1.actions"
+    action_log = ActionLog(path)
+    action_log.begin(begun("a:1"))
+    action_log._file = Mock(wraps=action_log._file, write=Mock(return_value=3))
+    with pytest.raises(OSError, match="No space left on device"):
+        action_log.pause(True)
+    assert (codes(action_log), action_log.paused) == (["ledger_failing"], True)
+    action_log.step(0.0)
+    with pytest.raises(OSError, match="No space left on device"):
+        action_log.begin(begun("a:2"))
+    soon(lambda: rewritten(action_log), "the new file")
+    action_log.step(0.0)
+    assert codes(action_log) == []
+    action_log.close()
+    again = ActionLog(path)
+    assert (known(again, "a:1"), known(again, "a:2"), again.paused) == (True, True, True)
+    again.close()
+
+
+def test_the_end_with_a_full_disk_is_an_error_in_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "uav1.actions"
+    monkeypatch.setattr(module, "_write", FULL)
+    action_log = ActionLog(path)
+    action_log.close()
+    assert caplog.records[-1].message == f"robot=uav1 {path} ends without what could not be written"
+
+
+def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "uav1.actions"
+    ActionLog(path).close()
+    monkeypatch.setattr(module.Path, "read_bytes", Mock(side_effect=OSError(5, "Input/output error")))
+    action_log = ActionLog(path)
+    assert codes(action_log) == ["ledger_damaged"]
+    action_log.close()
+
+
 def test_a_sync_that_fails_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -317,11 +405,10 @@ def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> Non
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     path.write_bytes(bytes(data))
     again = ActionLog(path)
-    assert again.note is not None
-    assert (again.note.code, again.note.value) == ("ledger_damaged", 1)
+    assert [(note.code, note.value) for note in again.notes()] == [("ledger_damaged", 1)]
     again.close()
     well = ActionLog(path)
-    assert well.note is None
+    assert not well.notes()
     well.close()
 
 

@@ -31,6 +31,25 @@ def test_a_thread_that_an_extension_has_left_does_not_keep_the_process_and_is_na
     assert "ending although threads still run: reader" in ended.stderr
 
 
+FULL = """\
+import errno, os
+from commd.process.process import run_daemon
+
+async def main(stop):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/state")
+
+raise SystemExit(run_daemon("test", main))
+"""
+
+
+def test_a_full_disk_is_an_error_that_a_later_start_may_not_have_and_no_defect() -> None:
+    ended = subprocess.run([sys.executable, "-c", FULL], capture_output=True, text=True, timeout=30, cwd=ROOT)
+    assert ended.returncode == 1
+    assert ended.stderr.strip().endswith(
+        "error: test: the disk cannot be written: [Errno 28] No space left on device: '/state'"
+    )
+
+
 _PROCESS = """\
 import asyncio, os, signal, sys, time
 from commd.process.process import run_daemon
