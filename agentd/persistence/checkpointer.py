@@ -94,14 +94,15 @@ class Checkpointer:
     def begun(self, action: Action, then: Callable[[], None]) -> None:
         """Note an action that is about to be requested; the next `look` begins to save it.
 
-        `then()` is called when it is on disk, or after `ACTION_PATIENCE`.
+        `then()` is called when it is on disk, or after `ACTION_PATIENCE`; behind the turn, with all that this ends.
         """
+        loop = asyncio.get_running_loop()
         self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
         if self._commits.problem:
             self.counters["actions_unkept"] += 1
-            then()
+            loop.call_soon(then)
             return
-        due = asyncio.get_running_loop().time() + ACTION_PATIENCE
+        due = loop.time() + ACTION_PATIENCE
         self._waiting[action.id] = due, then
         self._alarm.by(due)
 

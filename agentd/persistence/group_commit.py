@@ -174,9 +174,9 @@ class GroupCommit:
             self._saving = self._loop.create_future()
             self._slow.by(now + SLOW)
             self._hand_in(self._checkpoint, batch, self._saving, RETRY_FIRST)
-        else:
+        else:  # behind the turn that has asked for it: an action is requested after the cancellation of another one
             for done in batch.done:
-                done()
+                self._loop.call_soon(done)
 
     def _look_whether_slow(self) -> None:
         """Note when the commit under way has neither succeeded nor failed for too long."""

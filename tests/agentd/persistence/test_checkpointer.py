@@ -157,6 +157,7 @@ async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_o
     for number in range(100):
         checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto"), lambda: began.append(True))
         checkpointer.ended(f"b:1:{number}")
+    await asyncio.sleep(0)
     assert len(began) == 100
     assert (checkpointer._begun, checkpointer._ended) == ({}, [])
     agent.disk.open.set()

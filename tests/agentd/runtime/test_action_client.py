@@ -22,7 +22,7 @@ from commd.client.actions import ActionRequests
 from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
-from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.hosts import Hosted, Hosts, host_on
 from tests.agentd.minds import run
 from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
 
@@ -144,6 +144,32 @@ async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(con
         agent.disk.full = ""
         bridge.begun.clear()
         agent.host._prints.clear()
+    await agent.end()
+
+
+@pytest.mark.parametrize("keeping", ["works", "fails", "nothing"])
+@bus_test
+async def test_what_is_dropped_is_cancelled_before_the_action_that_follows_is_requested(
+    connect: Connect, tmp_path: Path, keeping: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = "!fly. +!fly <: danger <- goto(1,2,3). +danger <- drop(1). +!see <- +danger.\n"
+    asked = list[str]()
+
+    bridge = await a_bridge(connect)
+    bus = await connect("a")
+    await served(bus, keys.action(FLEET, "a", "x"))
+    daemon = await Hosts.open(tmp_path, "b" if keeping == "nothing" else "a")
+    agent = await host_on(bus, "a", program, tmp_path, robot="uav1", daemon=daemon)
+    await until(lambda: len(bridge.begun) == 1, "the first one begins")
+    if keeping == "fails":
+        daemon.disk.full = "no space left"
+        await until(lambda: agent.host.notes() or agent.tell(Mail("b", "tell", atom("more"))), "it cannot be kept")
+    ask = bus.ask
+    monkeypatch.setattr(bus, "ask", lambda key, *rest: asked.append(key) or ask(key, *rest))
+    agent.tell(Mail("b", "achieve", atom("see")))
+    await until(lambda: len(bridge.begun) == 2, "the second one begins")
+    assert asked == [keys.cancel(FLEET, "a"), keys.action(FLEET, "a", "drop")]
+    daemon.disk.full = ""
     await agent.end()
 
 
