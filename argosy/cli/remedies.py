@@ -21,6 +21,8 @@ REMEDIES = {
     "(docs/guides/mail.md)",
     "no_heartbeat": "see `vehicles`: is it switched on, is this its `sysid` and `link` in the mission?",
     "operator_order": "when the agents may act again: `argosy stop release`",
+    "percepts_unreadable": "the percept's `args` in the manifest are to name what the robot sends "
+    "(docs/reference/manifests.md)",
     "robot_unattended": "`argosy why AGENT` shows what its program did last; `argosy stop land|rtl` acts now",
     "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/guides/security.md)",
     "texts_missing": "`failsafe: {gcs: bridge}` if this bridge is the only station; otherwise read them in the ground "

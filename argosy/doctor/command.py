@@ -122,7 +122,8 @@ async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
     try:
         await bus.ask_all(keys.percept(bus.fleet, agent, "**"), Perception, ANSWER_TIMEOUT, note)
         answer = await bus.ask_one(keys.manifest(bus.fleet, robot), None, LiveManifest, ANSWER_TIMEOUT)
-        declared = answer.manifest.get("percepts", {})
+        own = answer.manifest.get("robot", {}).get("driver", "")
+        declared = {name: {"driver": own} | entry for name, entry in answer.manifest.get("percepts", {}).items()}
     except BusClosed as closed:
         return RobotFacts(percepts, {}, str(closed))
     except QueryFailed:
@@ -142,7 +143,12 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
     except Findings:
         return None
     return {
-        name: {"source": entry.source, "ttl": entry.ttl, "optional": entry.optional}
+        name: {
+            "driver": manifest.driver_of(entry),
+            "source": entry.source,
+            "ttl": entry.ttl,
+            "optional": entry.optional,
+        }
         for name, entry in manifest.percepts.items()
     }
 

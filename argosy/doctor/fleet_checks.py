@@ -20,6 +20,12 @@ SLOW_TRIP = 0.5
 """Round trip in wall seconds that delays mail and actions noticeably."""
 SLOW_RATE = 20_000.0
 """Rate in bytes/s that the percepts of one vehicle can use up."""
+SENDS = {
+    "mavlink": "does the robot send it? For ArduPilot: SRn_ parameters of the port",
+    "zenoh": "does the robot put this key, with every field of the percept's `args`? See `daemons`, and read the key",
+    "": "does its driver report this source, with every field of the percept's `args`? See `daemons`",
+}
+"""What to look at for missing percepts, by their driver; empty = any other one."""
 MAIL_WAITS = 60.0
 """Wall seconds in a queue after which mail is reported."""
 
@@ -288,9 +294,15 @@ def percepts(facts: Facts) -> list[Diagnosis]:
         }
         missing = sorted(live - found.percepts.keys())
         if missing:
-            sources = sorted({str(found.declared[name].get("source", "?")) for name in missing})
+            where = facts.mission.robots[robot].source
+            origins = [
+                (str(one.get("driver")), str(one.get("source", "?")))
+                for one in map(found.declared.__getitem__, missing)
+            ]
+            sources = sorted({where(driver, source) for driver, source in origins})
             text = f"{robot}: missing: {', '.join(missing)} (from {', '.join(sources)})"
-            do = "does the robot send it? For ArduPilot: SRn_ parameters of the port; else remove it from the manifest"
+            advice = [SENDS.get(driver, SENDS[""]) for driver in sorted({driver for driver, _ in origins})]
+            do = f"{'; '.join(dict.fromkeys(advice))}; else remove it from the manifest"
             diagnoses.append(Diagnosis("warning", "percepts", text, do))
         else:
             age = _newest(facts, robot, found)

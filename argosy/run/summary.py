@@ -13,7 +13,7 @@ from argosy.run.armed_warnings import in_the_air
 from argosy.run.end_conditions import Ending
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE
-from schemas.humanize import columns, shortened
+from schemas.humanize import columns, count, shortened
 
 TOGETHER = "commd + bridged + agentd together:"
 MOST_ACTIONS = 40
@@ -73,7 +73,9 @@ def _left(status: Status, robot: FleetRobot) -> str:
     """Return how a vehicle was left."""
     seen = robot.seen
     if not seen.mode:
-        return ", ".join(seen.reported.values()) or "never heard"
+        bad = 0 if robot.health is None else robot.health.bad_input
+        unheard = f"heard, but nothing of it became a belief: {count(bad, 'bad input')}" if bad else "never heard"
+        return ", ".join(seen.reported.values()) or unheard
     old = f"{status.mission_seconds(robot.age(status.model.now()) or 0.0):.0f} s ago: "
     marked = f"LOST, last heard {old}" if seen.lost else old if robot.name in status.frozen else ""
     parts = [seen.mode, "armed" if seen.armed else "disarmed"]

@@ -36,8 +36,8 @@ TICK_IDLE = 1.0
 """Wall seconds between two steps while nothing is due soon: each step wakes the process."""
 STALL, CATCH_UP = 1.0, 0.2
 """Wall seconds that a step may be late, and to read what the robot sent while this process was blocked."""
-UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
-"""Counters of drivers that are bad input."""
+UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable", "percepts_unreadable")
+"""Counters that are bad input."""
 log = logging.getLogger("bridged")
 
 
@@ -66,7 +66,7 @@ class Bridge:
 
         Raises OSError if the action log cannot be used, ValueError for what a driver cannot use.
         """
-        self.name = robot
+        self.name, self._source_name = robot, mission.robots[robot].source
         self._clock, loop = clock, loop or Loop.unwatched()
         self._tick = min(TICK, 1 / (TICKS * clock.speed))
         self._wake = asyncio.Event()
@@ -197,4 +197,5 @@ class Bridge:
 
     def notes(self) -> tuple[Note, ...]:
         """Return the warnings that hold now."""
-        return (*self.driver.notes(), *self.orders.notes(), *self.action_log.notes())
+        read = self.percepts.notes(self._source_name)
+        return (*self.driver.notes(), *read, *self.orders.notes(), *self.action_log.notes())

@@ -18,9 +18,10 @@ import msgspec
 from bridged.drivers.api import Reading
 from bridged.paper_format.text_values import percept_value
 from commd.common.clock import Clock
+from schemas.humanize import shortened
 from schemas.manifest.loader import Field, Manifest, PerceptEntry
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Header, Perception
+from schemas.wire.records import Header, Note, Perception
 from schemas.wire.terms import Atom, Term, number, to_float
 
 MAX_BELIEFS = 1000
@@ -69,6 +70,16 @@ class _Slot:
     """The newest value, held back by the rate."""
 
 
+@dataclass(slots=True)
+class _Misread:
+    """The readings of a source since the first one of which no belief could be made."""
+
+    problem: str
+    """The belief and the reason of the first one."""
+    readings: int = 0
+    unreadable: int = 0
+
+
 class PerceptPublisher:
     """The present percepts of one robot, and one numbered stream of changes for each of its agents."""
 
@@ -105,7 +116,8 @@ class PerceptPublisher:
         self._percepts = manifest.percepts
         self._term: ToTerm = percept_value if manifest.robot.values == "text" else _term
         self._by_source: dict[Source, list[tuple[str, PerceptEntry, tuple[Reader, ...]]]] = {}
-        own = manifest.robot.driver
+        self._misread: dict[Source, _Misread] = {}
+        self._own = own = manifest.robot.driver
         for name, entry in manifest.percepts.items():
             source = ("" if entry.driver == own else entry.driver, entry.source)
             readers = tuple(_reader(field, self._term) for field in entry.fields())
@@ -147,6 +159,7 @@ class PerceptPublisher:
             self._last.pop(source, None)
         elif source in self._last or len(self._last) < MAX_SOURCES:
             self._last[source] = (reading, now)
+        misread: tuple[str, PerceptEntry, Exception] | None = None
         for name, entry, readers in self._by_source.get(source, ()):
             if only is not None and name not in only:
                 continue
@@ -160,10 +173,27 @@ class PerceptPublisher:
             except _Absent:
                 if entry.buf == "update" and not entry.key:  # which of several it was is not known
                     self._withdraw(name)
-            except (KeyError, IndexError, ValueError, TypeError, OverflowError, RecursionError):
-                self.unreadable += 1
+            except _UNUSABLE as error:
+                misread = misread or (name, entry, error)
             else:
                 self._believe(name, entry, parameters, now)
+        if misread:
+            self.unreadable += 1
+            if source not in self._misread:
+                name, entry, why = misread
+                self._misread[source] = _Misread(f"`{name}`, the first: {_reason(entry, why, reading.fields)}")
+            self._misread[source].unreadable += 1
+        if source in self._misread:
+            self._misread[source].readings += 1
+
+    def notes(self, name_of: Callable[[str, str], str]) -> list[Note]:
+        """Return the sources of which no belief can be made, each with its name of a driver and source."""
+        notes = []
+        for (driver, source), found in self._misread.items():
+            about = name_of(driver or self._own, source)
+            text = f"{about}: {found.unreadable} of the last {found.readings} readings make no belief {found.problem}"
+            notes.append(Note("percepts_unreadable", text, about, found.unreadable))
+        return notes
 
     def tick(self) -> float:
         """Publish what the rate held back and is due, and remove what has aged.
@@ -296,6 +326,10 @@ def _differs(deadband: float, old: Term, new: Term) -> bool:
     return was is None or becomes is None or not abs(becomes - was) <= deadband
 
 
+_UNUSABLE = (LookupError, ValueError, TypeError, OverflowError, RecursionError)
+"""Why no term is made of a value."""
+
+
 class _Absent(Exception):
     """The robot says that it does not know the value."""
 
@@ -318,6 +352,35 @@ def _reader(field: Field, term: ToTerm) -> Reader:
     return read
 
 
+def _reason(entry: PerceptEntry, error: Exception, fields: object) -> str:
+    """Return why no belief can be made of a reading, for people."""
+    if not isinstance(fields, Mapping):
+        return f"it is {_kind(fields)}, expected a mapping of fields with `{entry.fields()[0].field}`"
+    for field in entry.fields():
+        try:
+            _argument(field, fields, _term)
+        except _Absent:
+            continue
+        except _UNUSABLE as wrong:
+            if field.field.partition(".")[0] not in fields:
+                there = shortened(", ".join(map(str, fields)), 200)
+                return f"no field `{field.field}`, only {there or 'an empty payload'}"
+            return f"`{field.field}`: {f'no {wrong}' if isinstance(wrong, LookupError) else wrong}"
+    return str(error)
+
+
+def _kind(value: object) -> str:
+    """Return what a value is, for people."""
+    match value:
+        case None:
+            return "null"
+        case Mapping():
+            return "an object"
+        case list() | tuple():
+            return "a list"
+    return f"of the type {type(value).__name__}"
+
+
 def _converted(value: float, scale: float, offset: float) -> float:
     return float(f"{value * scale + offset:.{DIGITS}g}")
 
@@ -330,7 +393,7 @@ def _argument(field: Field, message: object, term: ToTerm) -> Term:
         elif isinstance(value, Mapping):
             value = value[step]
         else:
-            raise TypeError(f"{step!r} of a {type(value).__name__}")
+            raise TypeError(f"no {step} in {_kind(value)}")
     if field.each:
         return _elements(field, value, term)
     if isinstance(value, _LISTS):
@@ -343,7 +406,7 @@ def _argument(field: Field, message: object, term: ToTerm) -> Term:
 def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
     """Return the picked values of each structure in a list, without those that lack a value which may be absent."""
     if not isinstance(value, _LISTS):
-        raise TypeError(f"a list was expected, not a {type(value).__name__}")
+        raise TypeError(f"expected a list, got {_kind(value)}")
     parts = field.parts()
     found: list[Term] = []
     for element in value:
@@ -373,4 +436,4 @@ def _term(value: object) -> Term:
             return value
         case bytes() | bytearray():
             return list(value)
-    raise TypeError(f"no term for a {type(value).__name__}")
+    raise TypeError(f"expected a number, text, truth value or list, got {_kind(value)}")

@@ -184,6 +184,10 @@ class Robot(FileModel, frozen=True, kw_only=True):
     on_shutdown: Order = "rtl"
     simulate: Simulate | None = None
 
+    def source(self, driver: str, source: str) -> str:
+        """Return a source of a percept as a driver knows it: on Zenoh, the key with the robot's prefix."""
+        return f"{self.prefix}/{source}" if driver == "zenoh" and self.prefix else source
+
 
 class Router(FileModel, frozen=True, kw_only=True):
     """The board's Zenoh router."""

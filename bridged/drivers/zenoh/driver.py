@@ -40,7 +40,7 @@ class ZenohDriver(SimpleDriver):
             raise ValueError("the driver `zenoh` needs a bus")
         super().__init__(setup)
         self._bus, self._clock = setup.bus, setup.clock
-        self._prefix = setup.robot.prefix
+        self._key = partial(setup.robot.source, "zenoh")
         self._codec = CODECS[DEFAULT]
         self._topics: dict[tuple[str, bool], Topic] = {}
         """By the key as the manifest names it, and whether it is latched."""
@@ -135,9 +135,6 @@ class ZenohDriver(SimpleDriver):
         now = self._clock.wall()
         notes = (source.note(now) for source in self._sources.by_name.values())
         return [note for note in notes if note is not None]
-
-    def _key(self, name: str) -> str:
-        return f"{self._prefix}/{name}" if self._prefix else name
 
     def _begin(self, execution: Execution, work: Callable[[], Coroutine[Any, Any, Outcome]]) -> None:
         async def carry_out() -> None:

@@ -254,6 +254,22 @@ def test_a_bridge_that_was_started_again_meanwhile_has_no_rate(facts: Facts) -> 
     assert vehicles(replace(facts, earlier=[before], rows=[after])) == []
 
 
+@pytest.mark.parametrize(
+    ("driver", "source", "do"),
+    [("mavlink", "gas", "SRn_"), ("zenoh", "boot/gas", "put this key"), ("counter", "gas", "its driver report")],
+)
+def test_the_advice_for_missing_percepts_is_that_of_their_driver(
+    facts: Facts, tmp_path: Path, driver: str, source: str, do: str
+) -> None:
+    path = tmp_path / "boot.yaml"
+    path.write_text(MISSION.replace('link: "udpin:127.0.0.1:1"', "prefix: boot"))
+    some = RobotFacts({}, {"gas": {"driver": driver, "source": "gas", "ttl": 3}})
+    found = only(percepts(replace(facts, mission=load_mission(path), robots={"uav": some})), "warning")
+    assert found.text == f"uav: missing: gas (from {source})"
+    assert do in found.do
+    assert ("SRn_" in found.do) == (driver == "mavlink")
+
+
 def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_source(facts: Facts) -> None:
     declared: dict[str, dict[str, object]] = {
         "altitude": {"source": "GLOBAL_POSITION_INT", "ttl": 3},

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from bridged.bridge.percepts import MAX_BELIEFS, PerceptPublisher
 from bridged.drivers.api import Reading
 from schemas.manifest.loader import Manifest, read_manifest
+from schemas.mission.model import Robot
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Perception
 from schemas.wire.terms import Atom, Number
@@ -351,6 +352,34 @@ def test_a_value_that_the_robot_does_not_know_is_no_percept(board: Board) -> Non
     board.hear("BATTERY", id=0)
     assert board.taken() == []
     assert board.percepts.unreadable == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"pp": 1}, "no field `ppm`, only pp"),
+        ({}, "no field `ppm`, only an empty payload"),
+        ({"ppm": None}, "`ppm`: expected a number, text, truth value or list, got null"),
+        ({"ppm": {"a": 1}}, "`ppm`: expected a number, text, truth value or list, got an object"),
+        ({"ppm": 10**400}, "int too large to convert to float"),
+        (5, "it is of the type int, expected a mapping of fields with `ppm`"),
+        ([1], "it is a list, expected a mapping of fields with `ppm`"),
+        (object(), "it is of the type object, expected a mapping of fields with `ppm`"),
+    ],
+)
+def test_readings_of_which_no_belief_can_be_made_are_a_note_with_the_reason(fields: Any, why: str) -> None:
+    gas = '[robot]\ndriver = "zenoh"\n[percepts.gas]\nsource = "gas/ppm"\nargs = ["ppm"]\n'
+    board = Board(read_manifest(gas, "m.toml"))
+    board.hear("gas/ppm", ppm=1)
+    assert board.percepts.notes(Robot(manifest="m", prefix="boot").source) == []
+    for _ in range(2):
+        board.percepts.take(Reading("gas/ppm", fields))
+    board.hear("gas/ppm", ppm=2)
+    (note,) = board.percepts.notes(Robot(manifest="m", prefix="boot").source)
+    assert (note.code, note.about, note.value) == ("percepts_unreadable", "boot/gas/ppm", 2)
+    assert note.text == f"boot/gas/ppm: 2 of the last 3 readings make no belief `gas`, the first: {why}"
+    board.percepts.adopt(read_manifest(gas.replace('["ppm"]', '["pp"]'), "m.toml"))
+    assert board.percepts.notes(Robot(manifest="m").source) == [], "another manifest begins anew"
 
 
 def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
