@@ -348,6 +348,7 @@ class QuerySession:
                 **options,
             )
         except zenoh.ZError as error:
+            over = True  # Zenoh drops the handler: that is no end of a query
             raise BusClosed(f"cannot ask {key}: {error}") from None
         self._asked.add(arrived)
         return close

@@ -239,6 +239,18 @@ async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its
 
 
 @bus_test
+async def test_of_a_query_that_cannot_be_sent_nothing_is_heard(connect: Connect) -> None:
+    bus, heard = await connect("uav"), list[object]()
+    bus._session.close()
+    with pytest.raises(BusClosed):
+        bus.ask("argosy/test/a", None, ActionStatus, 10, heard.append)
+    put = asyncio.Event()
+    bus._dispatch.put(lambda _: put.set(), None)  # what Zenoh has handed over is before it
+    await put.wait()
+    assert heard == []
+
+
+@bus_test
 async def test_an_abandoned_query_is_cancelled(connect: Connect) -> None:
     server, backfill = await connect(), await connect()
 
