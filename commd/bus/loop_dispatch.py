@@ -149,3 +149,7 @@ class LoopDispatch:
             function(*args)
         except (Exception, asyncio.CancelledError) as error:  # such as the result of a task that was cancelled
             self.loop.call_exception_handler({"message": "handling what has arrived", "exception": error})
+        except BaseException:  # the program ends: what waits may be needed for that
+            self._running = False
+            self.loop.call_soon(self._run)
+            raise

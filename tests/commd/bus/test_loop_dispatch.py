@@ -107,6 +107,32 @@ def test_a_defect_is_told_and_keeps_nobody_else_from_theirs(error: BaseException
     assert asyncio.run(main()) == (["right", "turn"], [repr(error)])
 
 
+def test_a_handler_that_reads_a_cancelled_future_or_ends_the_program_keeps_nobody_from_theirs() -> None:
+    heard, told = list[Any](), list[str]()
+
+    async def hear(ends: type[BaseException]) -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
+        handover = LoopDispatch(loop, Counter())
+
+        def fails(item: str) -> None:
+            raise ends(item)
+
+        handover.put(fails, "ended")
+        handover.put(heard.append, "before")
+        try:
+            await asyncio.sleep(0)
+        finally:
+            handover.put(heard.append, "behind")
+            await asyncio.sleep(0)
+
+    asyncio.run(hear(asyncio.CancelledError))
+    with pytest.raises(SystemExit):
+        asyncio.run(hear(SystemExit))
+    assert heard == ["before", "behind"] * 2
+    assert told == ["CancelledError('ended')"]
+
+
 def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
     counters = Counter[str]()
 
