@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
+import zenoh
 
 from commd.bus.bus import Bus, Query
 from commd.client.actions import ActionRequests
@@ -132,6 +134,33 @@ async def test_an_action_that_nobody_serves_fails_after_the_grace(
     status = await action_requests.perform(request("land"), 30)
     assert (status.state, status.result) == ("failed", False)
     assert status.reason == "bridge_lost: nobody serves this action"
+
+
+@bus_test
+async def test_an_action_whose_statuses_stopped_before_the_loss_of_the_router_was_noticed_has_the_grace_from_then(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
+    asked = list[int]()
+
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        asked.append(query.record.attempt)
+        answer(query, "succeeded" if len(asked) > 1 else "running")
+        await asyncio.sleep(600)
+
+    action_requests, *_ = await act(connect, serve)
+    flying = asyncio.create_task(action_requests.perform(request("goto"), 60))
+    await until(lambda: asked, "it runs")
+    await asyncio.sleep(1)
+    bus = action_requests._bus
+    for zid in bus._routers.copy():
+        for kind in (zenoh.SampleKind.DELETE, zenoh.SampleKind.PUT):
+            bus._router_event(
+                cast(zenoh.TransportEvent, SimpleNamespace(kind=kind, transport=SimpleNamespace(zid=zid)))
+            )
+    status = await asyncio.wait_for(flying, 120)
+    assert (status.state, asked) == ("succeeded", [1, 2])
 
 
 @bus_test
