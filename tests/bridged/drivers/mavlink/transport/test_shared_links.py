@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.registration import check_robot
-from bridged.drivers.mavlink.transport.framing import Encoder
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.link import LinkError
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
 from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY
@@ -90,6 +90,27 @@ async def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_fr
         await until(lambda: ours() == list(range(20)), "every command reaches the autopilot")
         assert len(camera.listen()) == before
         autopilot.close()
+
+
+@async_test
+async def test_a_vehicle_that_connects_again_is_commanded_before_its_next_heartbeat() -> None:
+    port, encoder = free_port(), Encoder(1, 1)
+    async with riding(f"link: 'tcpin:127.0.0.1:{port}', sysid: 1") as [ride]:
+        reader, before = await asyncio.open_connection("127.0.0.1", port)
+        before.write(encoder.pack(BEAT))
+        await reader.read(1)
+        before.close()
+        home = ride.driver.link_client.address.peer
+        assert home is not None
+        await until(lambda: home.closed, "the connection has ended")
+        reader, again = await asyncio.open_connection("127.0.0.1", port)
+        again.write(encoder.pack(place()))
+        await until(lambda: ride.driver.link_client.address.foreign == 1, "its position is read")
+        ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, 0, 0, 0, 0, 0, 0))
+        framer, heard = Framer(WireCounters()), set[float]()
+        while 77.0 not in heard:  # HEARTBEATs of ours may come before it
+            heard |= {getattr(one, "param1", 0) for one in framer.feed(await asyncio.wait_for(reader.read(4096), 10))}
+        again.close()
 
 
 @async_test
