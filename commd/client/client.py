@@ -23,7 +23,7 @@ from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
 from commd.client.actions import ActionRequests
 from commd.client.percept_sync import PerceptSync
 from commd.client.receive_mail import QUESTION, Messages, ProgramInbox
-from commd.client.send_mail import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
+from commd.client.send_mail import MailboxFull, NotSendable, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.liveness.bridge_presence import BridgePresence
@@ -106,6 +106,7 @@ __all__ = [
     "Client",
     "MailboxFull",
     "NotJoined",
+    "NotSendable",
     "NotSent",
     "SendTimeout",
     "TooLarge",
@@ -176,11 +177,12 @@ class Client:
     ) -> Message:
         """Send a message; it is on the board's disk when this returns. `content` is a Python value or a term.
 
-        It is not delivered after `ttl` wall seconds. Raises UnknownReceiver, TooLarge, MailboxFull or SendTimeout
-        (after `patience` wall seconds), which are all NotSent, and TypeError for a value that cannot be a term.
+        It is not delivered after `ttl` wall seconds. Raises UnknownReceiver, TooLarge, NotSendable, MailboxFull or
+        SendTimeout (after `patience` wall seconds), which are all NotSent, and TypeError for a value that cannot be a
+        term.
         """
         waits = self._patience if patience is None else patience
-        return await self._sending.send(receiver, performative, term_of(content), ttl, in_reply_to, waits)
+        return await self._sending.send(receiver, performative, content, ttl, in_reply_to, waits)
 
     async def send_again(self, error: SendTimeout) -> None:
         """Send the message that had no answer again, with its number, so that it is delivered once."""
@@ -198,7 +200,7 @@ class Client:
         question = f"{QUESTION}{self._questions}.{self.name}.{self._bus.boot}"
         with self._inbox.answer_to(question) as answer:
             try:
-                await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question, until)
+                await self._sending.send(receiver, "askOne", content, None, "", waits, question, until)
             except SendTimeout:
                 if not answer.done():  # else the message was taken
                     raise

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from math import inf
 from typing import cast
@@ -14,14 +14,18 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryFailed
 from commd.mail.message import LARGEST, adds_up
+from schemas.files.findings import nearest
+from schemas.mission.model import PERFORMATIVES
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
-from schemas.wire.records import Mail, Message, Receipt, Refusal
-from schemas.wire.terms import Term
+from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Number, Term, term_of
 
 ANSWER_TIMEOUT = 8.0
 """Wall seconds that `commd` has for one answer: a full disk is waited for there."""
 RETRY = 0.2
+CLOSE = 0.8
+"""Least similarity of a misspelt performative with a known one."""
 
 
 class Unsendable(ValueError):
@@ -45,7 +49,11 @@ class UnknownReceiver(NotSent, LookupError):
 
 
 class TooLarge(NotSent, ValueError):
-    """The message is larger than 1 MB, or nested too deeply to be written."""
+    """The message is larger than 1 MB."""
+
+
+class NotSendable(NotSent, ValueError):
+    """The message cannot be written or understood: nested too deeply, no Unicode, NaN, a misspelt performative."""
 
 
 class MailboxFull(NotSent):
@@ -93,20 +101,23 @@ class Sending:
         self._bus, self._name = bus, name
         self._last: dict[str, Message] = {}
         """The last message to each receiver."""
+        self._numbers: Counter[str] = Counter()
+        """The number of the last message to each receiver that `commd` has, or may have."""
         self._turn: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     async def send(
         self,
         receiver: str,
         performative: str,
-        content: Term,
+        content: object,
         ttl: float | None,
         in_reply_to: str,
         patience: float,
         identity: str = "",
         until: float = inf,
     ) -> Message:
-        """Send a message and return it once it is on disk. Raises the subclass of NotSent for the reason.
+        """Send a message and return it once it is on disk. Raises the subclass of NotSent for the reason, and
+        TypeError for a content that cannot be a term.
 
         `ttl` is in wall seconds, None = for ever; `commd` has `patience` wall seconds to take it. `identity` is its id;
         none = one that is made of its number. It is given up `until` a time of the loop's clock, also when its turn has
@@ -117,10 +128,11 @@ class Sending:
             sender=self._name,
             performative=performative,
             receiver=receiver,
-            content=content,
+            content=cast(Term, content),
             in_reply_to=in_reply_to,
             ttl=ttl,
         )
+        message = _checked(message)
         turn = self._turn[receiver]
         try:
             async with asyncio.timeout_at(None if until == inf else until):
@@ -128,7 +140,8 @@ class Sending:
         except TimeoutError:
             raise NotSent(message, f"commd has not answered for a message before it ({patience:g} s)") from None
         try:
-            header = self._bus.header(f"mail to {receiver}", self._name)
+            seq, bus = self._numbers[receiver] + 1, self._bus
+            header = Header(seq=seq, stamp=bus.stamp(), source=self._name, boot=bus.boot)
             made = identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}"
             message = replace(message, header=header, id=made)
             self._last[receiver] = message
@@ -151,7 +164,8 @@ class Sending:
         try:
             data = encoded(message, self._bus.wire)
         except Unsendable as bad:
-            raise TooLarge(message, str(bad)) from None
+            kind = TooLarge if bad.reason.code == "message_too_large" else NotSendable
+            raise kind(message, str(bad)) from None
         loop = asyncio.get_running_loop()
         until = min(until, loop.time() + patience)
         while True:
@@ -164,16 +178,36 @@ class Sending:
             await asyncio.sleep(RETRY)
 
     async def _ask(self, message: Message, data: bytes, timeout: float) -> tuple[str, bool]:
-        """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
+        """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room.
+
+        Its number is used up unless `commd` certainly does not have it: a receiver would miss it.
+        """
+        receiver = message.receiver
+        before, self._numbers[receiver] = self._numbers[receiver], message.header.seq
         try:
             receipt = await hand_to_commd(self._bus, self._name, [data], timeout)
         except BusError as error:
             return f"commd: {error}", False
+        if receipt.refused or receipt.later:
+            self._numbers[receiver] = before
         if receipt.refused:
             raise _for_good(message, receipt.refused[0])
         if receipt.later:
             return str(receipt.later[0]), receipt.later[0].code == "mailbox_full"
         return "", False
+
+
+def _checked(message: Message) -> Message:
+    """Return a message with its content as a term. Raises NotSendable, and TypeError for what cannot be a term."""
+    if meant := nearest(message.performative, PERFORMATIVES, CLOSE):
+        raise NotSendable(message, f"no performative `{message.performative}`, expected `{meant}` or one of your own")
+    try:
+        content = term_of(message.content)
+    except RecursionError:
+        raise NotSendable(message, "the content is nested too deeply to be sent") from None
+    if content == Number("NaN"):
+        raise NotSendable(message, "the content is NaN, expected a number or another term")
+    return replace(message, content=content)
 
 
 def _for_good(message: Message, why: Refusal) -> NotSent:

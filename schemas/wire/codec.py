@@ -63,7 +63,10 @@ class Codec(Generic[R]):
             return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
         except RecursionError:
             raise TooDeep(f"{self.record.__name__}: nested too deeply to send") from None
-        except (UnicodeEncodeError, OverflowError, TypeError) as error:
+        except UnicodeEncodeError as error:
+            half = ascii(error.object[error.start])
+            raise BadRecord(f"{self.record.__name__}: expected Unicode text, got half a character: {half}") from None
+        except (OverflowError, TypeError) as error:
             raise BadRecord(f"{self.record.__name__}: {error}") from None
 
     def decode(self, payload: bytes, encoding: str = "") -> R:

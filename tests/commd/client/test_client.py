@@ -17,6 +17,7 @@ from commd.client import (
     Client,
     MailboxFull,
     NotJoined,
+    NotSendable,
     NotSent,
     SendTimeout,
     TooLarge,
@@ -145,12 +146,40 @@ async def test_what_is_refused_for_good_raises_the_reason(
 
 
 @planner_test
-async def test_a_message_that_is_too_large_or_too_deep_raises_before_it_leaves(
+async def test_what_cannot_be_sent_raises_before_it_leaves_and_uses_no_number(me: Client, commd: ScriptedCommd) -> None:
+    deep: list[Any] = []
+    for _ in range(3000):
+        deep = [deep]
+    for performative, content, error, text in (
+        ("tell", "x" * 2**20, TooLarge, "expected at most 1048576"),
+        ("tell", "\ud800", NotSendable, r"expected Unicode text, got half a character: '\\ud800'"),
+        ("tell", deep, NotSendable, "nested too deeply"),
+        ("tell", Map((("k", deep),)), NotSendable, "nested too deeply"),
+        ("tell", float("nan"), NotSendable, "is NaN"),
+        ("tel", 1, NotSendable, "no performative `tel`, expected `tell`"),
+    ):
+        with pytest.raises(error, match=text) as raised:
+            await me.send("scout", performative, content)
+        assert str(raised.value).startswith(f"{performative} to scout: ")
+    await me.send("scout", "of_my_own", 1)
+    assert [(one.performative, one.header.seq) for one in commd.taken] == [("of_my_own", 1)]
+
+
+@planner_test
+async def test_a_refused_message_uses_no_number_and_one_that_may_be_there_does(
     me: Client, commd: ScriptedCommd
 ) -> None:
-    with pytest.raises(TooLarge, match="expected at most 1048576"):
-        await me.send("scout", "tell", "x" * 2**20)
-    assert commd.taken == []
+    full, refused = (
+        Receipt(later={0: Refusal(code="mailbox_full")}),
+        Receipt(refused={0: Refusal(code="no such thing")}),
+    )
+    for answers in ([refused], [full] * 9, [None, refused]):
+        commd.answers = list(answers)
+        with pytest.raises(NotSent):
+            await me.send("scout", "tell", 0, patience=0.1 if answers[0] is full else 60)
+        commd.answers = []
+        await me.send("scout", "tell", 1)
+    assert [(one.content, one.header.seq) for one in commd.taken] == [(1, 1), (1, 2), (0, 3), (1, 4)]
 
 
 @planner_test
