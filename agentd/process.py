@@ -82,7 +82,7 @@ def guarded(command: Callable[[], int]) -> int:
             print(f"agentd: ended by {ended}", file=sys.stderr)
         return ended.exit_code
     except SystemExit as error:  # raised by user code outside of any guard
-        from agentd.extensions.user_code import describe_error
+        from commd.process.user_code import describe_error
 
         print(f"agentd: error: the program's Python ended the process: {describe_error(error)}", file=sys.stderr)
         return 1

@@ -16,10 +16,10 @@ import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from agentd.extensions.user_code import MISTAKES, describe_error
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import ACTIONS, FUNCTIONS, SOURCES
+from commd.process.user_code import MISTAKES, describe_error
 
 GROUP = "argosy.internal_actions"
 

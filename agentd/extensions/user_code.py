@@ -1,21 +1,15 @@
-"""Load users' Python by ``module:Class``, and describe its errors without our own traceback."""
+"""Load users' Python by ``module:Class``."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
-import os
 import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-_OURS = str(Path(__file__).parents[1])
-_LIBRARY = str(Path(os.__file__).parent)
-
-
-MISTAKES = (Exception, SystemExit)
-"""Exceptions of users' code that are its own mistakes: it may not end the process."""
+from commd.process.user_code import MISTAKES, describe_error
 
 
 class UserCodeError(Exception):
@@ -79,17 +73,3 @@ def _from_file(path: Path) -> ModuleType:
     sys.modules.setdefault(path.stem, module)
     spec.loader.exec_module(module)
     return module
-
-
-def describe_error(error: BaseException) -> str:
-    """Return an exception in one line: its kind, its text, and where in the user's own code it came from."""
-    text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    if isinstance(error, SyntaxError) and error.filename:
-        return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
-    where, place = error.__traceback__, ""
-    while where is not None:
-        file = where.tb_frame.f_code.co_filename
-        if not file.startswith((_OURS, _LIBRARY, "<")):
-            place = f" ({file}:{where.tb_lineno}, in {where.tb_frame.f_code.co_name})"
-        where = where.tb_next
-    return text + place

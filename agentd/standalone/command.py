@@ -7,13 +7,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agentd.extensions.user_code import MISTAKES, UserCodeError, describe_error, load_class
+from agentd.extensions.user_code import UserCodeError, load_class
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.process import allow_deep_calls, loading_notice, seconds
 from agentd.runtime.program_paths import Setup, SourcePaths, read_folders
 from agentd.standalone.decision_printer import add_why_arguments, narrator_of
 from agentd.standalone.standalone_team import Team
+from commd.process.user_code import MISTAKES, describe_error
 from schemas.files.findings import Findings
 
 if TYPE_CHECKING:

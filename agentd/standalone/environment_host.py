@@ -10,12 +10,13 @@ from itertools import count
 from typing import Any
 
 from agentd.environment import ActionFailed, Deferred, Environment
-from agentd.extensions.user_code import MISTAKES, UserCodeError, describe_error
+from agentd.extensions.user_code import UserCodeError
 from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, PerformAction
 from agentd.mind.data.inputs import ActionDone
 from agentd.values import plain_signature
+from commd.process.user_code import MISTAKES, describe_error
 
 MOST_REPORTED = 1000
 """Different mistakes of an environment that are reported."""

@@ -9,17 +9,19 @@ import asyncio
 import errno
 import logging
 import math
-import socket
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Coroutine, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NoReturn
 from weakref import WeakKeyDictionary
 
 from bridged.drivers.api import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.drivers.argument_check import read_call
-from bridged.drivers.registry import find_driver
+from bridged.drivers.registry import OURS, DriverError, find_driver
+from commd.process.state_dir import DISK_FAILS
 from commd.process.systemd import Loop
+from commd.process.user_code import MISTAKES, describe_error
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
@@ -30,8 +32,12 @@ PAUSES = (0.5, 5.0)
 """First and longest wall seconds until a driver that could not open its link is run again."""
 LASTS = 1.0
 """Wall seconds that a driver must have run until its last failure is no warning any more."""
-MAY_COME = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO})
-"""Errors of a device that is not plugged in."""
+HOPELESS = frozenset({errno.EADDRINUSE, errno.EACCES, errno.EPERM, errno.ENOTTY})
+"""Errors of a link that waiting does not clear: its port is taken, its device is another user's, or no serial line."""
+LACKS = ("perform", "run", "stop", "orders")
+"""Of a driver, what shows that an object is none."""
+DRIVER_RAISES = (*MISTAKES, KeyboardInterrupt)
+"""What is a mistake of a driver: a signal raises nothing in a daemon."""
 log = logging.getLogger("orders")
 drivers_log = logging.getLogger("drivers")
 _PAUSED = Outcome("cancelled", "paused by the operator", "operator")
@@ -83,8 +89,10 @@ class CompositeDriver:
         driver = self._drivers[self._manifest.driver_of(entry)]
         try:
             execution = driver.perform(name, entry, arguments)
-        except Exception as error:
-            return _defect(name, error)
+            if not isinstance(execution, Execution):
+                raise self._no_execution(driver, execution)
+        except DRIVER_RAISES as error:
+            return self._defect(driver, "perform", name, error)
         self._of[execution] = _Begun(driver, entry.motion)
         if entry.motion:
             self.may_be_moving()
@@ -115,8 +123,8 @@ class CompositeDriver:
                 self._end(execution, ending)
         try:
             return self.own.order(order, ending, insist=insist) if by_itself else self._by_action(order)
-        except Exception as error:
-            return _defect(order, error)
+        except DRIVER_RAISES as error:
+            return self._defect(self.own, "order", order, error)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
         """Hold the robot until `resume`; `interrupted` end without a word to their followers; others continue."""
@@ -130,16 +138,16 @@ class CompositeDriver:
             if "hold" in self.own.orders:
                 return self.own.order("hold", _PAUSED, insist=True)
             return self._by_action("hold")
-        except Exception as error:
-            return _defect("pause", error)
+        except DRIVER_RAISES as error:
+            return self._defect(self.own, "pause", "pause", error)
 
     def resume(self) -> Execution:
         """Bring the robot back into the state before the pause, if its driver can."""
         if isinstance(self.own, Pausable):
             try:
                 return self.own.resume()
-            except Exception as error:
-                return _defect("continue", error)
+            except DRIVER_RAISES as error:
+                return self._defect(self.own, "resume", "continue", error)
         return Execution("continue", Outcome("succeeded"))
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
@@ -148,14 +156,15 @@ class CompositeDriver:
         The reason of an execution that was to end in a hold says so if the robot does not hold yet.
         """
         ran, begun = not execution.over, self._of.get(execution)
+        driver = self.own if begun is None else begun.driver
         try:
-            (self.own if begun is None else begun.driver).stop(execution, outcome, hold=hold)
+            driver.stop(execution, outcome, hold=hold)
             if ran and hold and self._holds_by_action:
                 said = self._hold(outcome)
                 if said and execution.outcome is not None:
                     execution.outcome = replace(execution.outcome, reason=f"{execution.outcome.reason}; {said}")
-        except Exception:
-            log.exception("defect in the driver when %s was to end", execution.name)
+        except DRIVER_RAISES as error:
+            self._defect(driver, "stop", execution.name, error)
         execution.end(outcome)
 
     def hold(self, execution: Execution, ending: Outcome) -> None:
@@ -165,8 +174,8 @@ class CompositeDriver:
                 self._hold(ending)
             elif begun := self._of.get(execution):
                 begun.driver.stop(execution, ending, hold=True)
-        except Exception:
-            log.exception("defect in the driver when the robot was to hold after %s", execution.name)
+        except DRIVER_RAISES as error:
+            self._defect(self.own, "stop", f"hold after {execution.name}", error)
 
     @property
     def active(self) -> bool:
@@ -244,18 +253,22 @@ class CompositeDriver:
             setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
         try:
             driver = self._drivers[name] = find_driver(name).make_driver(setup)
-        except (Findings, ValueError, OSError):
-            raise
-        except Exception as error:  # drivers may be anybody's
-            raise ValueError(f"driver `{name}` cannot be made: {type(error).__name__}: {error}") from error
+        except DRIVER_RAISES as error:  # drivers may be anybody's
+            ours = name in OURS and isinstance(error, ValueError | OSError)
+            if ours or isinstance(error, Findings) or (isinstance(error, OSError) and error.errno in DISK_FAILS):
+                raise
+            raise DriverError(name, f"make_driver raised {describe_error(error)}") from error
+        if lacks := [one for one in LACKS if not hasattr(driver, one)]:
+            raise DriverError(name, f"make_driver returned {driver!r}, expected a driver: it has no {', '.join(lacks)}")
         loop = self._loop if own else Loop.unwatched()
         self._supervisor[name] = DriverSupervisor(self._setup.name, name, driver, partial(self._failed, name), loop)
 
     def _failed(self, name: str, why: str) -> None:
         """A driver does not run: percepts of an auxiliary one are withdrawn, and what it carries out has failed."""
-        if name != self._manifest.robot.driver:
+        own = name == self._manifest.robot.driver
+        if not own or name not in OURS:  # ours show by percepts of their own that the robot's link is down
             for source in {entry.source for entry in self._manifest.part(name).percepts.values()}:
-                self._setup.on_reading(Reading(source, None, name))
+                self._setup.on_reading(Reading(source, None, "" if own else name))
         for execution, begun in list(self._of.items()):
             if begun.driver is self._drivers[name]:
                 self._end(execution, Outcome("failed", why))
@@ -265,6 +278,23 @@ class CompositeDriver:
         if self._halt is not None and self._setup.clock.wall() > self._halt_until:
             outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s", "deadline")
             self.stop(self._halt, outcome, hold=False)
+
+    def _name_of(self, driver: Driver) -> str:
+        return next(name for name, one in self._drivers.items() if one is driver)
+
+    def _no_execution(self, driver: Driver, value: object) -> DriverError:
+        what = repr(value)
+        if isinstance(value, Coroutine):
+            value.close()
+            what = "a coroutine (it is `async def`)"
+        return DriverError(self._name_of(driver), f"perform returned {what}, expected an Execution")
+
+    def _defect(self, driver: Driver, function: str, name: str, error: BaseException) -> Execution:
+        """Log an exception of a driver; return an execution of `name` that has failed by it."""
+        if not isinstance(error, DriverError):
+            error = DriverError(self._name_of(driver), f"{function} raised {describe_error(error)}")
+        log.error("robot=%s %s: %s", self._setup.name, name, error)
+        return Execution(name, Outcome("failed", str(error)))
 
     def _end(self, execution: Execution, ending: Outcome) -> None:
         if not execution.over:
@@ -299,12 +329,6 @@ class CompositeDriver:
         return execution
 
 
-def _defect(name: str, error: Exception) -> Execution:
-    """Return an execution that has failed by an exception of its driver."""
-    log.error("defect in the driver at %s", name, exc_info=error)
-    return Execution(name, Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}"))
-
-
 def _not_done(halt: Execution) -> str:
     """Say that an order has ended without success; empty if it has not."""
     outcome = halt.outcome
@@ -333,8 +357,7 @@ class DriverSupervisor:
             running = loop.call_later(LASTS, self._runs)
             loop.call_soon(self._loop.rest)  # after its first readings, when it waits for its link to open
             try:
-                await self._driver.run()
-                raise RuntimeError(f"driver `{self._name}` of {self._robot} has ended by itself")
+                await self._run()
             except OSError as error:
                 if not worth_waiting(error):
                     raise
@@ -345,13 +368,29 @@ class DriverSupervisor:
             await asyncio.sleep(pause)
             pause = min(2 * pause, longest)
 
+    async def _run(self) -> NoReturn:
+        """Run the driver until cancelled. Raises OSError, and DriverError for any other end."""
+        try:
+            await self._driver.run()
+        except (*DRIVER_RAISES, asyncio.CancelledError) as error:
+            task = asyncio.current_task()
+            if isinstance(error, asyncio.CancelledError) and task is not None and task.cancelling():
+                raise
+            cause: BaseException = error
+            while isinstance(cause, BaseExceptionGroup) and len(cause.exceptions) == 1:
+                cause = cause.exceptions[0]
+            if isinstance(cause, OSError):
+                raise cause from cause.__cause__
+            raise DriverError(self._name, f"run raised {describe_error(cause)}") from error
+        raise DriverError(self._name, "run returned, expected it to run until it is cancelled")
+
     async def keep_apart(self) -> None:
         """Run it until cancelled; its failure is nobody else's, and is left at a warning."""
         try:
             await self.keep(lambda error: True)
-        except Exception as error:
+        except DriverError as error:
             self._loop.end()
-            self._failed(f"{type(error).__name__}: {error}", "it is not run again before the bridge is restarted")
+            self._failed(error.what, "it is not run again before the bridge is restarted")
             await asyncio.Event().wait()
 
     def _runs(self) -> None:
@@ -371,6 +410,6 @@ class DriverSupervisor:
 
 
 def may_come(error: OSError) -> bool:
-    """Whether what a driver could not open may be there later: a device, a name; a port that is taken is not."""
+    """Whether a link may be there later: a device, a name, a cable; a port that is taken is not."""
     cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
-    return isinstance(cause, socket.gaierror) or cause.errno in MAY_COME
+    return cause.errno not in HOPELESS

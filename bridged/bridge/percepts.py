@@ -22,7 +22,7 @@ from schemas.humanize import shortened
 from schemas.manifest.loader import Field, Manifest, PerceptEntry
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Note, Perception
-from schemas.wire.terms import Atom, Term, number, to_float
+from schemas.wire.terms import Atom, Term, to_float
 
 MAX_BELIEFS = 1000
 """Beliefs that a robot may give at a time; the oldest goes first, and is counted."""
@@ -347,7 +347,7 @@ def _reader(field: Field, term: ToTerm) -> Reader:
             return _argument(field, message, term)
         if value == absent:
             raise _Absent
-        return number(_converted(value, scale, offset) if converts else value)
+        return _finite(_converted(value, scale, offset) if converts else value)
 
     return read
 
@@ -379,6 +379,12 @@ def _kind(value: object) -> str:
         case list() | tuple():
             return "a list"
     return f"of the type {type(value).__name__}"
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is not a finite number")
+    return value
 
 
 def _converted(value: float, scale: float, offset: float) -> float:
@@ -431,7 +437,7 @@ def _value(field: Field, value: object, term: ToTerm) -> Term:
 def _term(value: object) -> Term:
     match value:
         case float():
-            return number(value)
+            return _finite(value)
         case bool() | int() | str() | Atom():
             return value
         case bytes() | bytearray():

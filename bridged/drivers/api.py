@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
@@ -85,6 +85,10 @@ class Execution:
     ended: Callable[[], None] | None = None
     """Called once when the outcome is known."""
 
+    def __post_init__(self) -> None:
+        if self.outcome is not None:
+            self.outcome = _checked(self.outcome)
+
     @property
     def over(self) -> bool:
         """Whether the outcome is known."""
@@ -93,7 +97,7 @@ class Execution:
     def end(self, outcome: Outcome) -> None:
         """Set the outcome, unless it is set."""
         if self.outcome is None:
-            self.outcome = outcome
+            self.outcome = _checked(outcome)
             if self.ended is not None:
                 self.ended()
 
@@ -102,6 +106,19 @@ class Execution:
         self.ended = ended
         if self.outcome is not None:
             ended()
+
+
+def _checked(outcome: object) -> Outcome:
+    """Return what a driver, which may be anybody's and not type-checked, says of an end; failed if it says nothing."""
+    if not isinstance(outcome, Outcome):
+        return Outcome("failed", f"the driver ended it by {outcome!r}, expected an Outcome")
+    if outcome.state not in get_args(FinalState):
+        return Outcome(
+            "failed", f"the driver ended it as {outcome.state!r}, expected {' or '.join(get_args(FinalState))}"
+        )
+    if not isinstance(outcome.reason, str):
+        return replace(outcome, reason=f"the driver's reason is no text: {outcome.reason!r}")
+    return outcome
 
 
 OnReading = Callable[[Reading], None]
@@ -202,7 +219,7 @@ class Driver(Protocol):
         """Take in whether an agent is present: without one the driver does not claim to be a ground station."""
 
     async def run(self) -> None:
-        """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened: then it is run again.
+        """Carry the robot's traffic until cancelled. Raises OSError if its link is not there: then it is run again.
 
         Any other error, and an end by itself, is a defect: the driver is not run again.
         """

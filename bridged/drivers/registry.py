@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from bridged.drivers.api import DriverKind, Order
 from bridged.drivers.argument_check import order_problems
+from commd.process.user_code import describe_error
 from schemas.files.findings import Finding, Findings
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Robot
@@ -28,6 +30,15 @@ class NoDriver(ValueError):
     """There is no driver of a name, or it cannot be loaded."""
 
 
+class DriverError(ValueError):
+    """Code of a driver has raised an exception, takes too long, or has returned something else than it must."""
+
+    def __init__(self, driver: str, what: str) -> None:
+        super().__init__(f"driver `{driver}`: {what}")
+        self.what = what
+        """Without the driver's name."""
+
+
 @cache
 def find_driver(name: str) -> DriverKind:
     """Import a driver. Raises NoDriver."""
@@ -41,7 +52,7 @@ def find_driver(name: str) -> DriverKind:
         try:
             kind = load(entry)
         except (Exception, SystemExit) as error:  # whatever a package does when it is imported
-            raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {type(error).__name__}: {error}") from None
+            raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {describe_error(error)}") from None
         lacking = [
             one for one in ("check_manifest", "check_robot", "make_driver") if not callable(getattr(kind, one, 0))
         ]
@@ -57,8 +68,8 @@ def check_manifest(manifest: Manifest) -> list[Finding]:
     findings = list(order_problems(manifest))
     for name in manifest.drivers():
         try:
-            findings += find_driver(name).check_manifest(manifest.part(name))
-        except NoDriver as error:
+            findings += _checked_by(name, "check_manifest", manifest.part(name), _is_finding, "findings")
+        except (NoDriver, DriverError) as error:
             where = _where_named(manifest, name)
             findings.append(manifest.finding(f"{'.'.join(where)}: {error}", *where))
     return findings
@@ -69,10 +80,43 @@ def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
     problems: list[tuple[str, str]] = []
     for name in manifest.drivers():
         try:
-            problems += find_driver(name).check_robot(robot)
+            problems += _checked_by(name, "check_robot", robot, _is_problem, "pairs of a field and its problem")
         except NoDriver:
             continue  # a finding of the manifest
+        except DriverError as error:
+            problems.append(("manifest", str(error)))
     return problems
+
+
+def _checked_by(name: str, function: str, subject: object, fits: Callable[[object], bool], expected: str) -> list[Any]:
+    """Return what a driver's check finds. Raises NoDriver, and DriverError for a check that fails or takes too long."""
+    check = getattr(find_driver(name), function)
+    if name in OURS:
+        return list(check(subject))
+
+    def work() -> list[Any]:
+        try:
+            found = check(subject)
+            problems = list(found) if isinstance(found, Iterable) else [found]  # a generator does its work here
+        except BaseException as error:
+            raise DriverError(name, f"{function} raised {describe_error(error)}") from None
+        if wrong := [one for one in problems if not fits(one)]:
+            what = found if isinstance(found, str) else wrong[0]
+            raise DriverError(name, f"{function} returned {what!r}, expected {expected}")
+        return problems
+
+    try:
+        return cast(list[Any], _in_time(work, f"{function} of driver {name}"))
+    except TimeoutError as error:
+        raise DriverError(name, f"{function} hangs: {error}") from None
+
+
+def _is_finding(one: object) -> bool:
+    return isinstance(one, Finding)
+
+
+def _is_problem(one: object) -> bool:
+    return isinstance(one, tuple) and len(one) == 2 and all(isinstance(text, str) for text in one)
 
 
 def orders_of(manifest: Manifest) -> frozenset[Order] | None:
@@ -98,34 +142,35 @@ if TYPE_CHECKING:  # megabytes, for those that have no extension
     from importlib.metadata import EntryPoint
 
 PATIENCE = 20.0
-"""Upper bound of an import, in wall seconds; the event loop, and with it every signal, waits for it."""
+"""Upper bound of an import or a check, in wall seconds; the event loop, and with it every signal, waits for it."""
 log = logging.getLogger("drivers")
 
 
-class SlowImport(ImportError):
-    """An import has not ended within `PATIENCE`."""
-
-
 def load(entry: EntryPoint) -> Any:
-    """Import what an entry point names, in a thread. Raises SlowImport and the errors of the import."""
+    """Import what an entry point names, in a thread. Raises TimeoutError and the errors of the import."""
     if entry.module not in sys.modules:
         log.info("importing %s, which `%s` names", entry.module, entry.name)
+    return _in_time(entry.load, f"import {entry.module}")
+
+
+def _in_time(work: Callable[[], Any], name: str) -> Any:
+    """Return the result of `work`, which a thread of this name does. Raises TimeoutError and what the work raises."""
     result: list[Any] = []
     failure: list[BaseException] = []
 
-    def work() -> None:
+    def run() -> None:
         try:
-            result.append(entry.load())
+            result.append(work())
         except BaseException as error:
             failure.append(error)
 
-    thread = threading.Thread(target=work, name=f"import {entry.module}", daemon=True)
+    thread = threading.Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(PATIENCE)
     if failure:
         raise failure[0]
     if not result:
-        raise SlowImport(f"it has not ended within {PATIENCE:g} s")
+        raise TimeoutError(f"it has not ended within {PATIENCE:g} s")
     return result[0]
 
 

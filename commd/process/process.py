@@ -27,6 +27,7 @@ from commd.process.log_handler import begin_logging, handler_of_this_process, on
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
 from commd.process.state_dir import DISK_FAILS
+from commd.process.user_code import where
 from schemas.files.findings import Findings
 from schemas.files.units import check_endpoint
 from schemas.liveness import HEALTH_EVERY
@@ -277,12 +278,6 @@ def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
     return bus.former_failure, None, 0
 
 
-_ROOT = Path(__file__).parents[2]
-_OURS = tuple(f"{_ROOT}/{package}/" for package in ("schemas", "commd", "bridged", "agentd", "argosy"))
-_LIBRARY = str(Path(os.__file__).parent)
-"""Both as in frames, with symbolic links unresolved."""
-
-
 def report_abort(report: Callable[[str], None]) -> None:
     """Call `report(text)` at SIGABRT, which a watchdog sends, then end by it.
 
@@ -297,18 +292,3 @@ def report_abort(report: Callable[[str], None]) -> None:
             os.kill(os.getpid(), signal.SIGABRT)
 
     signal.signal(signal.SIGABRT, aborted)
-
-
-def where(frame: FrameType | None) -> str:
-    """Return the function of a frame: the innermost one of code that is not Argosy's, if there is one."""
-    innermost = frame
-    while frame is not None:
-        file = frame.f_code.co_filename
-        if frame.f_code.co_name != "<module>" and not file.startswith((_LIBRARY, "<", *_OURS)):
-            return f"in {_function_of(frame)}, which has not returned"
-        frame = frame.f_back
-    return "" if innermost is None else f"in {_function_of(innermost)}"
-
-
-def _function_of(frame: FrameType) -> str:
-    return f"{frame.f_code.co_name} ({frame.f_code.co_filename}:{frame.f_lineno})"

@@ -37,6 +37,9 @@ class Patient:
         self.runs.append(Execution(name))
         return self.runs[-1]
 
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
     def refuses(self, entry: ActionEntry) -> str:
         return ""
 

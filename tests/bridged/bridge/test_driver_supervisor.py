@@ -8,20 +8,24 @@ import pty
 import sys
 from argparse import Namespace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from bridged.bridge import composite_driver
 from bridged.bridge.composite_driver import DriverSupervisor, may_come
 from bridged.daemon import leave, serve
+from bridged.drivers.api import Execution, Outcome
 from bridged.drivers.mavlink.transport import endpoint as endpoints
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import LinkAddress, LinkError, open_link
+from bridged.drivers.registry import DriverError, check_manifest, check_robot
 from commd.process.systemd import Loop, Unit
 from schemas.files.findings import Findings
 from schemas.manifest.loader import find_manifest
-from schemas.mission.model import Mission, read_mission
+from schemas.mission.model import Mission, Robot, read_mission
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Health, Note, Perception
@@ -108,7 +112,8 @@ async def failing(workshop: Workshop, sonar: Any, error: Exception) -> None:
     sonar.echo.set()
     await until(lambda: heard[-1].final, "the action ends")
     assert heard[-1].state == "failed"
-    assert f"driver `sonar` does not run: {error or type(error).__name__}" in heard[-1].reason.replace("KeyError: ", "")
+    raised = "" if isinstance(error, OSError) else f"run raised {type(error).__name__}: "
+    assert f"driver `sonar` does not run: {raised}{error}" in heard[-1].reason
     before = workshop.present("tick")
     await until(lambda: workshop.present("tick") != before, "the robot's own driver goes on")
 
@@ -170,7 +175,9 @@ async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are
 ) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await failing(workshop, sonar, KeyError("depth"))
-        said = "driver `sonar` does not run: KeyError: 'depth'; it is not run again before the bridge is restarted"
+        place = f"{sonar.__file__}:21, in run"
+        why = f"run raised KeyError: 'depth' ({place}); it is not run again before the bridge is restarted"
+        said = f"driver `sonar` does not run: {why}"
         assert workshop.bridge.health().notes == (Note("driver_down", said, "sonar"),)
         assert workshop.present("range") == [], "what it told holds no longer"
         status = await workshop.do("ping")
@@ -338,7 +345,7 @@ async def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_us
     (tmp_path / "watchful.toml").write_text(WATCHFUL + PERCEPT)
     monkeypatch.setattr(sonar, "make_driver", broken)
     daemon, _ = serving(mission, endpoint, tmp_path, "r1")
-    with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar` cannot be made: KeyError: 'pin'"):
+    with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar`: make_driver raised KeyError: 'pin'"):
         await daemon
 
 
@@ -412,10 +419,149 @@ async def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_com
     assert may_come(caught.value)
 
 
-def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:
-    assert may_come(_caused(FileNotFoundError(2, "no such file")))
-    assert not may_come(_caused(OSError(98, "address already in use")))
-    assert not may_come(OSError("a driver's own words"))
+@pytest.mark.parametrize(
+    ("error", "may"),
+    [
+        (FileNotFoundError(2, "no such file"), True),
+        (OSError(5, "Input/output error"), True),
+        (ConnectionResetError("peer reset"), True),
+        (OSError("a driver's own words"), True),
+        (OSError(98, "address already in use"), False),
+        (OSError(25, "not a typewriter"), False),
+    ],
+)
+def test_what_may_come_by_waiting_is_all_but_a_port_that_is_taken_and_the_like(error: OSError, may: bool) -> None:
+    assert (may_come(error), may_come(_caused(error))) == (may, may)
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("cable out"), OSError(5, "Input/output error"), ConnectionResetError("reset")]
+)
+@async_test
+async def test_a_robots_only_driver_that_loses_its_link_is_run_again_and_its_percepts_are_withdrawn(
+    sonar: Any, tmp_path: Path, error: OSError, caplog: pytest.LogCaptureFixture
+) -> None:
+    manifest = checked(ALONE.replace('ttl = "0.3s"\n', "").replace('"0.3s"', '"30s"'))
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
+        await workshop.perceives("range", 2.5)
+        gone: list[int] = []
+        run = sonar.Sonar.run
+
+        async def late(self: Any) -> None:
+            gone.append(len(workshop.present("range")))
+            await run(self)
+
+        sonar.Sonar.run = late
+        sonar.trouble.append(error)
+        sonar.echo.set()
+        await until(lambda: len(sonar.runs) == 2, "it is run again")
+        assert gone == [0], "nothing is perceived of a robot whose link is lost"
+        await workshop.perceives("range", 2.5)
+        assert f"driver `sonar` does not run: {error}; it is tried again" in caplog.text
+
+
+@pytest.mark.parametrize("error", [KeyError("alt"), SystemExit(3), KeyboardInterrupt(), asyncio.CancelledError()])
+@async_test
+async def test_a_defect_of_a_robots_only_driver_names_it_with_the_place(
+    sonar: Any, tmp_path: Path, error: BaseException
+) -> None:
+    async def ends() -> None:
+        raise error
+
+    supervisor = DriverSupervisor("r1", "sonar", SimpleNamespace(run=ends), Mock(), Loop.unwatched())  # type: ignore[arg-type]
+    with pytest.raises(DriverError) as caught:
+        await supervisor.keep(may_come)
+    said = str(caught.value)
+    text = f": {error}" if str(error) else ""
+    assert said.startswith(f"driver `sonar`: run raised {type(error).__name__}{text} ({__file__}:")
+    assert said.endswith(", in ends)")
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [("None", "None"), ("'started'", "'started'"), ("late()", "a coroutine (it is `async def`)")],
+)
+@async_test
+async def test_a_driver_that_performs_without_an_execution_fails_the_action(
+    sonar: Any, tmp_path: Path, value: str, said: str
+) -> None:
+    async def late() -> None: ...
+
+    async with in_the_workshop(Workshop(tmp_path, checked(ALONE))) as workshop:
+        sonar.Sonar.perform = lambda *_: eval(value, {"late": late})
+        status = await workshop.do("ping")
+        expected = f"driver `sonar`: perform returned {said}, expected an Execution"
+        assert (status.state, status.reason) == ("failed", expected)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "state", "reason"),
+    [
+        (Outcome("done"), "failed", "the driver ended it as 'done', expected succeeded or failed or"),  # type: ignore[arg-type]
+        ("succeeded", "failed", "the driver ended it by 'succeeded', expected an Outcome"),
+        (Outcome("failed", 17), "failed", "the driver's reason is no text: 17"),  # type: ignore[arg-type]
+    ],
+)
+@async_test
+async def test_an_end_that_is_none_fails_the_action(
+    sonar: Any, tmp_path: Path, outcome: Any, state: str, reason: str
+) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(ALONE))) as workshop:
+
+        def perform(self: Any, name: str, entry: object, arguments: object) -> Execution:
+            begun = Execution(name)
+            asyncio.get_running_loop().call_soon(begun.end, outcome)
+            return begun
+
+        sonar.Sonar.perform = perform
+        status = await workshop.do("ping")
+        assert status.state == state
+        assert status.reason.startswith(reason)
+
+
+CHECKS = {
+    "check_manifest": {
+        "raise KeyError('oops')": "check_manifest raised KeyError: 'oops' (",
+        "raise SystemExit(3)": "check_manifest raised SystemExit: 3 (",
+        "return None": "check_manifest returned None, expected findings",
+        "import threading; threading.Event().wait(60)": "check_manifest hangs: it has not ended within 0.2 s",
+    },
+    "check_robot": {
+        "yield 1 / 0": "check_robot raised ZeroDivisionError: division by zero (",
+        "return None": "check_robot returned None, expected pairs of a field and its problem",
+        "return 'link is bad'": "check_robot returned 'link is bad', expected pairs of a field and its problem",
+    },
+    "make_driver": {
+        "raise ValueError('cannot make')": "make_driver raised ValueError: cannot make (",
+        "return None": "make_driver returned None, expected a driver: it has no perform, run, stop, orders",
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("function", "body", "said"), [(one, *case) for one, cases in CHECKS.items() for case in cases.items()]
+)
+def test_what_a_function_of_a_driver_does_wrong_names_the_driver(
+    sonar: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, function: str, body: str, said: str
+) -> None:
+    monkeypatch.setattr("bridged.drivers.registry.PATIENCE", 0.2 if "hangs" in said else 20.0)
+    space: dict[str, Any] = {}
+    exec(compile(f"def {function}(_):\n    {body}", str(tmp_path / "my_sonar.py"), "exec"), space)
+    manifest = checked(ALONE)
+    setattr(sonar, function, space[function])
+    found: list[str] = []
+    match function:
+        case "check_manifest":
+            found = [str(one) for one in check_manifest(manifest)]
+        case "check_robot":
+            found = [problem for _, problem in check_robot(manifest, Robot(manifest="x"))]
+        case "make_driver":
+            with pytest.raises(DriverError) as caught:
+                Workshop(tmp_path, manifest)
+            found = [str(caught.value)]
+    assert [f"driver `sonar`: {said}" in one for one in found] == [True], found
+    if said.endswith("("):
+        assert f"my_sonar.py:2, in {function})" in found[0]
 
 
 def _caused(cause: OSError) -> LinkError:

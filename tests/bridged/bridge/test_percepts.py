@@ -17,7 +17,7 @@ from schemas.manifest.loader import Manifest, read_manifest
 from schemas.mission.model import Robot
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Perception
-from schemas.wire.terms import Atom, Number
+from schemas.wire.terms import Atom
 from tests.bridged.sky import VirtualClock
 
 MANIFEST = """
@@ -579,7 +579,9 @@ STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "
             {"cells": [{"id": 1, "mv": 3700}, {"id": 2, "mv": 0}]},
             ([[1, 3.7]],),
         ),
-        ('["x"]', {"x": float("nan")}, (Number("NaN"),)),
+        ('["x"]', {"x": float("nan")}, "unreadable"),
+        ('["x"]', {"x": [1, float("inf")]}, "unreadable"),
+        ('[{field = "x", scale = 2}]', {"x": -float("inf")}, "unreadable"),
         ('["x"]', {"x": None}, "unreadable"),
         ('[{field = "x", scale = 0.5}]', {"x": 10**400}, "unreadable"),
         ('["x", "y"]', {"x": 1}, "unreadable"),

@@ -396,7 +396,9 @@ class SerialLine:
             _make_raw(self._device, link.address.port)
         except (OSError, termios.error) as error:
             os.close(self._device)
-            raise LinkError(f"link {link.address} cannot be opened: it is not a serial device") from error
+            raise LinkError(f"link {link.address} cannot be opened: it is not a serial device") from OSError(
+                *error.args
+            )
         self._waiting = bytearray()
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(self._device, self._read)

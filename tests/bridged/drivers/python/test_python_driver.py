@@ -445,7 +445,7 @@ def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
         {"argosy.python": {"stuck": "my_stuck"}},
     )
     said = problems(robot('[actions.go]\ncall = "stuck.go"'))
-    assert any("cannot be imported: SlowImport: it has not ended within 0.3 s" in one for one in said), said
+    assert any("cannot be imported: TimeoutError: it has not ended within 0.3 s" in one for one in said), said
     assert "importing my_stuck, which `stuck` names" in caplog.text
 
 
