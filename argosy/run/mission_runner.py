@@ -45,6 +45,8 @@ LEAVE_BRIDGE = 35.0
 """The same for a bridge, which may try three orders for 10 s each on a robot that does not report its state."""
 LEAVE_RECORDER = 15.0
 """Wall seconds that a recorder has to fetch what it has missed and to end its file."""
+LEAVES_SOON = 3.0
+"""Wall seconds after which the log says who has not left yet."""
 MINDS_EVERY = 0.5
 """Wall seconds between two requests for each mind."""
 POLL = 0.02
@@ -318,11 +320,25 @@ class MissionRunner:
             )
 
     async def _stop(self, children: list[Child], patience: float) -> None:
-        for late in await self._supervisor.leave(children, patience, self._recovery.hurry):
+        slow = asyncio.get_running_loop().call_later(LEAVES_SOON, self._report_slow, children, patience)
+        try:
+            killed = await self._supervisor.leave(children, patience, self._recovery.hurry)
+        finally:
+            slow.cancel()
+        for late in killed:
             within = "immediately, as you ordered," if self._recovery.hurry.is_set() else f"within {patience:g} s"
             self._journal.add(late.name, f"did not leave {within} and was killed", "warning")
             if late.process.kind.name == "bridged":
                 self.status.killed.update(late.process.subject.split())
+
+    def _report_slow(self, children: list[Child], patience: float) -> None:
+        robots = self.status.robots
+        for child in (child for child in children if child.alive):
+            served = [robots[name] for name in child.process.subject.split() if name in robots]
+            unheard = child.process.kind.name == "bridged" and any(map(self.status.model.unheard, served))
+            hangs = ", and publishes nothing: a driver of its robot may not return" if unheard else ""
+            text = f"has not left after {LEAVES_SOON:g} s{hangs}; it is killed after {patience:g} s"
+            self._journal.add(child.name, text, "warning")
 
     def _enter(self, phase: RunPhase, why: str = "") -> None:
         """Go on to another phase of the run, and publish it."""
