@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Order, Outcome
+from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
@@ -574,6 +575,16 @@ def test_a_fence_of_corners_is_stored_and_keeps_targets_in(sky: Sky) -> None:
     assert final.state == "refused"
     assert "outside geofence" in final.reason
     done(sky, "goto", *GOAL)
+
+
+def test_every_message_that_numbers_or_counts_items_is_renumbered_in_both_directions() -> None:
+    numbering = {
+        kind.msgname
+        for kind in dialect.mavlink_map.values()
+        if kind.msgname.startswith("MISSION_") and {"seq", "count"} & set(kind.fieldnames)
+    }
+    assert {"MISSION_REQUEST", "MISSION_REQUEST_INT"} <= numbering, "an autopilot may ask by either"
+    assert numbering <= Px4.incoming.keys() & Px4.outgoing.keys()
 
 
 def test_a_mission_is_stored_without_home_and_flown_to_its_end(sky: Sky) -> None:
