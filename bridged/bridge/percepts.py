@@ -345,7 +345,7 @@ def _reader(field: Field, term: ToTerm) -> Reader:
         value = message[name]
         if type(value) is not int and type(value) is not float:
             return _argument(field, message, term)
-        if value == absent:
+        if value == absent or value != value:
             raise _Absent
         return _finite(_converted(value, scale, offset) if converts else value)
 
@@ -403,10 +403,15 @@ def _argument(field: Field, message: object, term: ToTerm) -> Term:
     if field.each:
         return _elements(field, value, term)
     if isinstance(value, _LISTS):
-        return [_value(field, item, term) for item in value if field.absent is None or item != field.absent]
-    if field.absent is not None and value == field.absent:
+        return [_value(field, item, term) for item in value if not _unknown(field, item)]
+    if _unknown(field, value):
         raise _Absent
     return _value(field, value, term)
+
+
+def _unknown(field: Field, value: object) -> bool:
+    """Whether a value means that the robot does not know it: the one that the manifest names, and NaN."""
+    return value != value or (field.absent is not None and value == field.absent)
 
 
 def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:

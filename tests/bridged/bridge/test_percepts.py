@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -579,7 +580,9 @@ STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "
             {"cells": [{"id": 1, "mv": 3700}, {"id": 2, "mv": 0}]},
             ([[1, 3.7]],),
         ),
-        ('["x"]', {"x": float("nan")}, "unreadable"),
+        ('["x"]', {"x": float("nan")}, "unknown"),
+        ('[{field = "x", each = ["0"]}]', {"x": [[math.nan], [2.0]]}, ([2.0],)),
+        ('["x"]', {"x": [1.0, math.nan]}, ([1.0],)),
         ('["x"]', {"x": [1, float("inf")]}, "unreadable"),
         ('[{field = "x", scale = 2}]', {"x": -float("inf")}, "unreadable"),
         ('["x"]', {"x": None}, "unreadable"),
@@ -590,6 +593,13 @@ STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "
 )
 def test_what_a_robot_says_becomes_terms(args: str, message: Mapping[str, object], expected: object) -> None:
     assert perceived(args, message) == expected
+
+
+def test_a_value_that_the_robot_no_longer_knows_is_believed_no_longer() -> None:
+    text = '[robot]\ndriver = "zenoh"\n[percepts.airspeed]\nsource = "VFR_HUD"\nargs = ["airspeed"]\n'
+    told, unreadable = published(text, *(Reading("VFR_HUD", {"airspeed": value}) for value in (15.0, math.nan)))
+    assert told == [("replace", "airspeed", (15.0,)), ("remove", "airspeed", (15.0,))]
+    assert not unreadable, "a plane without a sensor sends NaN all the time"
 
 
 def test_sources_of_one_name_of_two_drivers_are_two() -> None:
