@@ -587,6 +587,14 @@ def test_every_message_that_numbers_or_counts_items_is_renumbered_in_both_direct
     assert numbering <= Px4.incoming.keys() & Px4.outgoing.keys()
 
 
+def test_the_item_that_a_jump_leads_to_is_renumbered_in_both_directions() -> None:
+    jump = dialect.MAVLink_mission_item_int_message(1, 1, 3, 2, dialect.MAV_CMD_DO_JUMP, 0, 1, 2.0, 5.0, 0, 0, 0, 0, 0)
+    Px4.outgoing["MISSION_ITEM_INT"](jump)
+    assert (jump.seq, jump.param1, jump.param2, jump.param4) == (2, 1.0, 5.0, 0)
+    Px4.incoming["MISSION_ITEM_INT"](jump)
+    assert (jump.seq, jump.param1, jump.param2) == (3, 2.0, 5.0)
+
+
 def test_a_mission_is_stored_without_home_and_flown_to_its_end(sky: Sky) -> None:
     sky.wait(5)
     done(sky, "upload_mission", FLIGHT)
