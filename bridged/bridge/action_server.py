@@ -119,12 +119,13 @@ class ActionServer:
         """Accept actions by another manifest; those that run keep their old entry."""
         self._manifest = manifest
 
-    def cancel(self, agent: str, action_id: str, by: str = "", *, inject: bool = True) -> ActionStatus:
+    def cancel(self, agent: str, action_id: str, by: str | None = None, *, inject: bool = True) -> ActionStatus:
         """End a running action of an agent, on its own request or `by` somebody else's, if that is allowed (`inject`).
 
+        An empty name is somebody's who gives none.
         Returns its final status, also if it had ended already.
         """
-        if by not in ("", agent) and not inject:
+        if by not in (None, agent) and not inject:
             log.info("robot=%s cancel of %s refused: %s", self.robot, action_id[:MAX_ID], BY_HAND)
             unasked = Action(id=action_id[:MAX_ID], agent=agent)
             return self._statuses.ended(unasked, Outcome("refused", BY_HAND, "rights"))
@@ -132,7 +133,7 @@ class ActionServer:
         if action is not None and action.request.agent == agent:
             goes_on = "" if action.entry.cancel == "hold" or not action.entry.motion else "; the vehicle goes on"
             hold = action.entry.cancel == "hold"
-            said = f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"
+            said = f"cancelled by {agent if by is None else by[:MAX_ID] or 'hand'}{goes_on}"
             return self._end(action, Outcome("cancelled", said, "cancelled"), hold=hold)
         known = self._action_log.find(action_id)
         if known is not None and known.agent == agent and known.final is not None:

@@ -146,8 +146,7 @@ class Service:
 
     def _cancel(self, agent: str, query: Query[Cancel]) -> None:
         cancel = query.required('expected the id of an action: {"id": "..."}')
-        by = cancel.header.source or "hand"
-        status = self._bridge.action_server.cancel(agent, cancel.id, by, inject=self._inject)
+        status = self._bridge.action_server.cancel(agent, cancel.id, cancel.header.source, inject=self._inject)
         self.put_percepts()
         query.reply(status)
 

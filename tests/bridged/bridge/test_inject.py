@@ -14,7 +14,7 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
 from tests.bridged.airfield import serving, until
-from tests.bridged.sky import MISSION
+from tests.bridged.sky import MISSION, Sky
 from tests.support.buses import async_test
 
 INJECT = f"{MISSION}inject: true\n"
@@ -36,6 +36,12 @@ def test_an_agent_is_known_by_its_id_and_its_name() -> None:
     assert is_by_hand("uav", Action(header=its_own))
     assert is_by_hand("uav", Action(id="uav:b:1"))
     assert is_by_hand("uav", Action(header=Header(source="operator"), id="operator:b:1"))
+
+
+def test_who_cancels_without_a_name_is_not_the_agent_whatever_that_is_called(tmp_path: Path) -> None:
+    server = Sky(tmp_path, mission=MISSION.replace("uav:", "hand:")).bridge.action_server
+    assert server.cancel("hand", "hand:b:1", "", inject=False).reason == BY_HAND
+    assert server.cancel("hand", "hand:b:1", "hand", inject=False).reason == "no action hand:b:1 of hand"
 
 
 @async_test
