@@ -26,6 +26,8 @@ from schemas.mission.model import Mission, load_mission
 
 SPACE = 256 * 1024
 """Bytes that a new checkpoint needs with its log."""
+PATIENCE = 20.0
+"""Wall seconds to wait for space; then the daemon ends, and is started again, before it counts as hung."""
 LOOK = 1.0
 """Wall seconds between two attempts to write to a full disk."""
 log = logging.getLogger("agentd")
@@ -108,18 +110,21 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
 
 async def wait_for_disk(folder: Path, unit: Member, stop: asyncio.Event) -> None:
-    """Wait until the disk of a folder has space, or `stop` is set.
+    """Wait until the disk of a folder has space, or `stop` is set. Raises OSError if it has none for `PATIENCE`.
 
     An agent that began without its state would forget what it did; until it joins, it counts as lost, and its robot is
     brought to safety. Other errors than of a full or broken disk are left to what opens the checkpoint.
     """
-    told = False
+    loop, told = asyncio.get_running_loop(), False
+    until = loop.time() + PATIENCE
     while not stop.is_set():
         try:
             await asyncio.to_thread(probe, folder, SPACE)
         except OSError as error:
             if error.errno not in DISK_FAILS:
                 return
+            if loop.time() > until:
+                raise
             if not told:
                 log.error("no agent begins before its state can be kept: %s: %s", folder, error.strerror)
                 unit.status(f"waiting for the disk of {folder}: {error.strerror}")

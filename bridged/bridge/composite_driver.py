@@ -354,14 +354,17 @@ class DriverSupervisor:
         """Run it until cancelled, again after each OSError that is worth waiting for. Raises every other failure."""
         loop, (pause, longest) = asyncio.get_running_loop(), PAUSES
         while True:
-            running = loop.call_later(LASTS, self._runs)
+            running, began = loop.call_later(LASTS, self._runs), loop.time()
             loop.call_soon(self._loop.rest)  # after its first readings, when it waits for its link to open
             try:
                 await self._run()
             except OSError as error:
                 if not worth_waiting(error):
-                    raise
+                    if self._name in OURS:
+                        raise
+                    raise DriverError(self._name, f"run raised {describe_error(error)}") from error
                 self._loop.rest()
+                pause = pause if loop.time() - began < LASTS else PAUSES[0]
                 self._failed(str(error) or type(error).__name__, "it is tried again")
             finally:
                 running.cancel()

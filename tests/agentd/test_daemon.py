@@ -60,12 +60,17 @@ async def test_a_daemon_with_a_full_disk_waits_for_space_before_its_agents_join(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("agentd.daemon.probe", Mock(side_effect=OSError(28, "No space left on device")))
-    waits = asyncio.create_task(wait_for_disk(tmp_path, Unit.of_environment().member("agentd"), asyncio.Event()))
-    await asyncio.sleep(60)
+    unit, stop = Unit.of_environment().member("agentd"), asyncio.Event()
+    waits = asyncio.create_task(wait_for_disk(tmp_path, unit, stop))
+    await asyncio.sleep(15)
     assert not waits.done()
-    assert [one.message for one in caplog.records] == [
+    assert [one.message for one in caplog.records if one.name == "agentd"] == [
         f"no agent begins before its state can be kept: {tmp_path}: No space left on device"
     ]
+    with pytest.raises(OSError, match="No space left on device"):
+        await waits  # its supervisor starts it again
+    waits = asyncio.create_task(wait_for_disk(tmp_path, unit, stop))
+    await asyncio.sleep(5)
     monkeypatch.undo()
     await waits
     assert not os.listdir(tmp_path)

@@ -7,6 +7,7 @@ import os
 import pty
 import sys
 from argparse import Namespace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -36,7 +37,7 @@ from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
-from tests.support.buses import Connect, async_test, bus_test, on_a_bus, served
+from tests.support.buses import Connect, async_test, bus_test, on_a_bus, served, virtual_test
 from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -458,6 +459,25 @@ async def test_a_robots_only_driver_that_loses_its_link_is_run_again_and_its_per
         assert gone == [0], "nothing is perceived of a robot whose link is lost"
         await workshop.perceives("range", 2.5)
         assert f"driver `sonar` does not run: {error}; it is tried again" in caplog.text
+
+
+@virtual_test
+async def test_a_driver_is_run_again_later_each_time_and_soon_again_once_it_has_run() -> None:
+    loop, began = asyncio.get_running_loop(), list[float]()
+    lasts = iter([0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 0.0])
+
+    async def run() -> None:
+        began.append(loop.time())
+        if (seconds := next(lasts, None)) is None:
+            raise OSError(98, "Address already in use")
+        await asyncio.sleep(seconds)
+        raise ConnectionResetError("the cable is out")
+
+    supervisor = DriverSupervisor("r1", "sonar", SimpleNamespace(run=run), Mock(), Loop.unwatched())  # type: ignore[arg-type]
+    with pytest.raises(DriverError, match="driver `sonar`: run raised OSError"):
+        await supervisor.keep(may_come)
+    pauses = [round(after - before, 1) for before, after in pairwise(began)]
+    assert pauses == [0.5, 1.0, 2.0, 4.0, 5.0, 5.5, 1.0]
 
 
 @pytest.mark.parametrize("error", [KeyError("alt"), SystemExit(3), KeyboardInterrupt(), asyncio.CancelledError()])
