@@ -102,6 +102,10 @@ def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilo
     sky.sent.clear()
     sky.wait(3)
     assert heard_by(sky) <= {"HEARTBEAT"}
+    sky.we_hear = lambda message: True
+    sky.wait(3)
+    assert sky.do("set_mode", "GUIDED").state == "succeeded", "it is one that is known again"
+    assert sky.do("goto", *GOAL).state == "succeeded"
 
 
 def test_a_recorded_px4_is_asked_in_its_own_terms() -> None:
