@@ -59,6 +59,7 @@ class Desk:
         )
         self.clock, self.robot = VirtualClock(), Patient()
         self.told: list[ActionStatus] = []
+        self.wake = asyncio.Event()
         self.action_log = ActionLog(state / "r.actions")
         self.percepts = PerceptPublisher(
             manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", clock=self.clock
@@ -78,7 +79,7 @@ class Desk:
             robot="r",
             boot="b",
             clock=self.clock,
-            wake=asyncio.Event(),
+            wake=self.wake,
         )
 
     def ask(self, name: str, agent: str = "uav", **fields: Any) -> list[ActionStatus]:

@@ -31,6 +31,13 @@ def end_of(status: ActionStatus) -> tuple[str, str]:
     return status.state, status.reason
 
 
+def test_an_action_that_runs_wakes_the_bridge_whose_next_step_may_be_a_second_away(desk: Desk) -> None:
+    assert desk.ask("a9")[-1].state == "refused"
+    assert not desk.wake.is_set()
+    desk.ask("a0")
+    assert desk.wake.is_set()
+
+
 def test_a_reason_that_is_no_unicode_is_told_all_the_same_and_holds_up_no_other_action(desk: Desk) -> None:
     first, second = desk.ask("a0", id="1"), desk.ask("a1", id="2")
     desk.robot.runs[0].end(Outcome("failed", "no file \udce9.csv"))
