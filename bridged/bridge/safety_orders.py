@@ -6,7 +6,7 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal, cast, get_args
 
@@ -83,6 +83,16 @@ def _stops(more: str = "", order: Order | None = None) -> Outcome:
     return Outcome("failed", f"the bridge stops{more}", "shutdown", order)
 
 
+@dataclass(eq=False)
+class _Asked:
+    """What the operator has asked for."""
+
+    what: str
+    answered: asyncio.Event = field(default_factory=asyncio.Event)
+    outcome: Outcome | None = None
+    """None = it is not known, or the query was cancelled."""
+
+
 class SafetyOrders:
     """Carry out orders, one at a time: a later one takes over from a sequence that is under way.
 
@@ -106,8 +116,8 @@ class SafetyOrders:
         """Makes the sequence under way: it begins again after a pause."""
         self._insisting: asyncio.Task[None] | None = None
         """Gives the operator's order or pause again, until the robot has answered."""
-        self._asked = 0
-        """Number of the operator's last order, pause, `continue` or `release`."""
+        self._asked: _Asked | None = None
+        """The operator's last order, pause, `continue` or `release`."""
         self._execution: Execution | None = None
         """The present order of a sequence."""
         self._lost: tuple[str, Sequence[Step]] | None = None
@@ -201,7 +211,7 @@ class SafetyOrders:
         An order that the robot cannot hear is given again when it is heard. The sequence for a lost agent begins again
         on `release`, unless the robot is left by then.
         """
-        asked = self._ask()
+        asked = self._ask(order)
         if not self._stopping:
             self._keep_order(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
@@ -209,7 +219,7 @@ class SafetyOrders:
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
             self._back_at = back_at
             self._begin_loss(*self._lost)
-        return self._insists_on(asked, await self.carry_out(order, by_operator(order), block=True, insist=True))
+        return await self._outcome_of(asked, self.carry_out(order, by_operator(order), block=True, insist=True))
 
     def release(self) -> Outcome:
         """Let the agents act again, but not while the bridge leaves the robot."""
@@ -218,7 +228,7 @@ class SafetyOrders:
         self._server.blocked = None
         self._keep_order(None)
         if not self._server.paused:
-            self._ask()
+            self._ask("release")
         released = RobotReleased(robot=self._robot)
         log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
@@ -232,8 +242,8 @@ class SafetyOrders:
         if self._sequence is not None and self._make_sequence is not None:
             self._sequence.cancel()
             self._begin(self._make_sequence)
-        asked = self._ask()
-        return self._insists_on(asked, await self._confirmed(self._server.pause()))
+        asked = self._ask("pause")
+        return await self._outcome_of(asked, self._confirmed(self._server.pause()))
 
     async def resume(self) -> Outcome:
         """Continue after a pause: bring the robot back into its mode, then begin its actions again.
@@ -246,36 +256,53 @@ class SafetyOrders:
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._server.paused:
             return Outcome("succeeded", "it was not paused")
-        asked = self._ask()
+        asked = self._ask("continue")
         if order := self._action_log.ordered:
-            return self._insists_on(asked, await self.carry_out(order, by_operator(order), block=True, insist=True))
+            return await self._outcome_of(asked, self.carry_out(order, by_operator(order), block=True, insist=True))
+        return await self._outcome_of(asked, self._go_on())
+
+    async def _go_on(self) -> Outcome:
         outcome = await self._confirmed(self._driver.resume())
         if outcome.state == "succeeded" and self._server.paused:
             self._server.go_on()
-        return self._insists_on(asked, outcome)
+        return outcome
 
     def restore(self) -> None:
         """Pause or order a robot again, when it is heard, as the operator did in a former run of the bridge."""
-        self._ask()
+        self._ask("restart")
         if self._server.paused or self._action_log.ordered:
             self._insisting = asyncio.create_task(self._insist())
 
-    def _ask(self) -> int:
-        """Take in that the operator wants something else now. Returns its number."""
+    def _ask(self, what: str) -> _Asked:
+        """Take in that the operator wants something else now."""
         if self._insisting is not None:
             self._insisting.cancel()
             self._insisting = None
-        self._asked += 1
+        self._asked = _Asked(what)
         return self._asked
 
-    def _insists_on(self, asked: int, outcome: Outcome) -> Outcome:
+    async def _outcome_of(self, asked: _Asked, carrying: Coroutine[Any, Any, Outcome]) -> Outcome:
+        """Return the outcome of what the operator asked; of the later one if the same replaced it."""
+        try:
+            outcome, newest = await carrying, self._asked
+            if newest is not None and newest is not asked and outcome.cause == "operator":
+                outcome = replace(outcome, reason=f"a later `{newest.what}` of the operator replaced it")
+                if newest.what == asked.what:
+                    await newest.answered.wait()
+                    outcome = newest.outcome or outcome
+            asked.outcome = self._insists_on(asked, outcome)
+            return asked.outcome
+        finally:
+            asked.answered.set()
+
+    def _insists_on(self, asked: _Asked, outcome: Outcome) -> Outcome:
         """Give the operator's order or pause again if the robot has not answered, and nothing else was asked since.
 
         Returns the outcome, which says so.
         """
         unanswered = outcome.state == "timed_out" or (outcome.state == "failed" and not self._own.heard)
         standing = self._server.paused or self._action_log.ordered
-        if not (unanswered and standing and asked == self._asked) or self._stopping:
+        if not (unanswered and standing and asked is self._asked) or self._stopping:
             return outcome
         self.restore()
         what = "the pause" if self._server.paused else "it"

@@ -192,6 +192,35 @@ async def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky
 
 
 @async_test
+async def test_the_same_from_several_operators_at_a_time_is_confirmed_to_all_of_them(sky: Sky) -> None:
+    orders = sky.bridge.orders
+    sky.begin("goto", *GOAL)
+    await passing(sky, 2)
+    pauses = [asyncio.ensure_future(orders.pause()) for _ in range(3)]
+    assert [(await answered(sky, one)).state for one in pauses] == ["succeeded"] * 3
+    holds = [asyncio.ensure_future(orders.operator("rtl")) for _ in range(2)]
+    assert [(await answered(sky, one)).state for one in holds] == ["succeeded"] * 2
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+@async_test
+async def test_an_order_that_another_operator_replaced_names_that_order(sky: Sky, cancelled: bool) -> None:
+    orders = sky.bridge.orders
+    sky.begin("goto", *GOAL)
+    await passing(sky, 2)
+    first, second = (asyncio.ensure_future(orders.operator(order)) for order in ("rtl", "hold"))
+    said = await answered(sky, first)
+    assert (said.state, said.reason) == ("failed", "a later `hold` of the operator replaced it")
+    third = asyncio.ensure_future(orders.operator("hold"))
+    if cancelled:
+        await asyncio.sleep(0)
+        third.cancel()
+        assert (await answered(sky, second)).state == "failed", "nobody waits for ever"
+    else:
+        assert (await answered(sky, second)).state == (await answered(sky, third)).state == "succeeded"
+
+
+@async_test
 async def test_what_is_held_by_the_operator_is_not_continued_but_released(sky: Sky) -> None:
     await answered(sky, sky.bridge.orders.operator("hold"))
     said = "it is not paused: operator: hold; `release` gives it back to its agents"
