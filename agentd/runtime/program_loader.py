@@ -131,7 +131,8 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
             findings += errors.findings
     else:
         where = ("agents", agent, "program")
-        why = f"{path} is a folder, not a program" if path.is_dir() else f"there is no file {path}"
+        kind = "a folder, not a program" if path.is_dir() else "no regular file (a pipe, socket or device)"
+        why = f"{path} is {kind}" if path.exists() else f"there is no file {path}"
         findings.append(mission.positions.finding(where, f"agents.{agent}.program: {why}"))
     for index, text in enumerate(spec.beliefs):
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)

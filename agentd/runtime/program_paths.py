@@ -6,6 +6,7 @@ Jason's programs name files of Jason itself as ``$jasonJar/...``; a map gives th
 from __future__ import annotations
 
 import errno
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -50,8 +51,8 @@ class SourcePaths:
         for candidate in candidates:
             if candidate.is_file():
                 return str(candidate)
-        if candidates[0].exists():
-            raise FileNotFoundError(errno.ENOENT, "it is no file", str(candidates[0]))
+        if os.path.lexists(candidates[0]):
+            raise FileNotFoundError(errno.ENOENT, "it is no file, or a link to none", str(candidates[0]))
         looked = [f"{folder}" for folder in dict.fromkeys(c.parent for c in candidates) if folder.is_dir()]
         where = f" (looked in {', '.join(looked)})" if len(looked) > 1 else ""
         advice = self.advice if beside else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -81,7 +82,7 @@ def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> I
                     files.setdefault(str(file), False)
         else:
             files[place] = True
-    several = frozenset(str(Path(file).resolve()) for file in files)
+    several = frozenset(map(os.path.realpath, files))
     for name, was_named in files.items():
         found = list(_of_file(name, paths, wanted, several))
         if not found and was_named and wanted is None:
@@ -107,11 +108,11 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
     except (SyntaxErrors, DirectiveError) as error:
         yield Unread(file, str(error))
         return
-    here = str(Path(file).resolve())
+    here = os.path.realpath(file)
     for plan in program.plans:
         if not is_test(plan):
             continue
-        standing = str(Path(plan.position.file).resolve())
+        standing = os.path.realpath(plan.position.file)
         if standing != here and standing in several:
             continue  # it is run with its own file
         case = _case(file, plan, program)

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, cast
 
 from argosy.cli.arguments import Command
 from argosy.keys.key_index import (
+    MACHINES,
+    RECORD,
     SECRET,
     SOON_DAYS,
     Kind,
@@ -342,6 +344,10 @@ def show(args: Namespace) -> int:
 
 
 def _show_folder(folder: Path) -> int:
+    if (folder / RECORD).exists():
+        within = ", ".join(sorted(map(str, (folder / MACHINES).glob("*")))) or "none yet"
+        text = f"this is the folder of all keys of a fleet: `argosy keys show MISSION --dir {folder}` shows them"
+        raise wrong(folder, f"{text}; those of its machines: {within}")
     tls = files_in(folder)
     identity = identity_of(tls, now := time.time())
     hosts = f", for {', '.join(identity.addresses)}" if identity.addresses else ""

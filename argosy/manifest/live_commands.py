@@ -7,7 +7,7 @@ import math
 import sys
 import tomllib
 from argparse import ArgumentParser, Namespace
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from argosy.cli.errors import BadInput, CommandError
@@ -70,16 +70,30 @@ def set_manifest(args: Namespace) -> int:
     change = ManifestChange(set=values, remove=tuple(args.remove), version=args.version)
 
     async def ask(bus: Bus, fleet: str) -> int:
+        before = await _asked(bus, fleet, args.robot, None)
         answer = await _asked(bus, fleet, args.robot, change)
         for problem in answer.problems:
             print(f"{args.robot}: {problem}", file=sys.stderr)
         if answer.problems:
             print(f"{args.robot}: nothing was changed, version {answer.version}", file=sys.stderr)
             return EXIT_BAD_INPUT
+        for text in taken_away(before.manifest, answer.manifest):
+            print(f"{args.robot}: warning: {text}", file=sys.stderr)
         print(f"{args.robot}: version {answer.version} is in effect until its bridge ends")
         return EXIT_DONE
 
     return _on_the_bus(args, ask)
+
+
+def taken_away(before: dict[str, Any], after: dict[str, Any]) -> Iterator[str]:
+    """Yield what a program that flies by a manifest may miss in the changed one."""
+    for kind in ("actions", "percepts"):
+        if gone := sorted(before.get(kind, {}).keys() - after.get(kind, {}).keys()):
+            yield f"programs that use them miss these {kind} from now on: {', '.join(gone)}"
+    for name, entry in after.get("actions", {}).items():
+        was, now = before.get("actions", {}).get(name, entry).get("deadline"), entry.get("deadline")
+        if was != now:
+            yield f"actions.{name}: the deadline is {now or 'the default'}, it was {was or 'the default'}"
 
 
 def _assignment(text: str) -> tuple[str, Any]:

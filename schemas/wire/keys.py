@@ -49,7 +49,8 @@ def is_name(text: str) -> bool:
 def check_name(name: str) -> str:
     """Return `name`. Raises ValueError for an invalid one (no `* $ ? # /`, not empty)."""
     if not is_name(name):
-        raise ValueError(f"Expected a name of letters, digits, `_`, `-` or `.` that starts with a letter, got `{name}`")
+        expected = "a name of letters, digits, `_`, `-` or `.` that starts with a letter (a-z, A-Z)"
+        raise ValueError(f"Expected {expected}, got `{name}`")
     return name
 
 

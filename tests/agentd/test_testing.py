@@ -437,6 +437,15 @@ def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_onc
     assert ran.code == 0
 
 
+def test_files_that_are_links_in_a_loop_are_unreadable_and_the_others_run(run, tmp_path: Path) -> None:
+    (tmp_path / "one.asl").symlink_to("two.asl")
+    (tmp_path / "two.asl").symlink_to("one.asl")
+    (tmp_path / "good.asl").write_text("@ok[test] +!ok <- !assert_true(true).")
+    ran = run(None, str(tmp_path))
+    assert ran.verdict("ok") == "ok"
+    assert "one.asl: error: cannot read the program: it is no file, or a link to none" in ran.err
+
+
 def test_a_folder_is_searched_for_marks_over_several_lines(run, tmp_path: Path) -> None:
     (tmp_path / "lines.asl").write_text("@one[atomic,\n  test] +!one <- .fail.\n@[x,\ntest]\n+!two <- !force_pass.")
     (tmp_path / "open.asl").write_text("// test " + "@[" * 100_000 + "\n+!work <- true.")

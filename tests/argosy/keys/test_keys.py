@@ -102,6 +102,13 @@ def test_keys_that_are_there_are_never_overwritten(made: Desk) -> None:
     assert {path: path.read_bytes() for path in made.keys.rglob("*") if path.is_file()} == before
 
 
+def test_the_folder_of_all_keys_is_told_from_that_of_a_machine(made: Desk, capsys: pytest.CaptureFixture[str]) -> None:
+    assert argosy(["keys", "show", str(made.keys)]) == 2
+    said = capsys.readouterr().err
+    assert "the folder of all keys of a fleet" in said
+    assert str(made.folder("pi1")) in said
+
+
 def test_a_board_that_came_to_the_mission_is_added_and_all_boards_are_to_know_it(made: Desk) -> None:
     certificates = {name: made.file(name, "cert.pem") for name in EVERYBODY}
     made.edit("  pi3:", "  pi4: {address: 10.0.0.14}\n  pi3:")

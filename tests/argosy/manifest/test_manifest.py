@@ -14,6 +14,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.cli.operator_bus import bridges
+from argosy.manifest.live_commands import taken_away
 from bridged.daemon import serve
 from commd.bus.bus import open_bus
 from schemas.files.shipped_files import shipped
@@ -80,7 +81,9 @@ def test_the_running_manifest_is_read_changed_and_written_as_a_file(
 
     change = ["percepts.pose.rate=5", 'percepts.pose.ttl="3s"', 'actions.stop = {topic = "turtle1/stop"}']
     assert main(["manifest", "set", "turtle1", *change, "--remove", "percepts.velocity", *there]) == 0
-    assert capsys.readouterr().out == "turtle1: version 2 is in effect until its bridge ends\n"
+    said = capsys.readouterr()
+    assert said.out == "turtle1: version 2 is in effect until its bridge ends\n"
+    assert said.err == "turtle1: warning: programs that use them miss these percepts from now on: velocity\n"
 
     assert main(["manifest", "get", "turtle1", "percepts.pose", "--toml", *there]) == 0
     assert capsys.readouterr().out.splitlines()[:3] == [
@@ -187,3 +190,17 @@ def test_the_commands_are_listed(capsys: Captured) -> None:
     assert ended.value.code == 0
     listed = capsys.readouterr().out
     assert all(name in listed for name in ("check", "schema", "convert", "get", "set"))
+
+
+def test_what_a_change_takes_away_is_told_and_nothing_else() -> None:
+    goto = {"call": "goto", "deadline": "5min"}
+    before = {"actions": {"goto": goto, "rtl": {}}, "percepts": {"gps": {}}}
+    after = {
+        "actions": {"goto": goto | {"deadline": "1s"}, "new": {"deadline": "2s"}},
+        "percepts": {"gps": {"rate": 1}},
+    }
+    assert list(taken_away(before, before)) == []
+    assert list(taken_away(before, after)) == [
+        "programs that use them miss these actions from now on: rtl",
+        "actions.goto: the deadline is 1s, it was 5min",
+    ]
