@@ -23,7 +23,7 @@ class NotAllowed(ValueError):
 
 def allowed(path: str | Path, folders: Iterable[Path]) -> Path:
     """Return a path with its links resolved. Raises NotAllowed if it leads out of all the folders."""
-    found, within = Path(path).resolve(), [folder.resolve() for folder in folders]
+    found, within = Path(os.path.realpath(path)), [folder.resolve() for folder in folders]
     if not any(found.is_relative_to(folder) for folder in within):
         raise NotAllowed(f"{path} is outside of {' and '.join(map(str, dict.fromkeys(within)))}")
     return found
@@ -46,7 +46,7 @@ class AgentFiles:
         allowed = [*self._folders, self._state.resolve()]
         outside = False
         for place in dict.fromkeys(places):
-            found = (place / path).resolve()
+            found = Path(os.path.realpath(place / path))  # unlike `resolve` also of links in a loop
             if not any(found.is_relative_to(folder) for folder in allowed):
                 outside = True
             elif found.is_file():

@@ -158,7 +158,7 @@ def _named(mission: Mission, board: str) -> Iterator[tuple[Steps, Path]]:
         for source in _sources(mission, agent):
             yield where, source
             for beside in sorted(source.parent.glob("*.asl")):  # a program may include them at run time
-                if not beside.name.endswith("_test.asl"):
+                if beside.is_file() and not beside.name.endswith("_test.asl"):
                     yield where, beside
     for name, robot in mission.robots.items():  # of all: agents and access rules need to know others' actions
         for one in (robot.manifest,) if isinstance(robot.manifest, str) else robot.manifest:

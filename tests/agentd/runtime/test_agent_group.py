@@ -209,3 +209,9 @@ def test_the_state_is_where_it_was_asked_for_or_where_systemd_or_the_user_keep_i
     monkeypatch.delenv("STATE_DIRECTORY")
     monkeypatch.setenv("XDG_STATE_HOME", "/home/u/.state")
     assert state_folder(None, "sar") == Path("/home/u/.state/argosy/sar")
+
+
+def test_a_file_that_is_a_link_to_itself_is_not_found(tmp_path: Path) -> None:
+    (tmp_path / "loop.asl").symlink_to("loop.asl")
+    with pytest.raises(FileNotFoundError, match="there is no file loop"):
+        AgentFiles([tmp_path], tmp_path / "state").readable("loop.asl", str(tmp_path / "a.asl"))

@@ -70,6 +70,7 @@ def test_a_board_gets_its_units_its_router_and_the_files_of_its_part_of_the_miss
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mission(tmp_path)
+    (tmp_path / "code" / "loop.asl").symlink_to("loop.asl")
     out = tmp_path / "pi1"
     assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(out)]) == 0
     assert tree(out) == {
