@@ -87,11 +87,13 @@ def _consequence(test: Mention, tested_as_goal: bool) -> str:
     return f"not {literal} is always true" if test.inverted else f"{literal} is always false"
 
 
-def _hint(name: str, known: Iterable[tuple[str | None, int]], names: Iterable[str] = ()) -> str:
+def _hint(
+    name: str, known: Iterable[tuple[str | None, int]], names: Iterable[str] = (), there: str = "there is"
+) -> str:
     """Return what else there is of a name with a wrong number of arguments, or a name like it."""
     known = list(known)
     if others := [arity for other, arity in known if other == name]:
-        return f"; there is {name} with {arguments(others)}"
+        return f"; {there} {name} with {arguments(others)}"
     return near(name, {*(other for other, _ in known if other is not None), *names})
 
 
@@ -103,7 +105,7 @@ def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Findin
     for goal in survey.achieved:
         if goal.indicator in achieving:
             continue
-        hint = _hint(goal.name, achieving).replace("there is", "there are plans for", 1)
+        hint = _hint(goal.name, achieving, there="there are plans for")
         text = f"there is no plan for the goal !{goal.name}/{goal.arity}{hint}"
         if survey.open_plans or elsewhere.open_plans:
             text += "; it fails unless a plan for it is added in time"

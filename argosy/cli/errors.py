@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
 from contextlib import suppress
 
@@ -33,6 +33,6 @@ def progress(line: str) -> bool:
     if not sys.stderr.isatty():
         return False
     with suppress(OSError):
-        wide = shutil.get_terminal_size().columns - 1
+        wide = (os.get_terminal_size(sys.stderr.fileno()).columns or 80) - 1
         print(f"\r\x1b[K{printable(line)[:wide]}", end="", file=sys.stderr, flush=True)
     return True

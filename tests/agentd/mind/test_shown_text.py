@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from types import SimpleNamespace
 
 import pytest
 
@@ -34,11 +35,12 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
     class Told:
         name = "bob"
 
-        def did(self, effect: object) -> None:
+        def did(self, cycle: int, effect: object) -> None:
             pass
 
     host = AgentHost.__new__(AgentHost)
-    host._tracing, host.part, host._prints = Told(), Told(), []  # type: ignore[assignment]
+    host._tracing = SimpleNamespace(activity=Told())  # type: ignore[assignment]
+    host._mind, host.part, host._prints = SimpleNamespace(cycle=0), Told(), []  # type: ignore[assignment]
     monkeypatch.setattr("agentd.runtime.agent_host.stdout", Out)
     for plain in (False, True):
         host._carry_out(Print(HOSTILE, plain=plain))
