@@ -168,6 +168,15 @@ def sessions_end() -> Iterator[None]:
         warnings.warn(f"after {SESSION_PATIENCE:g} s a Zenoh session is still {names}", stacklevel=1)
 
 
+@pytest.fixture
+def usual_recursion() -> Iterator[None]:
+    """Set the limit that Python begins with: what ran before in this process may have raised it."""
+    before = sys.getrecursionlimit()
+    sys.setrecursionlimit(1000)
+    yield
+    sys.setrecursionlimit(before)
+
+
 @pytest.fixture(scope="session")
 def namespaces() -> None:
     """Make sure that boards of network namespaces can be made."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -388,23 +387,14 @@ def nested(times: int) -> object:
     return performed.parameters[0]
 
 
-@pytest.fixture
-def _usual_recursion() -> Iterator[None]:
-    """The limit that a daemon has: what ran before in this process may have raised it."""
-    before = sys.getrecursionlimit()
-    sys.setrecursionlimit(1000)
-    yield
-    sys.setrecursionlimit(before)
-
-
-@pytest.mark.usefixtures("_usual_recursion")
+@pytest.mark.usefixtures("usual_recursion")
 def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() -> None:
     assert to_wire(nested(5))
     with pytest.raises(BadTerm, match="nested too deeply"):
         to_wire(nested(150))
 
 
-@pytest.mark.usefixtures("_usual_recursion")
+@pytest.mark.usefixtures("usual_recursion")
 @pytest.mark.parametrize("defect", [False, True])
 @async_test
 async def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(

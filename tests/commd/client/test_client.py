@@ -145,6 +145,7 @@ async def test_what_is_refused_for_good_raises_the_reason(
     assert [one.content for one in commd.taken] == [2]
 
 
+@pytest.mark.usefixtures("usual_recursion")
 @planner_test
 async def test_what_cannot_be_sent_raises_before_it_leaves_and_uses_no_number(me: Client, commd: ScriptedCommd) -> None:
     deep: list[Any] = []
