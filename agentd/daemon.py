@@ -115,7 +115,7 @@ async def wait_for_disk(folder: Path, unit: Member, stop: asyncio.Event) -> None
     An agent that began without its state would forget what it did; until it joins, it counts as lost, and its robot is
     brought to safety. Other errors than of a full or broken disk are left to what opens the checkpoint.
     """
-    loop, told = asyncio.get_running_loop(), False
+    loop, reported = asyncio.get_running_loop(), False
     until = loop.time() + PATIENCE
     while not stop.is_set():
         try:
@@ -125,10 +125,10 @@ async def wait_for_disk(folder: Path, unit: Member, stop: asyncio.Event) -> None
                 return
             if loop.time() > until:
                 raise
-            if not told:
+            if not reported:
                 log.error("no agent begins before its state can be kept: %s: %s", folder, error.strerror)
                 unit.status(f"waiting for the disk of {folder}: {error.strerror}")
-            told = True
+            reported = True
             await wait_at_most(stop, LOOK)
         else:
             return

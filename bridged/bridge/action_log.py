@@ -243,8 +243,9 @@ class ActionLog:
         self._remember(entry)
         if self._rewriting is not None:
             self._meanwhile.append(entry)
-        if self._file is None:
-            raise OSError(*(self._failure or OSError(ENOSPC, os.strerror(ENOSPC))).args)
+        if self._failure is not None:
+            raise OSError(*self._failure.args)
+        assert self._file is not None
         try:
             _add(self._file, [entry])
         except OSError as error:

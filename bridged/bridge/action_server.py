@@ -133,8 +133,8 @@ class ActionServer:
         if action is not None and action.request.agent == agent:
             goes_on = "" if action.entry.cancel == "hold" or not action.entry.motion else "; the vehicle goes on"
             hold = action.entry.cancel == "hold"
-            said = f"cancelled by {agent if by is None else by[:MAX_ID] or 'hand'}{goes_on}"
-            return self._end(action, Outcome("cancelled", said, "cancelled"), hold=hold)
+            why = f"cancelled by {agent if by is None else by[:MAX_ID] or 'hand'}{goes_on}"
+            return self._end(action, Outcome("cancelled", why, "cancelled"), hold=hold)
         known = self._action_log.find(action_id)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final

@@ -134,13 +134,13 @@ class Pause:
             self.since = None
             self._changed("not paused any longer")
 
-    def _changed(self, said: str) -> None:
+    def _changed(self, change: str) -> None:
         self._show()
-        log.info("robot=%s %s", self._robot, said)
+        log.info("robot=%s %s", self._robot, change)
         try:
             self._action_log.pause(self.since is not None)
         except OSError as error:
-            log.error("robot=%s `%s` cannot be kept on disk: %s", self._robot, said, error.strerror)
+            log.error("robot=%s `%s` cannot be kept on disk: %s", self._robot, change, error.strerror)
 
     def _show(self) -> None:
         """Let every agent of the robot perceive `paused(operator)` while it lasts."""
