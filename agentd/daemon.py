@@ -67,8 +67,9 @@ def run(args: Namespace) -> int:
     allow_deep_calls()
 
     async def main(stop: asyncio.Event) -> int:
-        look_seldom()
-        return await serve(load_mission(args.mission), args, stop)
+        mission = load_mission(args.mission)
+        look_seldom(len(chosen(mission, args)))
+        return await serve(mission, args, stop)
 
     return run_daemon("agentd", main)
 

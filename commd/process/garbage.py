@@ -15,11 +15,16 @@ SETTLED: Final = 3.0
 YOUNG: Final = 10_000
 """Objects made, and not freed, from one look at the newest to the next; Python's own 700 are fewer than mailboxes
 hold."""
+YOUNG_EACH: Final = 100
+"""The same for each mind of the daemon: of a thousand minds, each with a few messages, all is in use at each look."""
 
 
-def look_seldom() -> None:
-    """Look seldom from now on, and after `SETTLED` for the last time at what is there then; on the event loop."""
-    gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
+def look_seldom(minds: int = 0) -> None:
+    """Look seldom from now on, and after `SETTLED` for the last time at what is there then; on the event loop.
+
+    `minds` is the number of minds in the daemon, 0 or more.
+    """
+    gc.set_threshold(YOUNG + YOUNG_EACH * minds, *gc.get_threshold()[1:])
     asyncio.get_running_loop().call_later(SETTLED, settle)
 
 

@@ -26,7 +26,7 @@ def test_what_a_daemon_has_loaded_is_not_looked_through_again(monkeypatch: pytes
         return any(one is loaded for one in gc.get_objects())
 
     async def main() -> tuple[bool, bool]:
-        garbage.look_seldom()
+        garbage.look_seldom(1_000)
         before = looked_through()
         settled = asyncio.Event()
         asyncio.get_running_loop().call_later(0.0, settled.set)  # after that of `look_seldom`
@@ -34,4 +34,4 @@ def test_what_a_daemon_has_loaded_is_not_looked_through_again(monkeypatch: pytes
         return before, looked_through()
 
     assert asyncio.run(main()) == (True, False)
-    assert gc.get_threshold()[0] == garbage.YOUNG
+    assert gc.get_threshold()[0] == garbage.YOUNG + 1_000 * garbage.YOUNG_EACH
