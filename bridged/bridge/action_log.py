@@ -347,16 +347,10 @@ class ActionLog:
 
 
 def _add(file: FileIO, entries: list[Entry]) -> None:
-    """Append entries. Raises OSError, also if the disk takes only a part."""
-    lines = b"".join(map(_line, entries))
+    """Append entries, each as a line with its checksum. Raises OSError, also if the disk takes only a part."""
+    lines = b"".join(b"%s %08x\n" % (data, crc32(data)) for data in map(msgspec.json.encode, entries))
     if file.write(lines) != len(lines):
         raise OSError(ENOSPC, os.strerror(ENOSPC))
-
-
-def _line(entry: Entry) -> bytes:
-    """A line of the file: the entry, and its checksum."""
-    data = msgspec.json.encode(entry)
-    return b"%s %08x\n" % (data, crc32(data))
 
 
 def decoded(line: bytes) -> Entry:
@@ -371,10 +365,8 @@ def _write(path: Path, entries: list[Entry]) -> None:
     """Write a new file, in a folder that may be missing."""
     make_private_folder(path.parent)
     make_private_file(path)
-    with path.open("wb") as file:
-        for entry in entries:
-            file.write(_line(entry))
-        file.flush()
+    with FileIO(path, "wb") as file:
+        _add(file, entries)
         os.fsync(file.fileno())
 
 

@@ -43,7 +43,7 @@ class Speaker:
         self._socket.bind(("127.0.0.1", 0))
         self.port = self._socket.getsockname()[1]
         self._to = ("127.0.0.1", port) if port else None
-        self.encoder = Encoder(system, component, signing)
+        self.encoder, self._signing = Encoder(system, component), signing
         self._framer = Framer(WireCounters())
         self.heard: list[dialect.MAVLink_message] = []
         self.raw: list[bytes] = []
@@ -53,7 +53,7 @@ class Speaker:
         """Send messages, each in a datagram of its own; returns the last one."""
         packet = b""
         for message in messages:
-            packet = self.encoder.pack(message)
+            packet = self.encoder.pack(message, self._signing)
             self.send(packet)
         return packet
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Value
-from bridged.drivers.argument_check import fields_of
+from bridged.drivers.argument_check import fields_of, filled
 from bridged.drivers.mavlink.actions import (
     camera,
     fence_upload,
@@ -201,13 +201,14 @@ FLOAT32_MAX = 3.4e38
 def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable) -> BoundAction:
     """Fill the arguments into an action. Raises ValueError for one that the driver cannot use."""
     action = BoundAction(retry=entry.retry, tolerance=entry.tolerance)
-    if entry.call == "command":
-        return _command(action, entry, _raw(entry, arguments), modes)
-    if entry.call:
+    if entry.call or entry.message == CHANNELS:
+        given = {name: filled(f"field `{name}`", declared, arguments) for name, declared in fields_of(entry).items()}
+        if entry.call == "command":
+            return _command(action, entry, given, modes)
+        if entry.message:
+            return replace(action, channels=_channels(given))
         frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else action.frame
-        return replace(action, arguments=_raw(entry, arguments), frame=frame)
-    if entry.message == CHANNELS:
-        return replace(action, channels=_channels(_raw(entry, arguments)))
+        return replace(action, arguments=given, frame=frame)
     values = {
         field: _value(FieldValue.written_out(declared), arguments, modes) for field, declared in entry.fields.items()
     }
@@ -271,19 +272,6 @@ def _channels(values: Mapping[str, object]) -> tuple[int, ...]:
             raise ValueError(f"channel {index}: expected whole microseconds, 0 to release or 65535 to ignore it")
         channels.append(int(value))
     return tuple(channels)
-
-
-def _raw(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the fields with numbers converted; texts and lists are unchanged."""
-    if not entry.fields:
-        return dict(arguments)
-    filled: dict[str, Value] = {}
-    for name, spec in fields_of(entry).items():
-        value = arguments[spec.param] if spec.value is None else spec.value
-        if isinstance(value, int | float) and not isinstance(value, bool) and (spec.scale, spec.offset) != (1.0, 0.0):
-            value = float(value) * spec.scale + spec.offset
-        filled[name] = value
-    return filled
 
 
 def _value(spec: FieldValue, arguments: Mapping[str, Value], modes: ModeTable) -> float:

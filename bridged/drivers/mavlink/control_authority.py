@@ -80,7 +80,10 @@ class ControlAuthority:
             asked = self._flight.expects(vehicle.mode) or (again and vehicle.mode == self._flight.asked_last)
             ours = asked and not acts
             self._to_judge = (
-                not asked and not acts and vehicle.mode in vehicle.modes.resting and any(map(_judges, self._runs))
+                not asked
+                and not acts
+                and vehicle.mode in vehicle.modes.resting
+                and any(run.judges_mode for run in self._runs)
             )
             if self._to_judge:
                 return
@@ -157,7 +160,7 @@ class ControlAuthority:
 
     def ended(self, run: ProcedureRun, outcome: Outcome) -> None:
         """Take in how a run ended: success of one that moves the vehicle or sets its mode proves our control."""
-        if self._to_judge and _judges(run):
+        if self._to_judge and run.judges_mode:
             self._to_judge, self._vehicle.overridden = False, outcome.state != "succeeded"
         if outcome.state == "succeeded":
             self._vehicle.overridden = self._vehicle.overridden and not (run.moves or run.procedure.sets_mode)
@@ -166,7 +169,7 @@ class ControlAuthority:
                 self._end_override()
             elif run.by_agent and run.moves:
                 self._by_agent = True
-        elif self._vehicle.overridden and (_judges(run) or (run.procedure.sets_mode and self._vehicle.armed)):
+        elif self._vehicle.overridden and (run.judges_mode or (run.procedure.sets_mode and self._vehicle.armed)):
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
 
@@ -175,7 +178,7 @@ class ControlAuthority:
         name, now = self._vehicle.mode_name, self._flight.now
         for run in [run for run in self._runs if run.yields]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
-        if any(run.procedure.sets_mode or _judges(run) for run in self._runs):
+        if any(run.procedure.sets_mode or run.judges_mode for run in self._runs):
             return
         self.pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
@@ -192,7 +195,3 @@ class ControlAuthority:
         reported, self.override, self._unreported = self.override and not self._unreported, "", False
         if reported:
             self._flight.report(Reading("OVERRIDE", None))
-
-
-def _judges(run: ProcedureRun) -> bool:
-    return run.judges_mode or run.procedure.judges_mode

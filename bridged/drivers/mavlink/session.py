@@ -217,6 +217,7 @@ class VehicleSession:
         if run.moves:
             for other in [other for other in self._runs if other.procedure is STAY]:
                 self.stop(other, Outcome("cancelled", f"{run.name} takes over", "superseded"))
+        run.judges_mode = run.procedure.judges_mode
         self.control.begin(run)
         if self.flight.velocity is not None and (run.moves or run.procedure.sets_mode):
             self.flight.velocity.leaving = True

@@ -143,7 +143,7 @@ class ProcedureRun(Execution):
     yields: bool = False
     """It is nobody's wish but the bridge's own: a mode that others set ends it."""
     judges_mode: bool = False
-    """It knows by itself which changes of the mode end it, as if its procedure did."""
+    """It knows by itself which changes of the mode end it: its procedure does, or this run of it."""
     by_agent: bool = False
     """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
     trouble: str = ""
@@ -412,23 +412,20 @@ class LimitWatch:
 
     def look(self) -> str:
         """Return which limit was just left; empty if none was, or if others or RTL fly the vehicle."""
-        vehicle, modes = self._flight.vehicle, self._flight.vehicle.modes
-        before, broken = self.outside, self._broken()
-        if broken or not self._broken(0.0):
+        limits, vehicle, modes = self._flight.limits, self._flight.vehicle, self._flight.vehicle.modes
+        before, beyond, broken = self.outside, -math.inf, ""
+        if vehicle.position is not None and limits.altitude is not None:
+            beyond = vehicle.position.altitude - limits.altitude
+            if beyond > MARGIN:
+                broken = f"{vehicle.position.altitude:.1f} m above home, the limit is {limits.altitude:g} m"
+        if vehicle.position is not None and limits.radius is not None and vehicle.home is not None:
+            away = vehicle.home.distance(vehicle.position)
+            beyond = max(beyond, away - limits.radius)
+            if not broken and away - limits.radius > MARGIN:
+                broken = f"{away:.0f} m from home, the limit is {limits.radius:g} m"
+        if broken or beyond <= 0.0:
             self.outside = broken
         if not broken or before or not vehicle.aloft or vehicle.mode not in (*modes.targets, modes.auto):
             return ""
         leaving = self._flight.expects(modes.rtl) or self._flight.expects(modes.land)
         return "" if leaving else f"the vehicle left the mission's limits: {broken}"
-
-    def _broken(self, margin: float = MARGIN) -> str:
-        limits, vehicle = self._flight.limits, self._flight.vehicle
-        if vehicle.position is None:
-            return ""
-        if limits.altitude is not None and vehicle.position.altitude > limits.altitude + margin:
-            return f"{vehicle.position.altitude:.1f} m above home, the limit is {limits.altitude:g} m"
-        if limits.radius is not None and vehicle.home is not None:
-            away = vehicle.home.distance(vehicle.position)
-            if away > limits.radius + margin:
-                return f"{away:.0f} m from home, the limit is {limits.radius:g} m"
-        return ""

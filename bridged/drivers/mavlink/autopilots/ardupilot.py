@@ -13,6 +13,9 @@ from bridged.drivers.mavlink.autopilots.autopilot import Autopilot
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 
+OWN_SPEED = -1.0
+"""param1 of DO_REPOSITION."""
+
 
 class ArduPilot(Autopilot):
     """The conventions that procedures are written in are ArduPilot's, so little is left to say."""
@@ -65,8 +68,8 @@ class ArduPilot(Autopilot):
         yield
 
 
-def reposition_action(action: BoundAction, speed: float = -1.0) -> BoundAction:
-    """Return DO_REPOSITION to the target of an action, in its frame. `speed`: m/s; -1 = the vehicle's own."""
+def reposition_action(action: BoundAction) -> BoundAction:
+    """Return DO_REPOSITION to the target of an action, in its frame and at the vehicle's own speed."""
     if action.target is None:
         raise ValueError("an action without a target")
     yaw = float("nan") if action.yaw is None else action.yaw
@@ -74,7 +77,7 @@ def reposition_action(action: BoundAction, speed: float = -1.0) -> BoundAction:
     place = (action.target.latitude, action.target.longitude, action.target.altitude)
     return BoundAction(
         dialect.MAV_CMD_DO_REPOSITION,
-        (speed, flags, 0.0, yaw, *place),
+        (OWN_SPEED, flags, 0.0, yaw, *place),
         retry=action.retry,
         target=action.target,
         frame=action.frame,

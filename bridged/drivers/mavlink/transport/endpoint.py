@@ -74,14 +74,6 @@ STEADY_S = 5.0
 """Wall seconds that a link must have been open for the next attempt to come soon again."""
 
 
-class Endpoint:
-    """A transport of a link's bytes."""
-
-    async def close(self) -> None:
-        """Free the socket or the device."""
-        raise NotImplementedError
-
-
 class Connection(NamedTuple):
     """A TCP connection or a serial line that is open now."""
 
@@ -103,7 +95,7 @@ def _backoff() -> Iterator[float]:
         pause = min(2 * pause, longest)
 
 
-class Supervised(Endpoint):
+class Supervised:
     """Keeps one connection open: whenever it is lost it is opened again, with backoff."""
 
     def __init__(
@@ -136,6 +128,7 @@ class Supervised(Endpoint):
             await asyncio.sleep(next(pauses))
 
     async def close(self) -> None:
+        """Close the connection, and open it no more."""
         self._task.cancel()
         if self._present is not None:
             self._present.close()
@@ -194,14 +187,15 @@ class UdpSocket(asyncio.DatagramProtocol):
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
+        """Take the socket; one that calls has its only peer from now on."""
         self._transport = transport
         self._socket = transport.get_extra_info("socket").dup()
         self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
         if not self._link.listens:
-            # The socket is connected: the kernel passes only what comes from there.
             self._add_peer("remote", str(self._link.address), None)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """Read a datagram, and all others that have arrived, up to `BURST`."""
         for left in range(BURST - 1, -1, -1):
             key: object = addr if self._link.listens else "remote"
             peer = self._link.peers_by_key.get(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
@@ -211,30 +205,29 @@ class UdpSocket(asyncio.DatagramProtocol):
             try:
                 data, addr = self._socket.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
-                self._let_gather()
-                return
+                break
             except OSError as error:
                 self.error_received(error)
                 return
-
-    def _let_gather(self) -> None:
-        """Let datagrams gather before the next pass if there were many passes lately."""
-        now = asyncio.get_running_loop().time()
-        left = min(PASSES_IN_A_ROW, self._passes_left + (now - self._passed_at) * PASSES) - 1
-        self._passes_left, self._passed_at = left, now
-        if left < 0:
-            postpone_input(-left / PASSES)
+        now = asyncio.get_running_loop().time()  # all are read: others gather if there were many passes lately
+        passes = min(PASSES_IN_A_ROW, self._passes_left + (now - self._passed_at) * PASSES) - 1
+        self._passes_left, self._passed_at = passes, now
+        if passes < 0:
+            postpone_input(-passes / PASSES)
 
     def error_received(self, exc: Exception) -> None:
+        """Count an error; one that a new socket would not meet as well ends this one."""
         self._link.counters.errors += 1
         number = exc.errno if isinstance(exc, OSError) else None
         if number not in NOBODY_THERE and not (self._link.listens and number in NO_WAY):
             self._lose(exc)
 
     def connection_lost(self, exc: Exception | None) -> None:
+        """Note that the socket is closed."""
         self._lose(exc)
 
     def close(self) -> None:
+        """Free the socket, and forget its peers."""
         if self._transport is not None:
             self._transport.abort()
             self._transport = None
@@ -338,13 +331,16 @@ class _TcpConnection(asyncio.Protocol):
         return True
 
 
-class TcpListener(Endpoint):
+class TcpListener:
+    """A listening TCP socket and the connections that it has accepted."""
+
     def __init__(self, server: asyncio.Server, connections: list[_TcpConnection]) -> None:
         self._server = server
         self._connections = connections
 
     @classmethod
     async def open(cls, link: Link) -> TcpListener:
+        """Listen at the link's address. Raises LinkError."""
         connections: list[_TcpConnection] = []
 
         def accept() -> _TcpConnection:
@@ -361,12 +357,14 @@ class TcpListener(Endpoint):
         return cls(server, connections)
 
     async def close(self) -> None:
+        """Close the socket and all connections."""
         self._server.close()
         for connection in self._connections:
             connection.abort()
 
 
 async def call_tcp(link: Link) -> Connection:
+    """Connect to the link's address. Raises OSError, and TimeoutError after `CONNECT_TIMEOUT_S`."""
     loop = asyncio.get_running_loop()
     async with asyncio.timeout(CONNECT_TIMEOUT_S):
         _, connection = await loop.create_connection(lambda: _TcpConnection(link), link.address.host, link.address.port)
@@ -408,6 +406,7 @@ class SerialLine:
         self.lost: asyncio.Future[str] = self._loop.create_future()
 
     def close(self, why: str = "closed") -> None:
+        """Free the device; `why` is the reason for whoever waits for its loss."""
         if self._open:
             self._open = False
             self._loop.remove_reader(self._device)

@@ -82,10 +82,9 @@ class Framer:
     After a wrong checksum the search continues at the next byte, so a false start inside noise loses no packet.
     """
 
-    def __init__(self, counters: WireCounters, signing: Signing | None = None, *, gate: Gate | None = None) -> None:
-        """Give a `gate`, or the `signing` by which all packets are checked, or neither."""
+    def __init__(self, counters: WireCounters, gate: Gate | None = None) -> None:
         self.counters = counters
-        self._gate = gate or SignedGate(lambda: signing)
+        self._gate = gate or Gate()
         self._decoder = dialect.MAVLink(None)
         self._pending = bytearray()
 
@@ -142,7 +141,10 @@ class Framer:
         return 1
 
     def _read(self, packet: bytearray, system: int, number: int) -> dialect.MAVLink_message | None:
-        """Return the message in a packet with a right checksum, None if it is not wanted or refused."""
+        """Return the message in a packet with a right checksum, None if it is not wanted or refused.
+
+        pymavlink computes the checksum again, and takes twice the time for a message of numbers, as telemetry is.
+        """
         self._gate.copy(packet, system, number)
         if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
             self.counters.unreadable_packets += 1
@@ -154,45 +156,36 @@ class Framer:
                 self.counters.refused += 1
             return None
         try:
-            message = self._decode(packet, number)
+            if packet[0] == MAGIC_1 or (kind := _numbers(number)) is None:
+                message = self._decoder.decode(packet)
+            else:
+                payload = packet[HEADER_2 : HEADER_2 + packet[1]]
+                payload = payload.ljust(kind.unpacker.size, b"\0")  # zeros at its end are not sent
+                values = kind.unpacker.unpack_from(payload)
+                message = kind(*[values[place] for place in kind.orders])
+                header = message.get_header()
+                header.mlen, header.incompat_flags, header.compat_flags = packet[1:4]
+                header.seq, header.srcSystem, header.srcComponent = packet[4:7]
         except (dialect.MAVError, ValueError):
             self.counters.unreadable_packets += 1
             return None
         self.counters.packets += 1
         return message
 
-    def _decode(self, packet: bytearray, number: int) -> dialect.MAVLink_message:
-        """Return the message in a packet with a right checksum. Raises MAVError, or ValueError, if it cannot be read.
-
-        pymavlink computes the checksum again, and takes twice the time for a message of numbers, as telemetry is.
-        """
-        if packet[0] == MAGIC_1 or (kind := _numbers(number)) is None:
-            return self._decoder.decode(packet)
-        payload = packet[HEADER_2 : HEADER_2 + packet[1]]
-        payload = payload.ljust(kind.unpacker.size, b"\0")  # zeros at its end are not sent
-        values = kind.unpacker.unpack_from(payload)
-        message = kind(*[values[place] for place in kind.orders])
-        header = message.get_header()
-        header.mlen, header.incompat_flags, header.compat_flags = packet[1:4]
-        header.seq, header.srcSystem, header.srcComponent = packet[4:7]
-        return message
-
 
 class Encoder:
     """Packs our messages for one peer as MAVLink 2, with our ids and that peer's sequence numbers."""
 
-    def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
-        """`system` and `component` (1..255) are our ids; `signing` signs everything. Raises ValueError."""
+    def __init__(self, system: int, component: int) -> None:
+        """`system` and `component` (1..255) are our ids. Raises ValueError."""
         check_ids(system, component)
         self._protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._signing = signing
 
     def pack(self, message: dialect.MAVLink_message, signing: Signing | None = None) -> bytes:
         """Return the bytes of one packet, signed with `signing` if it is given.
 
         Raises ValueError if a field does not fit into its type.
         """
-        signing = signing or self._signing
         if signing is None:
             self._protocol.signing.sign_outgoing = False
         else:

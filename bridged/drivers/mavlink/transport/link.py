@@ -13,7 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.endpoint import (
     MAX_QUEUED_BYTES,
-    Endpoint,
     Ids,
     LinkCounters,
     LinkError,
@@ -72,7 +71,7 @@ class Link:
         self._make_gate = make_gate or (lambda peer: SignedGate(lambda: self.signing))
         self.peers_by_key: dict[object, Peer] = {}
         """For endpoints: the other ends by the key under which they were added."""
-        self._endpoint: Endpoint | None = None
+        self._endpoint: Supervised | TcpListener | None = None
 
     @property
     def peers(self) -> list[Peer]:
@@ -146,7 +145,7 @@ class Link:
         while len(self.peers_by_key) >= MAX_PEERS:
             self.drop_peer(min(self.peers_by_key, key=lambda other: self.peers_by_key[other].heard_at))
         peer = Peer(label, write)
-        peer.framer = Framer(self.counters, gate=self._make_gate(peer))
+        peer.framer = Framer(self.counters, self._make_gate(peer))
         self.peers_by_key[key] = peer
         return peer
 

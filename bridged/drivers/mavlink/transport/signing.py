@@ -232,12 +232,9 @@ class Timestamps:
 class Signing:
     """Signing and checking by one holder of a key on one link."""
 
-    def __init__(
-        self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None
-    ) -> None:
-        """`link_id` (0..255) distinguishes links of one sender to one vehicle; `streams` are those of all keys."""
+    def __init__(self, key: bytes, timestamps: Timestamps | None = None, streams: SignedStreams | None = None) -> None:
+        """`streams` are those of all keys."""
         self._key = key
-        self._link_id = link_id
         self.timestamps = timestamps or Timestamps()
         self._streams = streams or SignedStreams()
         self._key_name = hashlib.sha256(b"argosy: name of a key" + key).digest()[:8]
@@ -248,7 +245,7 @@ class Signing:
     def sign_with(self, protocol: dialect.MAVLink) -> None:
         """Let what `protocol` packs next be signed."""
         signing = protocol.signing
-        signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
+        signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, 0, True
         signing.timestamp = self.timestamps.next()
 
     def objection(self, packet: bytes | bytearray) -> str:

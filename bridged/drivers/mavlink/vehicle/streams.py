@@ -62,11 +62,6 @@ class _Stream:
         sporadic = self.optional or self.name in SPORADIC
         return not self.denied and not sporadic and received < self.asked * window / 2
 
-    @property
-    def interval(self) -> float:
-        """Microseconds between two messages as asked for last; -1 = none."""
-        return round(1e6 / self.asked) if self.asked else -1.0
-
 
 class Streams:
     """The messages that one vehicle is asked for.
@@ -176,10 +171,10 @@ class Streams:
     def _ask(self, stream: _Stream, now: float) -> None:
         if stream.pending is not None:
             return  # its acknowledgement must not be taken for that of another; `tick` asks again if need be
-        rate = self._rate(stream)
+        stream.asked = rate = self._rate(stream)
         self.requested += 1
-        stream.asked = rate
-        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, stream.interval, now)
+        interval = round(1e6 / rate) if rate else -1.0  # us; -1 stops it
+        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, interval, now)
 
     def _submit(self, command: int, number: int, interval: float, now: float) -> MavlinkCommand:
         parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)

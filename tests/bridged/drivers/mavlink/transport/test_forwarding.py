@@ -344,7 +344,7 @@ async def test_two_robots_with_their_own_passphrases_share_one_row_of_timestamps
     async with riding(*fields, state=tmp_path) as rides:
         await until(lambda: bool(air.listen()), "we speak")
         for system, key in keys.items():
-            air.send(Encoder(system, 1, Signing(key)).pack(BEAT))
+            air.send(Encoder(system, 1).pack(BEAT, Signing(key)))
         await until(lambda: all(ride.driver.heard for ride in rides), "both are taken")
         await until(lambda: {target for one in air.listen() if (target := target_system(one))} == {1, 2}, "asked")
     checks = {system: Signing(key) for system, key in keys.items()}

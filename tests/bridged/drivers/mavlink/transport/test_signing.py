@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, SignedGate, WireCounters
 from bridged.drivers.mavlink.transport.signing import (
     AHEAD,
     FAR_AHEAD,
@@ -50,59 +50,64 @@ def signing(clock: Hand | None = None, file: Path | None = None, key: bytes = KE
     return Signing(key, Timestamps(file, clock or Hand()))
 
 
+def framer(by: Signing, counters: WireCounters | None = None) -> Framer:
+    """One that takes only what is signed."""
+    return Framer(counters or WireCounters(), SignedGate(lambda: by))
+
+
 def timestamp(packet: bytes) -> int:
     return int.from_bytes(packet[-12:-6], "little")
 
 
 def test_pymavlink_verifies_what_we_sign() -> None:
-    vehicle, encoder = pymavlinks(), Encoder(255, 190, signing())
+    vehicle, encoder, by = pymavlinks(), Encoder(255, 190), signing()
     for _ in range(3):
-        assert vehicle.decode(bytearray(encoder.pack(BEAT))).get_signed()
+        assert vehicle.decode(bytearray(encoder.pack(BEAT, by))).get_signed()
     assert (vehicle.signing.goodsig_count, vehicle.signing.badsig_count) == (3, 0)
 
 
 def test_we_verify_what_pymavlink_signs() -> None:
     vehicle, counters = pymavlinks(), WireCounters()
-    framer = Framer(counters, signing())
+    reader = framer(signing(), counters)
     for _ in range(3):
-        assert [one.get_type() for one in framer.feed(BEAT.pack(vehicle), datagram=True)] == ["HEARTBEAT"]
+        assert [one.get_type() for one in reader.feed(BEAT.pack(vehicle), datagram=True)] == ["HEARTBEAT"]
     assert (counters.packets, counters.refused) == (3, 0)
 
 
 def test_unsigned_forged_and_replayed_packets_are_not_taken() -> None:
     counters, vehicle = WireCounters(), pymavlinks()
-    framer = Framer(counters, signing())
+    reader = framer(signing(), counters)
     good = BEAT.pack(vehicle)
-    assert framer.feed(good)
+    assert reader.feed(good)
     tampered = bytearray(BEAT.pack(vehicle))
     tampered[-1] ^= 1
     version_1 = BEAT.pack(dialect.MAVLink(None, srcSystem=1, srcComponent=1), force_mavlink1=True)
     for packet in (good, Encoder(1, 1).pack(BEAT), version_1, BEAT.pack(pymavlinks(key_of(b"gold"))), bytes(tampered)):
-        assert not framer.feed(packet)
+        assert not reader.feed(packet)
     assert counters.refused == 5
-    assert framer.feed(BEAT.pack(vehicle)), "what comes after them is taken"
+    assert reader.feed(BEAT.pack(vehicle)), "what comes after them is taken"
 
 
 def test_a_forged_timestamp_does_not_silence_the_true_sender() -> None:
     vehicle, forger = pymavlinks(), pymavlinks(key_of(b"gold"))
     forger.signing.timestamp = 2**47
-    framer = Framer(WireCounters(), signing())
-    assert not framer.feed(BEAT.pack(forger))
-    assert framer.feed(BEAT.pack(vehicle))
+    reader = framer(signing())
+    assert not reader.feed(BEAT.pack(forger))
+    assert reader.feed(BEAT.pack(vehicle))
 
 
 def test_a_new_stream_may_be_a_minute_behind_and_not_more() -> None:
     clock, vehicle = Hand(), pymavlinks()
     vehicle.signing.timestamp = clock.at - MINUTE
-    assert Framer(WireCounters(), signing(clock)).feed(BEAT.pack(vehicle))
+    assert framer(signing(clock)).feed(BEAT.pack(vehicle))
     late = pymavlinks(system=2)
     late.signing.timestamp = clock.at - MINUTE - 1
-    assert not Framer(WireCounters(), signing(clock)).feed(BEAT.pack(late))
+    assert not framer(signing(clock)).feed(BEAT.pack(late))
 
 
 def test_streams_of_one_link_are_told_apart_and_shared_by_its_peers() -> None:
     by = signing()
-    here, there = Framer(WireCounters(), by), Framer(WireCounters(), by)
+    here, there = framer(by), framer(by)
     one, two = pymavlinks(system=1), pymavlinks(system=2)
     two.signing.timestamp += 1000
     packet = BEAT.pack(two)
@@ -114,8 +119,8 @@ def test_streams_of_one_link_are_told_apart_and_shared_by_its_peers() -> None:
 def test_our_timestamps_go_on_above_those_of_others() -> None:
     by, vehicle = signing(), pymavlinks()
     vehicle.signing.timestamp = ahead = 11 * MINUTE
-    assert Framer(WireCounters(), by).feed(BEAT.pack(vehicle))
-    assert timestamp(Encoder(255, 190, by).pack(BEAT)) > ahead
+    assert framer(by).feed(BEAT.pack(vehicle))
+    assert timestamp(Encoder(255, 190).pack(BEAT, by)) > ahead
 
 
 @pytest.mark.parametrize("ahead", [FAR_AHEAD + 1, LATEST - 10 - 10 * MINUTE])
@@ -124,8 +129,8 @@ def test_a_timestamp_near_the_end_of_time_is_not_taken_and_spoils_none_of_ours(t
     by = signing(clock, file)
     vehicle.signing.timestamp = clock.at + ahead
     assert by.objection(BEAT.pack(vehicle)) == "impossibly new"
-    encoder = Encoder(255, 190, by)
-    assert [timestamp(encoder.pack(BEAT)) for _ in range(20)] == list(range(clock.at, clock.at + 20))
+    encoder = Encoder(255, 190)
+    assert [timestamp(encoder.pack(BEAT, by)) for _ in range(20)] == list(range(clock.at, clock.at + 20))
     by.timestamps.close()
     assert Timestamps(file, clock).next() >= clock.at + 20, "the next life goes on"
 
@@ -139,11 +144,11 @@ def test_a_vehicle_with_the_time_of_today_is_taken_by_a_board_that_starts_at_the
 
 def test_timestamps_rise_while_the_clock_stands_and_follow_it_when_it_goes() -> None:
     clock = Hand()
-    encoder = Encoder(255, 190, signing(clock))
-    first, second = timestamp(encoder.pack(BEAT)), timestamp(encoder.pack(BEAT))
+    encoder, by = Encoder(255, 190), signing(clock)
+    first, second = timestamp(encoder.pack(BEAT, by)), timestamp(encoder.pack(BEAT, by))
     assert (first, second) == (clock.at, clock.at + 1)
     clock.at += 5000
-    assert timestamp(encoder.pack(BEAT)) == clock.at
+    assert timestamp(encoder.pack(BEAT, by)) == clock.at
 
 
 @pytest.mark.parametrize("cleanly", [True, False])
@@ -234,7 +239,7 @@ def test_a_sender_that_is_behind_after_a_crash_is_told_a_time_at_which_it_is_tak
     assert by.objection(BEAT.pack(vehicle)) == ""
     by, _ = life(file, clock)
     assert by.objection(BEAT.pack(vehicle)) == OUTDATED
-    vehicle.signing.timestamp = max(vehicle.signing.timestamp, timestamp(Encoder(255, 190, by).pack(BEAT)) + 1)
+    vehicle.signing.timestamp = max(vehicle.signing.timestamp, timestamp(Encoder(255, 190).pack(BEAT, by)) + 1)
     assert by.objection(BEAT.pack(vehicle)) == ""
 
 
