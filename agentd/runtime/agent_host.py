@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter, deque
+from collections import deque
+from collections.abc import Sequence
 from time import monotonic
 from typing import Protocol
 
 from agentd.conversion.log_format import line_of
-from agentd.conversion.term_conversion import BadTerm, perceived
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
@@ -20,7 +20,6 @@ from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, P
 from agentd.mind.data.inputs import (
     ActionDone,
     Input,
-    PerceptAdded,
     PerceptRemoved,
     PerceptReplaced,
     SignalRaised,
@@ -53,7 +52,7 @@ from commd.process.output import stdout
 from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
 from schemas.wire.mind_records import InitialMind, MindView
-from schemas.wire.records import AgentHealth, Note, Perception
+from schemas.wire.records import AgentHealth, Note
 
 log = logging.getLogger("agent")
 
@@ -99,7 +98,6 @@ class AgentHost:
         """Whether the agent begins without state of a former life."""
         self.stopped: StopTeam | None = None
         """The effect by which the program has stopped the team."""
-        self.counters: Counter[str] = Counter()
         self._bus, self._clock, self._directory, self._team, self._token = bus, clock, directory, team, token
         self._memory = memory
         stored = None if memory is None or memory.stored is None else memory.stored.mind
@@ -142,7 +140,7 @@ class AgentHost:
         self._tracing.follow(self._mind)
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # so that the predicates in it exist before anybody queries it
-        self._runner = MindRunner(bus, self._mind, self._turn, self._read)
+        self._runner = MindRunner(bus, self._mind, self._turn)
         self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing, neighbours)
         self._mind.post_office = self._mailing.send
         self._poison: PoisonInputs | None = None
@@ -251,7 +249,7 @@ class AgentHost:
         try:
             if not control.paused or control.may_reason():
                 _busy.add(self)
-                self._carry_out_all(reason(mind, clock, len(_busy), self._tracing.ran))
+                self._carry_out(reason(mind, clock, len(_busy), self._tracing.ran))
             else:
                 self._step()
             ready = mind.ready and not control.paused
@@ -269,15 +267,10 @@ class AgentHost:
                 if poison.written:
                     poison.end()
 
-    def _carry_out_all(self, effects: list[Effect]) -> None:
-        self._mind.beliefs.mark(self._mind.now)
-        for effect in effects:
-            self._carry_out(effect)
-
     def _step(self) -> None:
         """Run the single cycles that an operator has ordered of a paused mind."""
         while steps := self._control.take_step():
-            self._carry_out_all(self._run_one())
+            self._carry_out(self._run_one())
             for step in steps:
                 if not step.done():
                     step.set_result("")
@@ -291,8 +284,7 @@ class AgentHost:
 
     async def _leave(self, in_order: bool) -> None:
         """Save the state, hand over mail, and end the tasks; after `.stopMAS` the state is removed later."""
-        for note in self._mind.drops.unlogged(self._mind.now):
-            self._carry_out(note)
+        self._carry_out(self._mind.drops.unlogged(self._mind.now))
         self._mailing.leave()
         await self._end_atomic_plan()
         await self._checkpointer.finish()
@@ -309,9 +301,8 @@ class AgentHost:
         mind = self._mind
         until = asyncio.get_running_loop().time() + ATOMIC_END
         while mind.atomic is not None and mind.ready and asyncio.get_running_loop().time() < until:
-            for effect in self._run_one():
-                if not isinstance(effect, PerformAction):  # the next life decides about it
-                    self._carry_out(effect)
+            effects = self._run_one()
+            self._carry_out([one for one in effects if not isinstance(one, PerformAction)])  # the next life decides
             await asyncio.sleep(0)
 
     def close(self) -> None:
@@ -344,23 +335,26 @@ class AgentHost:
 
     # --- effects ---
 
-    def _carry_out(self, effect: Effect) -> None:
-        self._tracing.activity.did(self._mind.cycle, effect)
-        match effect:
-            case Print(text=text):
-                self._prints.append(text)
-                for line in text.split("\n"):  # each line with the agent's name: none may pass for another agent's
-                    stdout().write(escape_line(line), agent=self.part.name)
-            case Log(level=level):
-                log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
-            case PerformAction():
-                self._action_client.begin(effect)
-            case CancelAction(id=number):
-                self._action_client.cancel(number)
-            case StopTeam(delay=delay):
-                self._stop_after(effect, delay)
-            case TeamRequest():
-                self._tasks.spawn(self._ask_team(effect))
+    def _carry_out(self, effects: Sequence[Effect]) -> None:
+        mind, activity = self._mind, self._tracing.activity
+        mind.beliefs.mark(mind.now)
+        for effect in effects:
+            activity.did(mind.cycle, effect)
+            match effect:
+                case Print(text=text):
+                    self._prints.append(text)
+                    for line in text.split("\n"):  # each with the agent's name: none may pass for another agent's
+                        stdout().write(escape_line(line), agent=self.part.name)
+                case Log(level=level):
+                    log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
+                case PerformAction():
+                    self._action_client.begin(effect)
+                case CancelAction(id=number):
+                    self._action_client.cancel(number)
+                case StopTeam(delay=delay):
+                    self._stop_after(effect, delay)
+                case TeamRequest():
+                    self._tasks.spawn(self._ask_team(effect))
 
     def _stop_after(self, order: StopTeam, delay: float) -> None:
         """Stop the team after `delay` mission seconds, announced to the agent (Jason: `+jag_shutting_down(Ms)`)."""
@@ -384,22 +378,6 @@ class AgentHost:
             raise
 
     # --- inputs ---
-
-    def _read(self, perception: Perception) -> Input | None:
-        """Return a percept as an input of the mind; None, counted and logged, if it has no terms."""
-        try:
-            literal = perceived(perception)
-        except BadTerm as bad:
-            self.counters["bad_percepts"] += 1
-            log.warning("agent=%s bad_percept name=%s why=%s", self.part.name, perception.name, bad)
-            return None
-        match perception.update:
-            case "replace":
-                return PerceptReplaced(literal, perception.key)
-            case "add":
-                return PerceptAdded(literal)
-            case "remove":
-                return PerceptRemoved(literal, perception.key)
 
     def _bridge_up(self) -> None:
         self._runner.feed(PerceptReplaced(_BRIDGE_UP))
@@ -439,7 +417,7 @@ class AgentHost:
         """Return the counters and warnings of the agent."""
         self._runner.catch_up()
         mind, mail, percepts = self._mind, self._mailing.counters, self._perceiving or self._by_hand
-        counters = dict(self.counters)
+        counters = {"bad_percepts": self._runner.bad_percepts}
         parts = {"mail": mail, "kept": self._checkpointer.counters}
         if percepts is not None:
             parts["percepts"] = percepts.counters
@@ -455,7 +433,7 @@ class AgentHost:
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
         return AgentHealth(
             drops=sum(mind.drops.counts.values()),
-            bad_input=self.counters["bad_percepts"] + mail["bad"],
+            bad_input=self._runner.bad_percepts + mail["bad"],
             counters={name: float(count) for name, count in sorted(counters.items()) if count},
             notes=self.notes(),
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),

@@ -1,24 +1,28 @@
-"""Run one mind on the event loop: wake it for each input, give it turns, let it sleep while it has nothing to do.
+"""Run one mind on the event loop: give it a turn for each input, let it rest while it has nothing to do.
 
-An agent with a robot is woken for each percept. A timer for each of these sleeps would cost more than the percept:
+An agent with a robot has a turn for each percept. A timer for each of these rests would cost more than the percept:
 there is one, and it is left running while it is due early enough.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 from typing import Final, TypeAlias
 
+from agentd.conversion.term_conversion import BadTerm, perceived
 from agentd.language.syntax_tree.signatures import signature
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
-from agentd.mind.data.inputs import Input
+from agentd.mind.data.inputs import Input, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.execution.input_handling import heeds, heeds_percept
 from commd.bus.bus import Bus
 from commd.common.alarm import Alarm
 from commd.common.clock import Clock
 from schemas.wire.records import Perception
+
+log = logging.getLogger("agent")
 
 SLICE: Final = 500
 """Reasoning cycles in one slice at most; then the event loop gets a turn."""
@@ -62,26 +66,28 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
 
 
 class MindRunner:
-    """Gives one mind its turns: in the pass of the event loop that brings an input, or when a timer is due."""
+    """Gives one mind its turns: in the pass of the event loop that brings an input, or when it is due."""
 
-    def __init__(
-        self, bus: Bus, mind: Mind, turn: Callable[[], float | None], read: Callable[[Perception], Input | None]
-    ) -> None:
-        """`turn` reasons, and returns the wall seconds until the next turn: 0: immediately, None: at an input only.
-
-        `read` makes an input of a percept, None of one that cannot be.
-        """
+    def __init__(self, bus: Bus, mind: Mind, turn: Callable[[], float | None]) -> None:
+        """`turn` reasons, and returns the wall seconds until the next turn: 0: immediately, None: at an input only."""
         self.mind = mind
-        self._bus, self._reason, self._read, self._loop = bus, turn, read, asyncio.get_running_loop()
-        self._timer = WakeupTimer(self._turn_now)
+        self.bad_percepts = 0
+        """Percepts of which no input can be made."""
+        self._bus, self._reason, self._loop = bus, turn, asyncio.get_running_loop()
         self._newest: dict[tuple[str, int], Perception] = {}
         """Percepts that nothing in the mind waits for, by name and arity: a newer one takes the place of its like."""
-        self._turn_due = False
-        """Whether a turn follows as soon as everything that the bus has delivered is taken in."""
-        self._finished = self._left = False
-        """Whether `finish` was called, and whether a turn outside of `run` has seen that."""
-        self._broken: BaseException | None = None
-        """The error of a turn outside of `run`."""
+        self._turn_due = True
+        """Whether a turn follows as soon as everything that the bus has delivered is taken in, or there is none yet."""
+        self._due: float | None = None
+        """Loop time of the next turn at the latest."""
+        self._alarm = Alarm(self._ring)
+        self._finished = False
+        """Whether `finish` was called."""
+        self._stop = asyncio.Event()
+        self._over: asyncio.Future[None] = self._loop.create_future()
+        """Done after the last turn, if that was not ended by `stop`."""
+
+    # --- inputs ---
 
     def perceive(self, perception: Perception) -> None:
         """Give the mind a percept; of several that nothing in it waits for, and that have one value, the last one."""
@@ -89,11 +95,27 @@ class MindRunner:
         one_value = perception.update == "replace" and not perception.key
         if one_value and like in self._newest:
             self._newest[like] = perception
-        elif one_value and self._timer.asleep and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
+        elif one_value and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
             self._newest[like] = perception
-            self._timer.within_at_most(BELIEVED_WITHIN)
+            self._turn_within(BELIEVED_WITHIN)
         elif (item := self._read(perception)) is not None:
             self.feed(item)
+
+    def _read(self, perception: Perception) -> Input | None:
+        """Return a percept as an input of the mind; None, counted and logged, if it has no terms."""
+        try:
+            literal = perceived(perception)
+        except BadTerm as bad:
+            self.bad_percepts += 1
+            log.warning("agent=%s bad_percept name=%s why=%s", self.mind.name, perception.name, bad)
+            return None
+        match perception.update:
+            case "replace":
+                return PerceptReplaced(literal, perception.key)
+            case "add":
+                return PerceptAdded(literal)
+            case "remove":
+                return PerceptRemoved(literal, perception.key)
 
     def _take_newest(self) -> None:
         newest, self._newest = self._newest, {}
@@ -103,150 +125,83 @@ class MindRunner:
 
     def feed(self, item: Input) -> None:
         """Give the mind an input and see that it gets a turn, soon if anything in it may wait for the input."""
-        self._take_newest()
+        if self._newest:
+            self._take_newest()
         self.mind.feed(item)
         if self._turn_due:
             return
-        if self._timer.asleep:
-            if not heeds(self.mind, item):
-                self._timer.within_at_most(BELIEVED_WITHIN)
-                return
+        if heeds(self.mind, item):
             self._turn_due = True
-            self._bus.afterwards(self._turn_now)
+            self._bus.afterwards(self._turn)
         else:
-            self._timer.set()
+            self._turn_within(BELIEVED_WITHIN)
 
     def catch_up(self) -> None:
         """Let the mind take what it was given, before others look at its beliefs."""
-        if (self._newest or self.mind.inputs) and self._timer.asleep and not self._turn_due:
-            self._turn_now()
+        if (self._newest or self.mind.inputs) and not self._turn_due:
+            self._turn()
+
+    # --- turns ---
 
     def wake(self) -> None:
         """See that the mind gets a turn soon."""
-        self._timer.set()
+        if not self._turn_due:
+            self._turn_due = True
+            self._loop.call_soon(self._turn)
 
     def finish(self) -> None:
         """Let `run` end after the present or next turn."""
         self._finished = True
-        self._timer.set()
+        self.wake()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Give the mind turns until `stop` is set or `finish` is called. Raises what a turn raises."""
+        self._stop = stop
         stopping = asyncio.create_task(stop.wait())
-        stopping.add_done_callback(lambda _: self.wake())
         try:
-            while not stop.is_set():
-                self._timer.clear()
-                pause = self._turn()
-                if self._finished:
-                    return
-                if pause == 0:
-                    await asyncio.sleep(0)
-                    continue
-                await self._timer.wait(pause)
-                if self._broken is not None:
-                    raise self._broken
-                if self._left:
-                    return
+            self._turn()
+            await asyncio.wait((stopping, self._over), return_when=asyncio.FIRST_COMPLETED)
+            if self._over.done():
+                await self._over
         finally:
             stopping.cancel()
-            self._timer.close()
-
-    def _turn(self) -> float | None:
-        self._take_newest()
-        return self._reason()
-
-    def _turn_now(self) -> None:
-        """Take a turn in place of the task that sleeps, in the same pass of the event loop as the input."""
-        self._turn_due = False
-        if not self._timer.asleep:
-            self._timer.set()
-            return
-        self._timer.clear()
-        try:
-            pause = self._turn()
-        except BaseException as error:
-            self._broken = error
-            self._timer.set()
-            return
-        self._left = self._finished
-        if self._left:
-            self._timer.set()
-        elif pause == 0:
+            self._over.cancel()
+            self._alarm.cancel()
             self._turn_due = True
-            self._loop.call_soon(self._turn_now)
-        else:
-            self._timer.within(pause)
 
-
-class WakeupTimer:
-    """What one task sleeps on: an event and a timer."""
-
-    def __init__(self, ring: Callable[[], None] | None = None) -> None:
-        """`ring` is called when the time is over, in place of waking the task."""
-        self._loop = asyncio.get_running_loop()
-        self._on_time = ring or self.set
-        self._set = False
-        self._sleeper: asyncio.Future[None] | None = None
-        self._alarm = Alarm(self._ring)
-        self._due: float | None = None
-        """Loop time at which the task is to be woken at the latest."""
-
-    @property
-    def asleep(self) -> bool:
-        """Whether the task sleeps, and nothing has woken it yet."""
-        return self._sleeper is not None and not self._sleeper.done()
-
-    def set(self) -> None:
-        """Wake the task, or keep it from falling asleep."""
-        self._set = True
-        if self._sleeper is not None and not self._sleeper.done():
-            self._sleeper.set_result(None)
-
-    def clear(self) -> None:
-        """Forget earlier calls of `set`."""
-        self._set = False
-
-    def within(self, seconds: float | None) -> None:
-        """Wake the task in `seconds` (wall clock, 0 or more) at the latest; None: only by `set`."""
-        if seconds is None:
-            self._due = None
+    def _turn(self) -> None:
+        """Take a turn, and see to the next one."""
+        if self._over.done() or self._stop.is_set():
             return
-        self._due = self._loop.time() + seconds
-        self._alarm.by(self._due)
-
-    def within_at_most(self, seconds: float) -> None:
-        """Wake the task in `seconds` (wall clock, 0 or more) at the latest, or when it is to be woken before."""
-        if self._due is None or self._due > self._loop.time() + seconds:
-            self.within(seconds)
-
-    async def wait(self, seconds: float | None) -> None:
-        """Sleep until `set` is called, at most `seconds` (wall clock, 0 or more; None: no limit).
-
-        Return immediately if it was called already.
-        """
-        if self._set:
-            return
-        self.within(seconds)
-        self._sleeper = self._loop.create_future()
+        self._turn_due, self._due = False, None
+        if self._newest:
+            self._take_newest()
         try:
-            await self._sleeper
-        finally:
-            self._sleeper = None
+            pause = self._reason()
+        except BaseException as error:
+            self._over.set_exception(error)
+            return
+        if self._finished:
+            self._over.set_result(None)
+        elif pause == 0:
+            self.wake()
+        elif pause is not None:
+            self._turn_within(pause)
 
-    def close(self) -> None:
-        """Cancel the timer."""
-        self._due = None
-        self._alarm.cancel()
+    def _turn_within(self, seconds: float) -> None:
+        """Take a turn in `seconds` (wall clock, 0 or more) at the latest."""
+        due = self._loop.time() + seconds
+        if self._due is None or due < self._due:
+            self._due = due
+            self._alarm.by(due)
 
     def _ring(self) -> None:
         if self._due is None:
             return
         if self._due > self._loop.time() + EARLY:
             self._alarm.by(self._due)
-            return
-        self._due = None
-        self._on_time()
+        else:
+            self._turn()
 
 
 class LagEstimator:

@@ -1,21 +1,19 @@
-"""A mind on the event loop: its sleep with one timer that is moved as little as possible, and its lag."""
+"""A mind on the event loop: its turns, with one timer that is moved as little as possible, and its lag."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from agentd.conversion.term_conversion import perceived
 from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
-from agentd.mind.data.inputs import Input, PerceptRemoved, PerceptReplaced, SignalRaised
-from agentd.runtime.mind_runner import BELIEVED_WITHIN, LagEstimator, MindRunner, WakeupTimer
+from agentd.mind.data.inputs import PerceptReplaced, SignalRaised
+from agentd.runtime.mind_runner import BELIEVED_WITHIN, LagEstimator, MindRunner
 from commd.bus.bus import Bus
 from schemas.wire.records import Perception
 from tests.agentd.hosts import host_on
@@ -23,83 +21,92 @@ from tests.agentd.minds import World, mind_of
 from tests.support.buses import Connect, bus_test, until, virtual_test
 
 
-async def wakes_when_set(timer: WakeupTimer) -> None:
-    sleeping = asyncio.create_task(timer.wait(None))
-    await asyncio.sleep(0)
-    assert timer.asleep
-    timer.set()
-    assert not timer.asleep
-    await sleeping
+class Turns:
+    """The turns of a mind that has nothing to do: each takes the next of `pauses`, the last one again and again."""
+
+    def __init__(self, *pauses: float | None) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.begun, self.at, self._pauses = self.loop.time(), list[float](), list(pauses)
+        bus = cast(Bus, SimpleNamespace(afterwards=self.loop.call_soon))
+        self.runner, self.stop = MindRunner(bus, mind_of(""), self.turn), asyncio.Event()
+        self.running = asyncio.create_task(self.runner.run(self.stop))
+
+    def turn(self) -> float | None:
+        self.at.append(round(self.loop.time() - self.begun, 3))
+        return self._pauses.pop(0) if len(self._pauses) > 1 else self._pauses[0]
 
 
-async def does_not_sleep_if_it_was_set_before(timer: WakeupTimer) -> None:
-    timer.set()
-    await timer.wait(None)
-    timer.clear()
-    assert not timer.asleep
-
-
-async def wakes_at_its_time_and_not_before(timer: WakeupTimer) -> None:
-    loop = asyncio.get_running_loop()
-    begun = loop.time()
-    await timer.wait(0.05)
-    assert loop.time() - begun == pytest.approx(0.05)
-
-
-async def keeps_a_timer_that_is_due_earlier_and_does_not_wake_then(timer: WakeupTimer) -> None:
-    loop = asyncio.get_running_loop()
-    begun = loop.time()
-    sleeping = asyncio.create_task(timer.wait(0.02))
-    await asyncio.sleep(0)
-    running = timer._alarm._timer
-    timer.within(0.1)
-    assert timer._alarm._timer is running
-    await sleeping
-    assert loop.time() - begun == pytest.approx(0.1)
-
-
-async def replaces_a_timer_that_is_due_too_late(timer: WakeupTimer) -> None:
-    sleeping = asyncio.create_task(timer.wait(1000))
-    await asyncio.sleep(0)
-    timer.within(0.02)
-    await sleeping
-
-
-async def without_a_time_sleeps_until_set(timer: WakeupTimer) -> None:
-    sleeping = asyncio.create_task(timer.wait(0.02))
-    await asyncio.sleep(0)
-    timer.within(None)
-    await asyncio.sleep(0.1)
-    assert timer.asleep
-    timer.set()
-    await sleeping
-
-
-async def leaves_no_timer_when_closed(timer: WakeupTimer) -> None:
-    sleeping = asyncio.create_task(timer.wait(0.02))
-    await asyncio.sleep(0)
-    timer.close()
-    await asyncio.sleep(0.1)
-    assert timer.asleep
-    sleeping.cancel()
-
-
-@pytest.mark.parametrize(
-    "behaviour",
-    [
-        wakes_when_set,
-        does_not_sleep_if_it_was_set_before,
-        wakes_at_its_time_and_not_before,
-        keeps_a_timer_that_is_due_earlier_and_does_not_wake_then,
-        replaces_a_timer_that_is_due_too_late,
-        without_a_time_sleeps_until_set,
-        leaves_no_timer_when_closed,
-    ],
-    ids=lambda behaviour: behaviour.__name__,
-)
 @virtual_test
-async def test_a_wakeup_timer(behaviour: Callable[[WakeupTimer], Awaitable[None]]) -> None:
-    await behaviour(WakeupTimer())
+async def test_a_turn_comes_at_its_time_or_when_the_mind_is_woken_once_for_several_calls() -> None:
+    turns = Turns(0.05, None)
+    await asyncio.sleep(1)
+    assert turns.at == [0, 0.05]
+    turns.runner.wake()
+    turns.runner.wake()
+    await asyncio.sleep(1)
+    assert turns.at == [0, 0.05, 1]
+
+
+@virtual_test
+async def test_a_mind_that_is_not_done_has_turns_between_which_others_have_theirs() -> None:
+    turns, passes = Turns(0, 0, 0, None), 0
+    while len(turns.at) < 4:
+        await asyncio.sleep(0)
+        passes += 1
+    assert passes >= 4
+
+
+@virtual_test
+async def test_a_timer_that_is_due_before_the_next_turn_is_left_running() -> None:
+    turns = Turns(0.02, 0.1, None)
+    await asyncio.sleep(0.01)
+    timer = turns.runner._alarm._timer
+    turns.runner.wake()
+    await asyncio.sleep(0.005)
+    assert turns.at == [0, 0.01]
+    assert turns.runner._alarm._timer is timer
+    await asyncio.sleep(1)
+    assert turns.at == [0, 0.01, 0.11]
+
+
+@virtual_test
+async def test_a_timer_that_is_due_too_late_is_replaced() -> None:
+    turns = Turns(1000, 0.02, None)
+    await asyncio.sleep(0.01)
+    turns.runner.wake()
+    await asyncio.sleep(1)
+    assert turns.at == [0, 0.01, 0.03]
+
+
+@virtual_test
+async def test_a_mind_that_is_to_stop_has_no_turn_and_leaves_no_timer() -> None:
+    turns = Turns(0.02)
+    await asyncio.sleep(0.01)
+    turns.runner.wake()
+    turns.stop.set()
+    await turns.running
+    assert turns.runner._alarm._timer is None
+    turns.runner.wake()
+    turns.runner.catch_up()
+    await asyncio.sleep(1)
+    assert turns.at == [0]
+
+
+@virtual_test
+async def test_a_mind_that_is_finished_has_one_more_turn() -> None:
+    turns = Turns(None)
+    await asyncio.sleep(0.01)
+    turns.runner.finish()
+    await turns.running
+    assert turns.at == [0, 0.01]
+
+
+@virtual_test
+async def test_what_a_turn_raises_ends_the_run() -> None:
+    turns = Turns(0.02)
+    turns.runner._reason = lambda: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        await turns.running
 
 
 def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
@@ -148,34 +155,33 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connec
 
 @virtual_test
 async def test_of_percepts_that_nothing_waits_for_the_mind_is_given_the_newest_before_all_that_follows() -> None:
-    def percept(name: str, number: float, update: Any = "replace", *key: int) -> Perception:
-        return Perception(name=name, parameters=(number,), update=update, key=key)
+    def perceive(name: str, number: float, update: Any = "replace", *key: int) -> None:
+        runner.perceive(Perception(name=name, parameters=(number,), update=update, key=key))
 
     def turn() -> None:
         world.settle()
 
-    def read(one: Perception) -> Input:
-        read_values.append((one.name, one.parameters[0]))
-        literal = perceived(one)
-        return PerceptReplaced(literal) if one.update == "replace" else PerceptRemoved(literal)
+    def given(_: int, item: Any) -> None:
+        inputs.append((item.literal.sig.functor, *item.literal.args))
 
-    world, read_values = World(mind_of('+mode(_) : height(H) <- .print("at ", H).')), list[tuple[str, object]]()
+    inputs = list[tuple[object, ...]]()
+    world = World(mind_of('+mode(_) : height(H) <- .print("at ", H).', on_input=given))
     bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
-    runner, stop = MindRunner(bus, world.mind, turn, read), asyncio.Event()
+    runner, stop = MindRunner(bus, world.mind, turn), asyncio.Event()
     running = asyncio.create_task(runner.run(stop))
     await asyncio.sleep(0)
-    runner.perceive(percept("height", 0.0))  # the first of its kind
+    perceive("height", 0.0)  # the first of its kind
     await asyncio.sleep(0)
     for number in (1.0, 2.0, 3.0):
-        runner.perceive(percept("height", number))
-    runner.perceive(percept("mode", 1.0))
+        perceive("height", number)
+    perceive("mode", 1.0)
     await asyncio.sleep(0)
-    assert (world.prints, read_values) == (["at 3"], [("height", 0.0), ("mode", 1.0), ("height", 3.0)])
-    runner.perceive(percept("height", 4.0))
-    runner.perceive(percept("height", 4.0, "remove", 0))
-    runner.perceive(percept("height", 5.0))
+    assert (world.prints, inputs) == (["at 3"], [("height", 0.0), ("height", 3.0), ("mode", 1.0)])
+    perceive("height", 4.0)
+    perceive("height", 4.0, "remove", 0)
+    perceive("height", 5.0)
     await asyncio.sleep(BELIEVED_WITHIN + 0.1)
-    assert [one for name, one in read_values[3:]] == [4.0, 4.0, 5.0]
+    assert inputs[3:] == [("height", 4.0), ("height", 4.0), ("height", 5.0)]
     assert world.mind.query(parse_formula("height(5)"))
     stop.set()
     await running
