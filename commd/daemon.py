@@ -19,7 +19,6 @@ from commd.bus.tls import Tls, check_board
 from commd.common.clock import Clock
 from commd.directory.service import open_directory
 from commd.mail.service import open_mail_service
-from commd.mail.transport import FixedDirectory
 from commd.process.garbage import look_seldom
 from commd.process.process import (
     EXIT_DONE,
@@ -212,8 +211,9 @@ async def open_parts(
         from commd.gateway.gateway import open_gateway
 
         gateway = await enter(open_gateway(mission, mission.gateway))
-    names = FixedDirectory(mission.mailboxes)
-    mail_service = await enter(open_mail_service(bus, names, mission.mail, folder, air, everybody_known=False))
+    mail_service = await enter(
+        open_mail_service(bus, mission.mailboxes, mission.mail, folder, air, everybody_known=False)
+    )
     parts.add("the mail", mail_service.health)
     directory = await enter(open_directory(bus, board, mission, mail_service, clock, router.secured))
     parts.add("the directory", directory.health, directory.work)

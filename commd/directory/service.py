@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from sqlite3 import Connection
@@ -22,7 +22,7 @@ from commd.bus.errors import BusClosed, CannotServe
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
-from commd.mail import schema
+from commd.mail import queries
 from commd.mail.age_clock import RollbackWitness
 from commd.mail.message import named
 from commd.mail.service import MailService
@@ -73,7 +73,6 @@ class Directory:
         self._bus, self._board, self._clock, self._secured = bus, board, clock, secured
         self._mail_service, self._store = mail_service, mail_service.store
         self._witness = RollbackWitness(board, bus.boot, mail_service.clock)
-        self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
         """Tokens of the agents that joined here."""
@@ -92,14 +91,6 @@ class Directory:
         self._unread = ""
         """Why the directory on disk is not read yet, for people."""
         self._noticed = 0
-
-    def board_of(self, name: str) -> str | None:
-        """Return the board of an agent's mailbox; None for an unknown name."""
-        return self._homes.get(name)
-
-    def names(self) -> Collection[str]:
-        """Return all receivers of mail, present or away."""
-        return self._homes.keys()
 
     async def ask_around(self) -> None:
         """Query the other boards: an agent may know a new name before this board does."""
@@ -123,7 +114,7 @@ class Directory:
         """Return counters and warnings for the daemon's health."""
         counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
         counters["boards_there"] = float(sum(map(bool, self._boards.values())))
-        counters["names_known"] = float(len(self._homes))
+        counters["names_known"] = float(len(self._mail_service.homes))
         return Health(counters=counters, notes=self.notes())
 
     async def load(self) -> bool:
@@ -133,7 +124,7 @@ class Directory:
         Returns False if the disk fails. It does not start empty then: the next change would overwrite it.
         """
         try:
-            own, others = await self._store.read(lambda db: (schema.kept(db, _OWN), schema.kept(db, _BOARDS)))
+            own, others = await self._store.read(lambda db: (queries.kept(db, _OWN), queries.kept(db, _BOARDS)))
             await self._store.read(self._witness.load)
         except StoreFailed as failed:
             if not self._unread:
@@ -152,7 +143,6 @@ class Directory:
             log.error("directory_unreadable why=%s: it starts empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
-        self._mail_service.know_everybody(self)
         self._mail_service.ask_around = self.ask_around
         for name in self.services.own.joined:
             self._mail_service.host(name)
@@ -240,7 +230,7 @@ class Directory:
                     raise Problem(f"{what}, the limit is {MAX_RECORD_BYTES}")
             if after is not before or notices:
                 own = msgspec.json.encode(after.own)
-                await self._write(notices, lambda db: schema.keep(db, _OWN, self._board, own))
+                await self._write(notices, lambda db: queries.keep(db, _OWN, self._board, own))
                 self._now_is(after)
             for name in set(after.own.joined) - set(before.own.joined):
                 self._mail_service.host(name)
@@ -303,7 +293,8 @@ class Directory:
         self._put()
 
     def _now_is(self, services: Services) -> None:
-        self.services, self._homes = services, services.homes()
+        self.services = services
+        self._mail_service.know_everybody(services.homes())
         for double in services.doubled():
             if double.text not in self._reported_doubles:
                 self._reported_doubles.add(double.text)
@@ -335,7 +326,7 @@ class Directory:
             after, notices, gone = self.services.heard(record)
             kept = _BOARD.encode(record)
             try:
-                await self._write(notices, lambda db: schema.keep(db, _BOARDS, record.board, kept))
+                await self._write(notices, lambda db: queries.keep(db, _BOARDS, record.board, kept))
             except StoreFailed as failed:
                 log.error("board=%s its record is not stored, it is asked for again: %s", record.board, failed)
                 return

@@ -236,7 +236,7 @@ class Gateway(asyncio.DatagramProtocol):
             messages = [await self._waiting.get()]
             while len(messages) < BATCH and not self._waiting.empty():
                 messages.append(self._waiting.get_nowait())
-            batch = [one for message in messages for one in _addressed(message, mail_service.names)]
+            batch = [one for message in messages for one in _addressed(message, mail_service.homes)]
             receipt = await self._hand_over(batch, mail_service)
             for place, reason in (receipt.refused | receipt.later).items():
                 self.counters["gateway_refused"] += 1

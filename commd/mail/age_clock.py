@@ -19,7 +19,7 @@ from sqlite3 import Connection
 import msgspec
 from msgspec.structs import replace
 
-from commd.mail import schema
+from commd.mail import queries
 from commd.process.restart_counter import machine_boot
 from schemas.wire.records import BoardServices, MailSeen, Note
 
@@ -55,7 +55,7 @@ class MailClock:
 
     def load(self, db: Connection) -> None:
         """Continue from the reading in a file. In a new boot at least the time since its start has passed."""
-        found = schema.kept(db, "clock").get("mail")
+        found = queries.kept(db, "clock").get("mail")
         self.found = 0.0
         if found is None:
             return
@@ -67,7 +67,7 @@ class MailClock:
     def save(self, db: Connection) -> float:
         """Save the present reading. Returns it, for `saved` once it is on disk."""
         now = self._since_boot()
-        schema.keep(db, "clock", "mail", msgspec.json.encode(_Shown(now - self._zero, now, self._boot)))
+        queries.keep(db, "clock", "mail", msgspec.json.encode(_Shown(now - self._zero, now, self._boot)))
         return now - self._zero
 
 
@@ -92,7 +92,7 @@ class RollbackWitness:
     def load(self, db: Connection) -> None:
         """Read what is on disk, without unreadable records."""
         found: dict[str, MailSeen] = {}
-        for board, value in schema.kept(db, _KIND).items():
+        for board, value in queries.kept(db, _KIND).items():
             try:
                 found[board] = msgspec.json.decode(value, type=MailSeen)
             except msgspec.DecodeError as bad:
@@ -110,7 +110,7 @@ class RollbackWitness:
 
     def keep(self, db: Connection, board: str, seen: MailSeen) -> None:
         """Save what was seen of a board's mail clock."""
-        schema.keep(db, _KIND, board, msgspec.json.encode(seen))
+        queries.keep(db, _KIND, board, msgspec.json.encode(seen))
 
     def judge(self, services: BoardServices) -> None:
         """Compare the own file with what another board has seen of it before this process, and warn once."""

@@ -1,4 +1,4 @@
-"""Deliver the lines of waiting messages in order, one batch of a line at a time.
+"""Deliver the lines of waiting messages in order, one batch of a line at a time, by queries.
 
 Delivery of a line continues when its peer appears; while the peer is away or does not answer, a timer retries. Lines
 whose peers answer have workers of their own, so that hung peers delay no others.
@@ -8,23 +8,23 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections import Counter, defaultdict, deque
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeAlias
 
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.message import StoredMessage, adds_up
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed
-from commd.mail.transport import NotTaken, Peers
-from schemas.wire.records import Receipt, Refusal
-
-if TYPE_CHECKING:
-    from commd.mail.dead_letters import DeadLetters
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, TooDeep
+from schemas.wire.records import Mail, Message, Receipt, Refusal
 
 log = logging.getLogger("mail")
 
@@ -38,6 +38,125 @@ WORKERS, PROBES = 32, 8
 """Batches in flight to peers that answer, and to peers that did not; to receivers here, and as many to other boards."""
 OF_ONE, PROBES_OF_ONE = 16, 2
 """The same to one process or one board: one that hangs leaves workers for the others."""
+ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
+"""Wall seconds that another board has to commit a batch, and bytes per second of the slowest link: the time that the
+batch and those before it take on such a link is added."""
+ABSORB_TIMEOUT = 10.0
+"""Wall seconds that a receiver has to take a batch."""
+RECEIPT_SIZE = 64
+"""Bytes of a receipt on the air."""
+
+Deliver: TypeAlias = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
+"""Hands a batch to a receiver in this process; None = no answer, to be sent again."""
+
+
+@dataclass(frozen=True)
+class NotTaken:
+    """A batch that was not taken, as far as is known."""
+
+    why: str
+    """For people."""
+    certain: bool
+    """Whether nothing was taken for certain: the batch was not sent, or there was no receiver."""
+    away: bool = False
+    """Whether the peer is away, for all its lines."""
+    unreadable: bool = False
+    """Whether the peer can never read some message of the batch."""
+
+
+class Air(Protocol):
+    """A model of the radio between two boards."""
+
+    async def carries(self, sender: str, receiver: str, size: int) -> bool:
+        """Wait for one transmission of `size` bytes. Returns whether it arrived."""
+        ...
+
+
+class Peers:
+    """Receivers of this board and other boards: which are alive, and how a batch gets there."""
+
+    def __init__(self, bus: Bus, clock: MailClock, homes: Mapping[str, str], air: Air | None) -> None:
+        self.homes, self.air = homes, air
+        """All receivers, present or away, and the boards whose commd stores their mail; a model of the radio."""
+        self.attached: dict[str, Deliver] = {}
+        """Receivers in this process."""
+        self._bus, self._clock = bus, clock
+        self._in_flight: Counter[str] = Counter()
+        """Bytes of the batches that wait for their receipts, by board."""
+        self._alive: defaultdict[str, set[str]] = defaultdict(set)
+
+    def watch(self, arrived: Callable[[str], None]) -> None:
+        """Watch the fleet's liveliness tokens; call `arrived(name)` when a board or a receiver appears."""
+
+        def token(key: str, alive: bool) -> None:
+            parsed = keys.parse(key)
+            if parsed is None or len(parsed[2]) != 3:  # an `alive/**` key that is not a daemon's
+                return
+            _, name, (_, daemon, boot) = parsed
+            if daemon == "bridged" or daemon == "argosy":
+                return
+            if alive:
+                self._alive[name].add(f"{daemon}/{boot}")
+                arrived(name)
+            elif name in self._alive:
+                self._alive[name].discard(f"{daemon}/{boot}")
+                if not self._alive[name]:
+                    del self._alive[name]
+
+        self._bus.watch(keys.alive(self._bus.fleet, "*", "*", "*"), token)
+
+    def of(self, line: str) -> str:
+        """Return the peer that takes the mail of a line: a receiver of this board, or another board."""
+        _, remote, receiver = line.partition(">")
+        return self.homes.get(receiver, receiver) if remote else line
+
+    def group_of(self, line: str) -> str:
+        """Return what a line hangs with: the process of its receiver on this board, or another board."""
+        peer = self.of(line)
+        if ">" not in line and len(alive := self._alive.get(peer, ())) == 1:
+            return next(iter(alive))
+        return peer
+
+    async def carry(self, line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
+        """Send a batch of a line to its peer."""
+        now = self._clock.now()
+        if (deliver := self.attached.get(line)) is not None:
+            receipt = await deliver(tuple(one.read(now) for one in batch))
+            return receipt or NotTaken(f"{line} does not answer", certain=False)
+        mail, peer = Mail(messages=tuple(one.carried(now) for one in batch)), self.of(line)
+        sender, remote, receiver = line.partition(">")
+        size = sum(len(one.message) for one in batch) if remote else 0
+        air = self.air if remote else None
+        if air is not None and not await air.carries(sender, receiver, size):
+            return NotTaken("lost on the air", certain=True)
+        self._in_flight[peer] += size
+        if remote:
+            key = keys.mail(self._bus.fleet, receiver, sender)
+            timeout = ANSWER_TIMEOUT + self._in_flight[peer] / SLOWEST
+        else:
+            key, timeout = keys.inbox(self._bus.fleet, line), ABSORB_TIMEOUT
+        there = peer in self._alive
+        try:
+            receipt = await self._bus.ask_one(key, mail, Receipt, timeout)
+        except BusClosed as closed:
+            return NotTaken(str(closed), certain=True)
+        except BadRecord as bad:
+            return NotTaken(f"it cannot be written: {bad}", certain=True, unreadable=True)
+        except QueryTimeout as timed_out:
+            if not timed_out.nobody:
+                return NotTaken(f"{peer}: {timed_out}", certain=False)
+            if there or peer in self._alive:
+                # A router that denies a query ends it at once, as it does when nobody serves the key.
+                denied = ": or does its router deny it?" if self._clock.now() - now < timeout / 2 else ""
+                return NotTaken(f"{peer} does not answer{denied}", certain=False)
+            return NotTaken(f"{peer} is away", certain=True, away=True)
+        except QueryFailed as failed:
+            return NotTaken(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)
+        finally:
+            self._in_flight[peer] -= size
+        if air is not None and not await air.carries(receiver, sender, RECEIPT_SIZE):
+            return NotTaken("its receipt was lost on the air", certain=False)
+        return receipt
 
 
 @dataclass(eq=False, slots=True)
@@ -121,12 +240,20 @@ class _WorkerPool:
 class DeliveryQueues:
     """The deliveries of all lines that are not empty, and their workers."""
 
-    def __init__(self, store: Store, tally: Tally, clock: MailClock, peers: Peers, dead_letters: DeadLetters) -> None:
+    def __init__(
+        self,
+        store: Store,
+        tally: Tally,
+        clock: MailClock,
+        peers: Peers,
+        give_up: Callable[[Mapping[int, Refusal], set[str]], Awaitable[None]],
+    ) -> None:
+        """`give_up(reasons, senders)` makes dead letters of messages, with the reasons by place."""
         self.counters: Counter[str] = Counter()
         self.before = 0
         """The last place of the process before this one: its peer may have taken any message up to there."""
         self._store, self._tally, self._clock = store, tally, clock
-        self._peers, self._dead_letters = peers, dead_letters
+        self._peers, self._give_up = peers, give_up
         self._lines: dict[str, DeliveryQueue] = {}
         self._away: dict[str, Away] = {}
         self._pools = {
@@ -279,10 +406,7 @@ class DeliveryQueues:
                 self._store.write(partial(queries.remove, tally=self._tally, places=taken))
             )
         if refused:
-            for line in await self._dead_letters.give_up(
-                refused, {one.sender for one in batch if one.place in refused}
-            ):
-                self.added(line)
+            await self._give_up(refused, {one.sender for one in batch if one.place in refused})
         if answer.later:
             await self._removed(queue)
 

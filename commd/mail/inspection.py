@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from commd.mail.age_clock import MailClock
 from commd.mail.message import shown
-from commd.mail.schema import MIGRATIONS
+from commd.mail.queries import MIGRATIONS
 from schemas.files.findings import Finding, Findings
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal

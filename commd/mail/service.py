@@ -1,7 +1,8 @@
 """A board's mail service: stores messages of senders and of other boards, and delivers them.
 
-A message is removed here only when the next one on its way has it on disk; if it is given up here, this board notifies
-its sender (docs/guides/mail.md).
+A message is removed here only when the next one on its way has it on disk. If it is given up here, because it was
+refused for good, has expired, or is for a receiver that has left, it becomes a dead letter, and its sender gets a
+notice, in one transaction (docs/guides/mail.md).
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -19,15 +20,14 @@ from msgspec.structs import replace
 
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import CannotServe
+from commd.common.tasks import in_step
 from commd.mail import queries
-from commd.mail.age_clock import MailClock
-from commd.mail.dead_letters import DeadLetters
-from commd.mail.delivery import RETRY_MOST, DeliveryQueues
+from commd.mail.age_clock import SAVE_EVERY, MailClock
+from commd.mail.delivery import RETRY_MOST, Air, Deliver, DeliveryQueues, Peers
 from commd.mail.inspection import list_mailboxes
-from commd.mail.message import LARGEST, SLACK, StoredMessage, stored
+from commd.mail.message import LARGEST, OFFICE, SLACK, StoredMessage, stored
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed, open_store
-from commd.mail.transport import Air, Deliver, Directory, Peers
 from schemas.mission.model import RESERVED, MailRules
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -35,6 +35,20 @@ from schemas.wire.keys import check_name
 from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt, Refusal
 
 EXPECTED = "expected a Mail record on a concrete key"
+SWEEP_EVERY = 0.25
+"""Wall seconds between two checks for expired messages..."""
+REST = 1.0
+"""... and while no message expires."""
+LOOK_EVERY = 5.0
+"""Wall seconds between two checks for lines without delivery (there should be none) and unknown receivers."""
+DOUBT = 60.0
+"""Seconds for which an expired message is kept that may have arrived: its receiver's side knows."""
+STRANGER = 60.0
+"""Wall seconds for which mail to an unknown receiver is kept."""
+SWEEP = 500
+"""Messages given up in one transaction."""
+LATE = 2_000
+"""Expired messages read in one sweep: those that may have arrived stay in front for a while."""
 log = logging.getLogger("mail")
 
 
@@ -47,18 +61,19 @@ class MailService:
         store: Store,
         tally: Tally,
         clock: MailClock,
-        directory: Directory,
+        homes: Mapping[str, str],
         rules: MailRules,
         air: Air | None = None,
     ) -> None:
-        """`tally` has the counts of `store`; `bus.name` is the board."""
+        """`tally` has the counts of `store`; `bus.name` is the board; `homes` as in `open_mail_service`."""
         self.counters: Counter[str] = Counter()
         self.store = store
         """The board's mail file, which the directory uses too."""
         self._bus, self._tally, self.clock, self._rules = bus, tally, clock, rules
-        self._peers = Peers(bus, clock, directory, air)
-        self._dead_letters = DeadLetters(store, tally, clock, self._line)
-        self._queues = DeliveryQueues(store, tally, clock, self._peers, self._dead_letters)
+        self._peers = Peers(bus, clock, homes, air)
+        self._queues = DeliveryQueues(store, tally, clock, self._peers, self.give_up)
+        self._unknown: dict[str, float] = {}
+        """Unknown receivers of mail: since when, on the event loop's clock."""
         self.ask_around: Callable[[], Awaitable[None]] | None = None
         """Asks the other boards who has joined them, before an unknown receiver is refused."""
         self.everybody_known = True
@@ -66,14 +81,14 @@ class MailService:
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
-    def know_everybody(self, directory: Directory) -> None:
-        """Take the receivers of mail from `directory` from now on: it has read who joined before."""
-        self._peers.directory, self.everybody_known = directory, True
+    def know_everybody(self, homes: Mapping[str, str]) -> None:
+        """Deliver to these receivers, and no others, from now on; `homes` as in `open_mail_service`."""
+        self._peers.homes, self.everybody_known = homes, True
 
     @property
-    def names(self) -> Collection[str]:
-        """All receivers, present or away."""
-        return self._peers.directory.names()
+    def homes(self) -> Mapping[str, str]:
+        """All receivers, present or away, and their boards."""
+        return self._peers.homes
 
     @property
     def waiting(self) -> int:
@@ -83,7 +98,7 @@ class MailService:
     @property
     def counters_now(self) -> Counter[str]:
         """Totals of what became of messages."""
-        return self.counters + self._queues.counters + self._dead_letters.counters + self.store.counters
+        return self.counters + self._queues.counters + self.store.counters
 
     def state_of(self, sender: str, receiver: str) -> str:
         """Return what the mail of a pair waits for, for people; empty if it is in flight or none waits."""
@@ -98,7 +113,7 @@ class MailService:
         self._peers.watch(self._queues.arrived)
         self._queues.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        await asyncio.gather(self._queues.run(), self._dead_letters.sweep(self._queues))
+        await asyncio.gather(self._queues.run(), self._sweep())
 
     def host(self, name: str) -> None:
         """Serve the mail of an agent, a client or a node of this board."""
@@ -118,8 +133,12 @@ class MailService:
         await self.gone(name)
 
     async def gone(self, name: str) -> None:
-        """Give up mail to a receiver that has left for good."""
-        await self._dead_letters.give_up_all(name, Refusal(code="receiver_left"), self._queues)
+        """Give up all mail to a receiver that has left for good."""
+        reason = Refusal(code="receiver_left")
+        while self._tally.messages[name] and (
+            found := await self.store.read(partial(queries.places_for, receiver=name, most=SWEEP))
+        ):
+            await self.give_up({place: reason for place, _ in found}, {sender for _, sender in found})
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
         """Hand the mail of a receiver in this process to `deliver(batch)`. Returns what ends it."""
@@ -143,7 +162,7 @@ class MailService:
 
     def _line(self, sender: str, receiver: str) -> str | None:
         """Return the line in which a message waits; None if its receiver is unknown."""
-        board = self._peers.directory.board_of(receiver)
+        board = self._peers.homes.get(receiver)
         if receiver in self._hosted or board == self._bus.name:
             return receiver
         return None if board is None else f"{sender}>{receiver}"
@@ -243,6 +262,66 @@ class MailService:
         self.counters["later"] += len(later)
         return Receipt(taken=len(rows) - len(refused) - len(later), refused=refused, later=later)
 
+    async def give_up(self, reasons: Mapping[int, Refusal], senders: set[str]) -> None:
+        """Give up messages of these senders, with the reasons by place, and start the delivery of the notices."""
+        lines = {one: line for one in sorted(senders) if (line := self._line(OFFICE, one)) is not None}
+        now = self.clock.now()
+        noticed = await self.store.write(lambda db: queries.move_to_dead_letters(db, self._tally, reasons, lines, now))
+        self.counters["given_up"] += len(reasons)
+        why = _several({str(one) for one in reasons.values()})
+        log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), _several(senders), why)
+        for line in noticed:
+            self._queues.added(line)
+
+    async def _sweep(self) -> None:
+        """Give up expired mail and mail to unknown receivers, and save the mail clock, for ever."""
+        loop, saved, place = asyncio.get_running_loop(), self.clock.now(), self._tally.next
+        look_at = loop.time() + LOOK_EVERY
+        while True:
+            await asyncio.sleep(in_step(loop.time(), SWEEP_EVERY if self._tally.expiring else REST))
+            try:
+                if loop.time() >= look_at:
+                    look_at = loop.time() + LOOK_EVERY
+                    self._queues.look()
+                    await self._drop_unknown_receivers(loop.time())
+                now = self.clock.now()
+                if now - saved >= SAVE_EVERY and (self._tally.expiring or self._tally.next != place):
+                    place = self._tally.next
+                    self.clock.saved = await self.store.write(self.clock.save)
+                    saved = now
+                if self._tally.expiring:
+                    await self._give_up_late()
+            except StoreFailed:
+                self.counters["sweeps_failed"] += 1
+
+    async def _drop_unknown_receivers(self, now: float) -> None:
+        """Give up mail to receivers that have been unknown for `STRANGER` at `now`, on the event loop's clock: they
+        left as the mail arrived, or the mission has changed."""
+        unknown = [one for one in list(self._tally.messages) if self._line(OFFICE, one) is None]
+        self._unknown = {one: self._unknown.get(one, now) for one in unknown}
+        for one, since in self._unknown.items():
+            if now - since >= STRANGER:
+                await self.gone(one)
+
+    async def _give_up_late(self) -> None:
+        """Give up what has expired, at most `SWEEP` messages."""
+        late = await self.store.read(partial(queries.expired, now=self.clock.now(), most=LATE))
+        now = self.clock.now()
+        reasons: dict[int, Refusal] = {}
+        senders: set[str] = set()
+        for place, line, sender, end in late:
+            # A message that may have arrived is sent again with no time left: only its receiver's side knows.
+            doubtful = self._queues.may_be_taken(line, place)
+            if doubtful and now < end + DOUBT:
+                continue
+            reasons[place] = Refusal(code="unknown" if doubtful else "expired")
+            senders.add(sender)
+            if len(reasons) == SWEEP:
+                break
+        if reasons:
+            self.counters["expired"] += len(reasons)
+            await self.give_up(reasons, senders)
+
     async def _list(self, query: Query[Mailboxes]) -> None:
         """Serve the list of waiting and given up mail."""
         listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._queues.state))
@@ -272,7 +351,7 @@ class MailService:
 @asynccontextmanager
 async def open_mail_service(
     bus: Bus,
-    directory: Directory,
+    homes: Mapping[str, str],
     rules: MailRules,
     folder: Path,
     air: Air | None = None,
@@ -281,8 +360,8 @@ async def open_mail_service(
 ) -> AsyncIterator[MailService]:
     """Open the mail of the board `bus.name`, stored in `folder`, and deliver it until the end.
 
-    Without `everybody_known` no receiver is refused as unknown until it has another directory. Raises Findings if the
-    file cannot be used.
+    `homes` has all receivers, present or away, and the boards whose commd stores their mail. Without `everybody_known`
+    no receiver is refused as unknown until `know_everybody`. Raises Findings if the file cannot be used.
     """
     tally, clock = Tally(), clock or MailClock()
 
@@ -294,10 +373,10 @@ async def open_mail_service(
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
         with suppress(StoreFailed):  # the ages of messages may then be too low
             clock.saved = await store.write(clock.save)
-        mail_service = MailService(bus, store, tally, clock, directory, rules, air)
+        mail_service = MailService(bus, store, tally, clock, homes, rules, air)
         mail_service.everybody_known = everybody_known
-        for name in directory.names():
-            if directory.board_of(name) == bus.name:
+        for name, home in homes.items():
+            if home == bus.name:
                 mail_service.host(name)
         owner, running = asyncio.current_task(), asyncio.create_task(mail_service.run())
 
@@ -318,3 +397,8 @@ async def open_mail_service(
             await asyncio.gather(running, return_exceptions=True)
             with suppress(StoreFailed):
                 await store.write(clock.save)
+
+
+def _several(texts: set[str]) -> str:
+    """Return the first five of several texts."""
+    return ",".join(sorted(texts)[:5]) + (",..." if len(texts) > 5 else "")

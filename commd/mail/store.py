@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.bus.errors import CannotServe
 from commd.mail.page_checksums import PageChecksums, log_damage
-from commd.mail.schema import TooNew, migrate
+from commd.mail.queries import TooNew, migrate
 from commd.mail.sqlite_file import (
     CORRUPT,
     DISK,

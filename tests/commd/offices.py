@@ -11,8 +11,8 @@ from typing import Any
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import QueryFailed
 from commd.mail.age_clock import MailClock
+from commd.mail.delivery import Air
 from commd.mail.service import MailService, open_mail_service
-from commd.mail.transport import Air, FixedDirectory
 from schemas.mission.model import MailRules
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Mailboxes, Message, Receipt
@@ -46,8 +46,8 @@ async def board(
     """Open a board's mail, with a session of its own and the token by which other boards know that it is there."""
     bus = await connect(name, "commd")
     clock = MailClock(now, "this boot") if now is not None else None
-    directory = FixedDirectory(TWO_BOARDS if homes is None else homes)
-    async with open_mail_service(bus, directory, rules, folder, air, clock) as mail_service:
+    homes = TWO_BOARDS if homes is None else homes
+    async with open_mail_service(bus, homes, rules, folder, air, clock) as mail_service:
         token = bus.token(keys.alive(FLEET, name, "commd", bus.boot))
         yield mail_service
         bus.withdraw(token)

@@ -6,7 +6,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Sequence
 
-from commd.mail.transport import Deliver
+from commd.mail.delivery import Deliver
 from schemas.wire.records import Message, Receipt, Refusal
 
 
@@ -45,7 +45,7 @@ class PostOffice:
     """Keeps what it takes, and refuses receivers that it does not know."""
 
     def __init__(self, *names: str) -> None:
-        self.names = names
+        self.homes = dict.fromkeys(names, "pi1")
         self.taken: list[Message] = []
         self.deliver: dict[str, Deliver] = {}
         self.full: set[str] = set()
@@ -53,7 +53,7 @@ class PostOffice:
     async def take(self, messages: Sequence[Message]) -> Receipt:
         refused, later = dict[int, str](), dict[int, str]()
         for place, message in enumerate(messages):
-            if message.receiver not in self.names:
+            if message.receiver not in self.homes:
                 refused[place] = Refusal(code="receiver_not_found")
             elif message.receiver in self.full:
                 later[place] = Refusal(code="mailbox_full")

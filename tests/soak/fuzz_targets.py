@@ -41,7 +41,7 @@ from bridged.drivers.registry import check_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.gateway.gateway import MAX_SOURCES, Allowance, BadDatagram, Gateway, read_message
 from commd.mail.inspection import mailboxes_of_file
-from commd.mail.schema import migrate
+from commd.mail.queries import migrate
 from schemas.files.findings import Findings
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import load_mission

@@ -18,7 +18,6 @@ from commd.directory import service as directory_module
 from commd.directory.service import Directory, open_directory
 from commd.mail.service import MailService, open_mail_service
 from commd.mail.store import Store, StoreFailed
-from commd.mail.transport import FixedDirectory
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
@@ -54,9 +53,7 @@ class Fleet:
         listen, connect = ([self.link], []) if name == "pi1" else ([], [self.link])
         async with (
             session(self.endpoints[name], name, "commd", router=True, listen=listen, connect=connect) as bus,
-            open_mail_service(
-                bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder
-            ) as mail_service,
+            open_mail_service(bus, self.mission.mailboxes, self.mission.mail, self._folder) as mail_service,
         ):
             await bus.claim(name)
             clock = Clock()
@@ -132,15 +129,15 @@ async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> 
 @async_test
 async def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
-        assert pi1.board_of("kid") is None
+        assert pi1.services.homes().get("kid") is None
         assert (await kid.ask("join")).problem == ""
-        await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
-        assert list(pi1.names()) == list(pi2.names()) == ["a", "b", "c", "kid"]
+        await until(lambda: pi1.services.homes().get("kid") == "pi2", "pi1 knows kid")
+        assert list(pi1.services.homes()) == list(pi2.services.homes()) == ["a", "b", "c", "kid"]
         async with fleet.agent("a", "pi1") as a:
             answer = await a.ask("join", agent="kid")
             assert answer.problem == "the name `kid` is taken on board pi2"
         await kid.ask("leave")
-        await until(lambda: pi1.board_of("kid") is None, "pi1 has forgotten kid")
+        await until(lambda: pi1.services.homes().get("kid") is None, "pi1 has forgotten kid")
 
 
 @async_test
@@ -152,12 +149,12 @@ async def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart
         await kid.ask("register", "cook")
         await until(lambda: pi1.services.providers("cook") == ("kid",), "pi1 knows what kid offers")
     async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
-        assert pi1.board_of("kid") == "pi2"
+        assert pi1.services.homes().get("kid") == "pi2"
         assert (await a.ask("search", "cook")).found == ("kid",)
         async with fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
-            assert pi2.board_of("kid") == "pi2", "it has not left"
+            assert pi2.services.homes().get("kid") == "pi2", "it has not left"
             await kid.ask("leave")
-            await until(lambda: pi1.board_of("kid") is None, "pi1 hears that kid has left")
+            await until(lambda: pi1.services.homes().get("kid") is None, "pi1 hears that kid has left")
 
 
 @async_test
@@ -192,8 +189,8 @@ async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_come
             await twin.ask("join")
             await stays.ask("join", stays=True)
         async with fleet.agent("twin", "pi1"):
-            await until(lambda: pi1.board_of("kid") is None, "kid is forgotten")
-            assert (pi1.board_of("twin"), pi1.board_of("stays")) == ("pi1", "pi1")
+            await until(lambda: pi1.services.homes().get("kid") is None, "kid is forgotten")
+            assert (pi1.services.homes().get("twin"), pi1.services.homes().get("stays")) == ("pi1", "pi1")
 
 
 @async_test
@@ -201,7 +198,7 @@ async def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_tho
     async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
         async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
             await kid.ask("join")
-            await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
+            await until(lambda: pi1.services.homes().get("kid") == "pi2", "pi1 knows kid")
         said: dict[str, object] = {}
         key = keys.services(FLEET, "pi1")
         await a.bus.ask_all(key, BoardServices, 10, lambda _, told: said.update({told.board: told.agents}))
@@ -262,7 +259,7 @@ async def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
         assert (await twin.ask("join")).problem == "", "nobody is served before it is read"
         assert pi1.notes() == ()
         assert failed == 5
-        assert sorted(pi1.names()) == ["a", "b", "c", "kid", "twin"]
+        assert sorted(pi1.services.homes()) == ["a", "b", "c", "kid", "twin"]
 
 
 @async_test
@@ -273,8 +270,8 @@ async def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet:
         key = keys.services(FLEET, "pi2")
         await subscribed(other.bus, key)
         other.bus.put(key, said)
-        await until(lambda: pi1.board_of("kid") == "pi2", "what it says is heard")
-        assert sorted(pi1.names()) == ["a", "b", "c", "kid"]
+        await until(lambda: pi1.services.homes().get("kid") == "pi2", "what it says is heard")
+        assert sorted(pi1.services.homes()) == ["a", "b", "c", "kid"]
         assert pi1.services.others["pi2"].agents == {"kid": ("cook",)}
 
 
@@ -298,11 +295,11 @@ async def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
     async with fleet.board("pi1") as pi1:
         async with join("planner", fleet=FLEET, board="pi1", router=fleet.endpoints["pi1"], stays=True):
-            assert pi1.board_of("planner") == "pi1"
+            assert pi1.services.homes().get("planner") == "pi1"
         async with fleet.agent("kid", "pi1") as kid:
             await kid.ask("join")
-        await until(lambda: pi1.board_of("kid") is None, "who does not stay is forgotten")
-        assert pi1.board_of("planner") == "pi1"
+        await until(lambda: pi1.services.homes().get("kid") is None, "who does not stay is forgotten")
+        assert pi1.services.homes().get("planner") == "pi1"
 
 
 @async_test
@@ -314,11 +311,11 @@ async def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_
 
     async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi1") as kid:
         await kid.ask("join")
-        await until(lambda: pi2.board_of("kid") == "pi1", "pi2 knows kid")
+        await until(lambda: pi2.services.homes().get("kid") == "pi1", "pi2 knows kid")
         monkeypatch.setattr(MailService, "unhost", unhost)
         assert (await kid.ask("leave")).problem == ""
-        assert pi1.board_of("kid") is None
-        await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")
+        assert pi1.services.homes().get("kid") is None
+        await until(lambda: pi2.services.homes().get("kid") is None, "pi2 hears that kid has left")
 
 
 @async_test
@@ -334,8 +331,8 @@ async def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_
         await until(lambda: {"pi1", "pi2"} <= set(pi1.services.others) | {"pi1"}, "pi1 has heard of pi2")
         monkeypatch.setattr(pi1, "_concerns_us", lambda _: False)  # what pi2 puts is lost
         await kid.ask("join")
-        assert pi2.board_of("kid") == "pi2"
-        assert pi1.board_of("kid") is None
+        assert pi2.services.homes().get("kid") == "pi2"
+        assert pi1.services.homes().get("kid") is None
         assert await post(a.bus, message(1, "a", "kid")) == Receipt(taken=1)
         assert await post(a.bus, message(1, "a", "nobody")) == Receipt(refused={0: Refusal(code="receiver_not_found")})
         await until(lambda: [one.content for one in kid.mail] == [1], "it arrives")

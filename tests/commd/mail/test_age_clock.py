@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from commd.mail.age_clock import WENT_BACK, MailClock, RollbackWitness
-from commd.mail.schema import migrate
+from commd.mail.queries import migrate
 from schemas.wire.records import BoardServices, Header, MailSeen
 from tests.commd.offices import Time
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -13,10 +13,9 @@ import pytest
 from commd.client.receive_mail import ProgramInbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.delivery import MAX_CODE, MAX_TEXT, OF_ONE, RETRY_FIRST, DeliveryQueues
+from commd.mail.delivery import MAX_CODE, MAX_TEXT, OF_ONE, RETRY_FIRST, DeliveryQueues, NotTaken
 from commd.mail.message import StoredMessage, stored
 from commd.mail.store import Store, open_store
-from commd.mail.transport import NotTaken
 from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import async_test, until
@@ -37,15 +36,14 @@ class FakePeers:
 
 
 class Refused(dict[int, Refusal]):
-    """Stands in for `DeadLetters`: collects what was given up."""
+    """Collects what was given up."""
 
     def __init__(self, store: Store, tally: queries.Tally) -> None:
         self._store, self._tally = store, tally
 
-    async def give_up(self, reasons: dict[int, Refusal], senders: set[str]) -> list[str]:
+    async def give_up(self, reasons: Mapping[int, Refusal], senders: set[str]) -> None:
         self.update(reasons)
         await self._store.write(lambda db: queries.remove(db, self._tally, list(reasons)))
-        return []
 
 
 @asynccontextmanager
@@ -62,7 +60,7 @@ async def lanes_of(
         ]
         await store.write(lambda db: queries.put(db, tally, letters, 0.0, None))
         refused = Refused(store, tally)
-        delivery_queues = DeliveryQueues(store, tally, MailClock(), FakePeers(carry), refused)  # type: ignore[arg-type]
+        delivery_queues = DeliveryQueues(store, tally, MailClock(), FakePeers(carry), refused.give_up)  # type: ignore[arg-type]
         delivery_queues.begin()
         task = asyncio.create_task(delivery_queues.run())
         try:

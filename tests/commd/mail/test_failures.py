@@ -25,7 +25,7 @@ ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
 async def sweep(mail_service: MailService) -> None:
     """Let it judge expired mail now, as it does four times a second."""
-    await mail_service._dead_letters._give_up_late(mail_service._queues)
+    await mail_service._give_up_late()
 
 
 def notice(receiver: str, content: object, code: str, detail: str = "") -> Structure:
@@ -278,26 +278,14 @@ async def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(connect
 async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_given_up(
     connect: Connect, tmp_path: Path
 ) -> None:
-    class Open:
-        """A directory that grows."""
-
-        def __init__(self) -> None:
-            self.homes = dict(ONE_BOARD)
-
-        def board_of(self, name: str) -> str | None:
-            return self.homes.get(name)
-
-        def names(self) -> dict[str, str]:
-            return self.homes
-
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         sender = await connect("a")
         told = Receiver(sender, "a")
-        mail_service.know_everybody(directory := Open())
+        mail_service.know_everybody(homes := dict(ONE_BOARD))
         assert await post(sender, message(1, receiver="guest")) == Receipt(
             refused={0: Refusal(code="receiver_not_found")}
         )
-        directory.homes["guest"] = "pi1"
+        homes["guest"] = "pi1"
         mail_service.host("guest")
         mail_service.host("guest")
         assert await post(sender, message(1, receiver="guest")) == Receipt(taken=1)
@@ -305,15 +293,15 @@ async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_i
         await until(lambda: guest.contents == [1], "it arrives")
         guest.leave()
         assert await post(sender, message(2, receiver="guest")) == Receipt(taken=1)
-        del directory.homes["guest"]
+        del homes["guest"]
         await mail_service.unhost("guest")
         await until(lambda: len(told.got) == 1, "the sender is told")
         assert told.got[0].content == notice("guest", 2, "receiver_left")
         assert await _answers(sender, keys.outbox(FLEET, "guest")) == 0
 
-        directory.homes["far"] = "pi9"
+        homes["far"] = "pi9"
         assert await post(sender, message(1, receiver="far")) == Receipt(taken=1)
-        del directory.homes["far"]
+        del homes["far"]
         await mail_service.gone("far")
         await until(lambda: len(told.got) == 2, "the sender is told of the other one too")
         await until(lambda: mail_service.waiting == 0, "nothing is left")
@@ -361,7 +349,7 @@ async def test_the_age_of_what_waits_goes_on_over_a_restart(connect: Connect, tm
 async def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.mail.transport.ANSWER_TIMEOUT", 0.1)
+    monkeypatch.setattr("commd.mail.delivery.ANSWER_TIMEOUT", 0.1)
     other, batches = await connect("pi2", "commd"), list[int]()
 
     async def slow(query: Query[Mail]) -> None:
@@ -384,8 +372,8 @@ async def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
 async def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_while(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.mail.dead_letters.STRANGER", 0.5)
-    monkeypatch.setattr("commd.mail.dead_letters.LOOK_EVERY", 1)
+    monkeypatch.setattr("commd.mail.service.STRANGER", 0.5)
+    monkeypatch.setattr("commd.mail.service.LOOK_EVERY", 1)
     sender = await connect("a")
     async with board(connect, "pi1", tmp_path):
         await post(sender, message(1))

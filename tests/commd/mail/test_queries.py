@@ -11,7 +11,7 @@ import pytest
 from commd.mail import queries
 from commd.mail.inspection import list_mailboxes
 from commd.mail.message import DEEPEST, stored, undelivered
-from commd.mail.schema import migrate
+from commd.mail.queries import migrate
 from commd.mail.sqlite_file import connect
 from schemas.wire.codec import codec
 from schemas.wire.records import Mail, Mailboxes, Message, Refusal

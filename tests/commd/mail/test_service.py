@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from commd.bus.bus import Bus
-from commd.mail import schema
+from commd.mail import queries
 from commd.mail.service import MailService
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -231,7 +231,7 @@ async def test_receivers_that_hang_keep_no_other_waiting(
 ) -> None:
     monkeypatch.setattr("commd.mail.delivery.WORKERS", 2)
     monkeypatch.setattr("commd.mail.delivery.PROBES", 1)
-    monkeypatch.setattr("commd.mail.transport.ABSORB_TIMEOUT", 0.2)
+    monkeypatch.setattr("commd.mail.delivery.ABSORB_TIMEOUT", 0.2)
     hung = [f"hung{number}" for number in range(6)]
     homes = dict.fromkeys(("a", "b", *hung), "pi1")
     async with board(connect, "pi1", tmp_path, homes=homes):
@@ -276,9 +276,9 @@ async def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belon
         receiver = Receiver(await connect("b"), "b")
         with pytest.raises(ValueError, match="a defect"):
             await mail_service.take([message(1)], also=fails)
-        await mail_service.take([message(1)], also=lambda db: schema.keep(db, "test", "a", b"1"))
+        await mail_service.take([message(1)], also=lambda db: queries.keep(db, "test", "a", b"1"))
         await until(lambda: len(receiver.got) == 1, "it arrives, once")
-        assert await mail_service.store.read(lambda db: schema.kept(db, "test")) == {"a": b"1"}
+        assert await mail_service.store.read(lambda db: queries.kept(db, "test")) == {"a": b"1"}
 
 
 def put_by_hand(bus: Bus, key: str, text: str) -> None:

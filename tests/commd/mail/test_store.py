@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from commd.mail import schema
+from commd.mail import queries
 from commd.mail import store as store_module
 from commd.mail.store import QUEUE, Store, StoreFailed, open_store
 from schemas.files.findings import Findings
@@ -42,22 +42,22 @@ def path(tmp_path: Path) -> Path:
 
 
 def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
-    return lambda db: schema.keep(db, "test", name, value)
+    return lambda db: queries.keep(db, "test", name, value)
 
 
 def kept(db: Connection) -> dict[str, bytes]:
-    return schema.kept(db, "test")
+    return queries.kept(db, "test")
 
 
 KEEP_AND_DIE = """
 import asyncio, os, sys
 from pathlib import Path
-from commd.mail import schema
+from commd.mail import queries
 from commd.mail.store import open_store
 
 async def main():
     async with open_store(Path(sys.argv[1])) as store:
-        await store.write(lambda db: schema.keep(db, "test", "a", b"1"))
+        await store.write(lambda db: queries.keep(db, "test", "a", b"1"))
         os.kill(os.getpid(), 9)
 
 asyncio.run(main())
@@ -377,11 +377,11 @@ def test_a_file_of_an_older_version_becomes_one_of_this_version(path: Path, monk
 
     in_store(path, first)
     steps = (
-        *schema.MIGRATIONS,
+        *queries.MIGRATIONS,
         "ALTER TABLE facts ADD COLUMN note TEXT; UPDATE facts SET note = 'from before';",
         "CREATE TABLE further(a); INSERT INTO further VALUES(7);",
     )
-    monkeypatch.setattr(schema, "MIGRATIONS", steps)
+    monkeypatch.setattr(queries, "MIGRATIONS", steps)
 
     async def second(store: Store) -> None:
         rows = await store.read(lambda db: db.execute("SELECT name, note FROM facts WHERE kind = 'test'").fetchall())
@@ -401,7 +401,7 @@ def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
 
     in_store(path, first)
     monkeypatch.setattr(
-        schema, "MIGRATIONS", (*schema.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
+        queries, "MIGRATIONS", (*queries.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
     )
     with pytest.raises(Findings, match="no such table: nowhere"):
         in_store(path, first)
