@@ -30,7 +30,7 @@ from agentd.trace import Tracing
 from commd.bus.bus import Bus, boot_id
 from commd.client.receive_once import MessageRefused, Numbered, Progress, ReceiveOnce
 from commd.client.send_mail import Unsendable
-from commd.mail.message import undelivered
+from commd.mail.message import OFFICE, undelivered
 from schemas.mission.access_rules import NOT_ACCEPTED, MailRights
 from schemas.wire.records import Message, Refusal
 
@@ -42,8 +42,6 @@ PATIENCE = 5.0
 """Wall seconds until `commd` gets an answer without those messages that are not saved; it offers them again."""
 LOGGED, LOGGED_AGAIN = 10, 1000
 """Messages not accepted that are logged: the first 10, then each 1000th."""
-OFFICE = "mail"
-"""The sender of notices about mail (`+undelivered(...)[source(mail)]`)."""
 
 
 class AgentInbox(ReceiveOnce):

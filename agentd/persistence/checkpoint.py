@@ -330,41 +330,30 @@ class Checkpoint:
                 self._numbers[name] = number
         each = [(self._numbers[name], saving) for name, saving in savings.items()]
         minds = [(n, saving.mind) for n, saving in each if saving.mind is not None]
-
-        def put(table: str, rows: list[tuple[Any, ...]]) -> None:
+        absorbed = [(n, *whose, seq) for n, s in each for whose, seq in s.absorbed.items()]
+        self._used += bool(absorbed)
+        for statement, rows in (
+            (_REMOVE["belief"], [(n, rank) for n, m in minds for rank in m.beliefs_gone]),
+            (_PUT["belief"], [(n, *row) for n, m in minds for row in m.beliefs]),
+            (_PUT["predicate"], [(n, *row) for n, m in minds for row in m.predicates]),
+            (_REMOVE["plan"], [(n, rank) for n, m in minds for rank in m.plans_gone]),
+            (_PUT["plan"], [(n, *row) for n, m in minds for row in m.plans]),
+            (_REMOVE["pending"], [(n, *key) for n, m in minds for key in m.pending_gone]),
+            (_PUT["pending"], [(n, *key, int(origin), event) for n, m in minds for key, origin, event in m.pending]),
+            (_PUT["value"], [(n, *row) for n, m in minds for row in m.values.items()]),
+            (_PUT["incoming"], [(n, *row) for n, s in each for row in s.incoming]),
+            (_REMOVE["incoming"], [(n, number) for n, s in each for number in s.taken]),
+            (_PUT["outgoing"], [(n, *row) for n, s in each for row in s.outgoing]),
+            (_REMOVE["outgoing"], [(n, number) for n, s in each for number in s.delivered]),
+            (_PUT["receiver"], [(n, *row) for n, s in each for row in s.next_seq.items()]),
+            (_PUT["action"], [(n, i, *a) for n, s in each for i, a in s.actions.items()]),
+            (_REMOVE["action"], [(n, identity) for n, s in each for identity in s.ended]),
+            (_LIFE, [(*s.life, n) for n, s in each if s.life is not None]),
+            (_PUT_ABSORBED, [(*row, self._used) for row in absorbed]),
+            (_PRUNE_ABSORBED, [(*one, *one, NUMBERINGS) for one in {(n, sender) for n, sender, *_ in absorbed}]),
+        ):
             if rows:  # a statement without rows takes time too, while an action waits
-                database.executemany(_PUT[table], rows)
-
-        def remove(table: str, rows: list[tuple[Any, ...]]) -> None:
-            if rows:
-                database.executemany(_REMOVE[table], rows)
-
-        remove("belief", [(n, rank) for n, m in minds for rank in m.beliefs_gone])
-        put("belief", [(n, *row) for n, m in minds for row in m.beliefs])
-        put("predicate", [(n, *row) for n, m in minds for row in m.predicates])
-        remove("plan", [(n, rank) for n, m in minds for rank in m.plans_gone])
-        put("plan", [(n, *row) for n, m in minds for row in m.plans])
-        remove("pending", [(n, *key) for n, m in minds for key in m.pending_gone])
-        put("pending", [(n, *key, int(origin), event) for n, m in minds for key, origin, event in m.pending])
-        put("value", [(n, *row) for n, m in minds for row in m.values.items()])
-        put("incoming", [(n, *row) for n, s in each for row in s.incoming])
-        remove("incoming", [(n, number) for n, s in each for number in s.taken])
-        put("outgoing", [(n, *row) for n, s in each for row in s.outgoing])
-        remove("outgoing", [(n, number) for n, s in each for number in s.delivered])
-        put("receiver", [(n, *row) for n, s in each for row in s.next_seq.items()])
-        put("action", [(n, i, *a) for n, s in each for i, a in s.actions.items()])
-        remove("action", [(n, identity) for n, s in each for identity in s.ended])
-        if lives := [(*s.life, n) for n, s in each if s.life is not None]:
-            database.executemany("UPDATE agent SET numbering = ?, lives = ?, program = ? WHERE number = ?", lives)
-        if absorbed := [(n, *whose, seq) for n, saving in each for whose, seq in saving.absorbed.items()]:
-            self._write_absorbed(database, absorbed)
-
-    def _write_absorbed(self, database: sqlite3.Connection, absorbed: list[tuple[int, str, str, int]]) -> None:
-        """Keep the last numbers taken, and of each sender the `NUMBERINGS` that were used last."""
-        self._used += 1
-        database.executemany(_PUT_ABSORBED, [(*row, self._used) for row in absorbed])
-        senders = {(number, sender) for number, sender, *_ in absorbed}
-        database.executemany(_PRUNE_ABSORBED, [(*one, *one, NUMBERINGS) for one in senders])
+                database.executemany(statement, rows)
 
     def _undo(self) -> None:
         """Roll back a transaction that failed; if that fails too, the next save opens the file again."""
@@ -400,6 +389,7 @@ class Checkpoint:
             remove(self.path)
 
 
+_LIFE: Final = "UPDATE agent SET numbering = ?, lives = ?, program = ? WHERE number = ?"
 _PUT_ABSORBED: Final = """
     INSERT INTO absorbed VALUES (?, ?, ?, ?, ?) ON CONFLICT (agent, sender, numbering)
     DO UPDATE SET seq = max(seq, excluded.seq), used = excluded.used
@@ -408,6 +398,7 @@ _PRUNE_ABSORBED: Final = """
     DELETE FROM absorbed WHERE agent = ? AND sender = ? AND numbering IN
     (SELECT numbering FROM absorbed WHERE agent = ? AND sender = ? ORDER BY used DESC LIMIT -1 OFFSET ?)
 """
+"""Keeps of each sender the `NUMBERINGS` that were used last."""
 
 
 # --- the database file ---

@@ -102,7 +102,7 @@ class GroupCommit:
         self._wrote = 0.0
         """Wall seconds that the last commit took until it was on disk."""
         self._alarm = Alarm(self.look)
-        self._saving: asyncio.Future[None] | None = None
+        self._saving: Batch | None = None
         """The commit under way."""
         self._slow = Alarm(self._look_whether_slow)
 
@@ -167,13 +167,13 @@ class GroupCommit:
         for flush in self._flushes.copy():
             if flush[0] not in self._asked:
                 self._flushes.remove(flush)
-                batch.done.append(partial(_set, flush[1]))
+                batch.done.append(partial(_end_flush, flush[1]))
         pause = max(WRITING * self._wrote, EACH_MESSAGE * batch.messages)
         self._pause = max(SHARE * (self._loop.time() - now), min(pause, PAUSE_MOST))
         if batch.savings and self._checkpoint is not None:
-            self._saving = self._loop.create_future()
+            self._saving = batch
             self._slow.by(now + SLOW)
-            self._hand_in(self._checkpoint, batch, self._saving, RETRY_FIRST)
+            self._hand_in(self._checkpoint, batch, RETRY_FIRST)
         else:  # behind the turn that has asked for it: an action is requested after the cancellation of another one
             for done in batch.done:
                 self._loop.call_soon(done)
@@ -188,8 +188,9 @@ class GroupCommit:
             self.problem = f"the disk has not answered for {SLOW:g} s"
             log.error("nothing is kept, and mail waits: %s", self.problem)
 
-    def _hand_in(self, checkpoint: Checkpoint, batch: Batch, saved: asyncio.Future[None], pause: float) -> None:
-        ended = partial(self._written, checkpoint, batch, saved, pause)
+    def _hand_in(self, checkpoint: Checkpoint, batch: Batch, pause: float) -> None:
+        """Let the writer save; `pause` wall seconds later again if that fails."""
+        ended = partial(self._written, checkpoint, batch, pause)
 
         def save() -> None:
             """Save; called on the writer's thread."""
@@ -202,23 +203,16 @@ class GroupCommit:
                 self._loop.call_soon_threadsafe(ended, error)
             checkpoint.shorten_log()  # nothing waits for this
 
-        if saved.cancelled():
+        if self._saving is None:  # closed meanwhile
             return
         try:
             self._writer.submit(save)
         except RuntimeError as closed:
             self._loop.call_soon(ended, closed)
 
-    def _written(
-        self,
-        checkpoint: Checkpoint,
-        batch: Batch,
-        saved: asyncio.Future[None],
-        pause: float,
-        error: Exception | None,
-    ) -> None:
+    def _written(self, checkpoint: Checkpoint, batch: Batch, pause: float, error: Exception | None) -> None:
         """Continue what has waited for a commit, or repeat one that failed."""
-        if saved.cancelled():
+        if self._saving is None:
             return
         for member in batch.members:
             member.counters["saved" if error is None else "failed"] += 1
@@ -229,14 +223,13 @@ class GroupCommit:
                 log.error("nothing is kept, and mail waits: %s", error)
             self.problem = str(error)
             again = min(pause * 2, RETRY_MOST)
-            self._loop.call_later(pause, self._hand_in, checkpoint, batch, saved, again)
+            self._loop.call_later(pause, self._hand_in, checkpoint, batch, again)
             return
         if self.problem:
             log.info("the agents are kept again")
             self.problem = ""
         self._saving = None
         self._wrote = self._loop.time() - self._last
-        saved.set_result(None)
         for done in batch.done:
             done()
         self.look()
@@ -247,8 +240,7 @@ class GroupCommit:
         """Close the file; remove the state of agents that `forget` names, so that they begin without a past."""
         self._slow.cancel()
         self._alarm.cancel()
-        if self._saving is not None:
-            self._saving.cancel()
+        self._saving = None
         if self._checkpoint is None:
             return
         checkpoint, agents = self._checkpoint, tuple(forget)
@@ -266,6 +258,6 @@ class GroupCommit:
             log.error("%s", error)
 
 
-def _set(done: asyncio.Future[None]) -> None:
+def _end_flush(done: asyncio.Future[None]) -> None:
     if not done.done():
         done.set_result(None)

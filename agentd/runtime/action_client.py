@@ -19,8 +19,12 @@ from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone
 from agentd.persistence.checkpointer import Checkpointer
+from agentd.runtime.mind_runner import MindRunner
+from agentd.trace import Tracing
+from commd.bus.bus import Bus
 from commd.client.actions import ActionRequests, describe
 from commd.common.tasks import Tasks
+from schemas.wire.codec import BadRecord
 from schemas.wire.records import Action, ActionStatus, Cause, State
 
 log = logging.getLogger("agent")
@@ -50,22 +54,18 @@ class ActionClient:
 
     def __init__(
         self,
-        agent: str,
-        life: str,
+        bus: Bus,
+        runner: MindRunner,
+        tracing: Tracing,
         action_requests: ActionRequests | None,
         checkpointer: Checkpointer,
-        feed: Callable[[ActionDone], None],
         on_interrupted: Callable[[Literal], None],
         tasks: Tasks,
-        afterwards: Callable[[Callable[[], None]], None],
     ) -> None:
-        """`life` makes the ids of this life's actions unique; `action_requests` is None without a robot.
-
-        `feed` gives the mind the end of an action, `on_interrupted` that of one for which no plan waits; `afterwards`
-        calls something behind the turn that follows.
-        """
-        self._agent, self._life, self._action_requests, self._checkpointer = agent, life, action_requests, checkpointer
-        self._feed, self._on_interrupted, self._tasks, self._afterwards = feed, on_interrupted, tasks, afterwards
+        """`action_requests` is None without a robot; `on_interrupted` gets the end of an action that no plan awaits."""
+        self._bus, self._runner, self._tracing, self._agent = bus, runner, tracing, runner.mind.name
+        self._action_requests, self._checkpointer, self._tasks = action_requests, checkpointer, tasks
+        self._on_interrupted = on_interrupted
         self._left: dict[str, _Left] = {}
         self._identities: dict[int, str] = {}
         """The ids of the actions that intentions wait for, by number; empty: not requested yet."""
@@ -74,14 +74,28 @@ class ActionClient:
     def begin(self, effect: PerformAction) -> None:
         """Perform an action; the mind is fed its end.
 
-        It is noted here, in the turn of the effect, so that the save of this turn has it.
+        It is noted here, in the turn of the effect, so that the save of this turn has it; the bridge is asked for it
+        when it is on disk.
         """
-        self._identities[effect.id] = ""
+        number, requests = effect.id, self._action_requests
+        self._identities[number] = ""
+        if requests is None:
+            self._end(number, _ended("refused", "request", f"agent {self._agent} has no robot to do {effect.name}"))
+            return
         try:
-            if refused := self._refused(effect):
-                self._end(effect.id, _ended("refused", "request", refused))
+            parameters = tuple(map(to_wire, effect.parameters))
+            for left in self._left.values():
+                if not left.joined and (left.action.name, left.action.parameters) == (effect.name, parameters):
+                    left.joined = True
+                    self._tasks.spawn(self._join(number, left))
+                    return
+            identity = f"{self._agent}:{self._bus.boot}:{number}"
+            action = Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters)
+            self._checkpointer.begun(action, partial(self._request, requests, number, action))
+        except (BadTerm, BadRecord) as bad:
+            self._end(number, _ended("refused", "request", f"{effect.name}: {bad}"))
         except Exception as defect:
-            self._fail(effect.id, defect)
+            self._fail(number, defect)
 
     def cancel(self, number: int) -> None:
         """Cancel the action with this number in the mind (1 or more): the intention that waited for it is gone."""
@@ -90,24 +104,6 @@ class ActionClient:
             self._dropped.add(number)
         elif identity is not None and self._action_requests is not None:
             self._tasks.spawn(self._action_requests.cancel(identity))
-
-    def _refused(self, effect: PerformAction) -> str:
-        """Note an action, to be requested when that is on disk. Returns why it cannot be; empty: it can."""
-        if self._action_requests is None:
-            return f"agent {self._agent} has no robot to do {effect.name}"
-        try:
-            parameters = tuple(map(to_wire, effect.parameters))
-        except BadTerm as bad:
-            return f"{effect.name}: {bad}"
-        for left in self._left.values():
-            if not left.joined and (left.action.name, left.action.parameters) == (effect.name, parameters):
-                left.joined = True
-                self._tasks.spawn(self._join(effect.id, left))
-                return ""
-        identity = f"{self._agent}:{self._life}:{effect.id}"
-        action = Action(id=identity, agent=self._agent, name=effect.name, parameters=parameters)
-        self._checkpointer.begun(action, partial(self._request, self._action_requests, effect.id, action))
-        return ""
 
     def _request(self, requests: ActionRequests, number: int, action: Action) -> None:
         self._identities[number] = action.id
@@ -130,9 +126,11 @@ class ActionClient:
         if identity := self._identities.pop(number):
             self._checkpointer.ended(identity)
         self._dropped.discard(number)
-        self._feed(ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or ""))
+        done = ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or "")
+        self._tracing.activity.ended(self._runner.mind.cycle, done)
+        self._runner.feed(done)
         if status.id:  # after the mind's turn: the intention does not wait for the log
-            self._afterwards(partial(log.info, "agent=%s %s", self._agent, describe(status)))
+            self._bus.afterwards(partial(log.info, "agent=%s %s", self._agent, describe(status)))
 
     # --- actions of a former life ---
 

@@ -18,7 +18,6 @@ from agentd.mail.neighbours import Neighbours
 from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import (
-    ActionDone,
     Input,
     PerceptRemoved,
     PerceptReplaced,
@@ -162,14 +161,13 @@ class AgentHost:
         else:
             self._by_hand = by_hand.add(part.name, part.inject, self._runner.perceive)
         self._action_client = ActionClient(
-            part.name,
-            bus.boot,
+            bus,
+            self._runner,
+            self._tracing,
             self._action_requests,
             self._checkpointer,
-            self._done,
             self._interrupted,
             self._tasks,
-            bus.afterwards,
         )
         self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
         self._viewer = Viewer(bus, clock, self._runner, part, self._control, self._tracing, self._prints)
@@ -388,11 +386,6 @@ class AgentHost:
         if self._perceiving is not None:
             self._perceiving.forget()
         self._runner.feed(PerceptRemoved(_BRIDGE_UP))
-
-    def _done(self, item: ActionDone) -> None:
-        """Give the mind the end of an action."""
-        self._tracing.activity.given(self._mind.cycle, item)
-        self._runner.feed(item)
 
     def _interrupted(self, literal: Literal) -> None:
         """Raise the event of an action of a former life that has ended without a plan that waits for it."""

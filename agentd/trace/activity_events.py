@@ -12,8 +12,8 @@ from agentd.mind.data.effects import Effect, Log, PerformAction, Print, StopTeam
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.trace.decision_digest import called
-from agentd.trace.input_records import Given
 from commd.common.clock import Clock
+from commd.mail.message import OFFICE
 from schemas.wire.mind_records import ActivityEvent
 
 MOST_LINES: Final = 100
@@ -24,8 +24,6 @@ LAST_ACTIONS: Final = 60
 """Actions and outcomes that are remembered without subscribers."""
 LONGEST: Final = 2_000
 """Characters of a text."""
-OFFICE: Final = "mail"
-"""The sender of notices about mail that was not delivered."""
 UNDELIVERED: Final = "undelivered"
 Kind = Literal["print", "log", "action", "outcome", "sent", "received", "undelivered", "stopped"]
 _DETAIL: Final = signature("detail", 1)
@@ -58,9 +56,11 @@ class ActivityEvents:
             case Print() | Log() if self._lines >= MOST_LINES:
                 self._left_out += 1
             case Print(text=text):
-                self._line(self._event(cycle, "print", text))
+                self._lines += 1
+                self._new.append(self._event(cycle, "print", text))
             case Log(level=level):
-                self._line(self._event(cycle, "log", line_of(effect), state=level))
+                self._lines += 1
+                self._new.append(self._event(cycle, "log", line_of(effect), state=level))
             case StopTeam(exit_code=code, delay=delay):
                 self.add(self._event(cycle, "stopped", f"it stops the team in {delay:g} s with exit code {code}"))
             case _:
@@ -75,16 +75,17 @@ class ActivityEvents:
         for receiver in receivers:
             self.add(self._event(cycle, "sent", text, id=identity, other=receiver, **_speech(mail)))
 
-    def given(self, cycle: int, item: Given) -> None:
-        """Note an input of the cycle with this number (0 or more)."""
-        if type(item) is ActionDone:
-            state = item.state or ("succeeded" if item.ok else "failed")
-            identity = self._action_id(item.id)
-            self._action(self._event(cycle, "outcome", id=identity, state=state, reason=item.reason))
-        elif type(item) is Mail and self._is_full():
+    def ended(self, cycle: int, done: ActionDone) -> None:
+        """Note the end of an action that the cycle with this number (0 or more), or the next one, takes."""
+        identity = self._action_id(done.id)
+        self._action(self._event(cycle, "outcome", id=identity, state=done.state, reason=done.reason))
+
+    def given(self, cycle: int, mail: Mail) -> None:
+        """Note a message that the cycle with this number (0 or more) takes, while there are subscribers."""
+        if self._is_full():
             self._left_out += 1
-        elif type(item) is Mail and self.listened:
-            self.add(self._undelivered(cycle, item) or self._received(cycle, item))
+        else:
+            self.add(self._undelivered(cycle, mail) or self._received(cycle, mail))
 
     def _received(self, cycle: int, mail: Mail) -> ActivityEvent:
         speech = _speech(mail)
@@ -127,10 +128,6 @@ class ActivityEvents:
         self.actions.append(event)
         if self.listened:
             self.add(event)
-
-    def _line(self, event: ActivityEvent) -> None:
-        self._lines += 1
-        self._new.append(event)
 
     def _is_full(self) -> bool:
         """Return whether further events are only counted, since converting them to text takes time."""

@@ -16,10 +16,13 @@ from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.persistence.checkpointer import Checkpointer
 from agentd.runtime.action_client import ActionClient
+from agentd.runtime.mind_runner import MindRunner
+from agentd.trace import Tracing
 from commd.bus.bus import Bus, Query
 from commd.client.actions import ActionRequests
 from commd.common.tasks import Tasks
 from schemas.wire import keys
+from schemas.wire.codec import codec
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, Hosts, host_on
 from tests.agentd.minds import run
@@ -316,10 +319,16 @@ class Alone:
         action_requests, tell = cast(ActionRequests, hands), self.told.append
         self.on_disk: list[Callable[[], None]] = []
         """What waits until an action is written down."""
-        begun, ended = lambda action, then: self.on_disk.append(then), lambda identity: None
-        kept = cast(Checkpointer, SimpleNamespace(begun=begun, ended=ended))
-        soon = asyncio.get_running_loop().call_soon
-        self.action_client = ActionClient("a", "2", action_requests, kept, tell, tell, cast(Tasks, self), soon)
+        kept = cast(Checkpointer, SimpleNamespace(begun=self.begun, ended=lambda identity: None))
+        mind, activity = SimpleNamespace(name="a", cycle=1), SimpleNamespace(ended=lambda cycle, done: None)
+        bus = cast(Bus, SimpleNamespace(boot="2", afterwards=asyncio.get_running_loop().call_soon))
+        runner, tracing = cast(MindRunner, SimpleNamespace(mind=mind, feed=tell)), SimpleNamespace(activity=activity)
+        tasks = cast(Tasks, self)
+        self.action_client = ActionClient(bus, runner, cast(Tracing, tracing), action_requests, kept, tell, tasks)
+
+    def begun(self, action: Action, then: Callable[[], None]) -> None:
+        codec(Action).encode(action, "json")
+        self.on_disk.append(then)
 
     def spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))
@@ -395,21 +404,27 @@ def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() ->
 
 
 @pytest.mark.usefixtures("usual_recursion")
-@pytest.mark.parametrize("defect", [False, True])
+@pytest.mark.parametrize("what", ["deep", "half a character", "defect"])
 @async_test
 async def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
-    defect: bool, monkeypatch: pytest.MonkeyPatch
+    what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    deep = nested(150)
+    parameter = nested(150) if what == "deep" else "\ud800"
 
     def broken(_: object) -> None:
         raise LookupError("no such thing")
 
-    if defect:
+    if what == "defect":
         monkeypatch.setattr("agentd.runtime.action_client.to_wire", broken)
     alone = Alone(Hands())
-    alone.action_client.begin(PerformAction(7, "goto", (deep,)))
-    if defect:
-        assert await alone.ended() == [ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")]
-    else:
-        assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused", "request")]
+    alone.action_client.begin(PerformAction(7, "goto", (parameter,)))
+    reason, *outcome = {
+        "deep": ("goto: nested too deeply", "refused", "request"),
+        "half a character": (
+            "goto: Action: expected Unicode text, got half a character: '\\ud800'",
+            "refused",
+            "request",
+        ),
+        "defect": ("defect in agentd: LookupError: no such thing", "failed"),
+    }[what]
+    assert await alone.ended() == [ActionDone(7, False, reason, *outcome)]
