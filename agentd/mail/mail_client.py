@@ -7,7 +7,7 @@ checkpoint with its effects is on disk; only then `commd` gets the receipt. Outg
 from __future__ import annotations
 
 import logging
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
@@ -83,10 +83,6 @@ class AgentInbox(ReceiveOnce):
 
     def _handed_over(self, whose: Numbered, seq: int) -> None:
         self._waiting.append((whose, seq, None))
-
-    def unnumbered(self) -> None:
-        """Note that a message which is not from an agent was put into the mind's mailbox."""
-        self._waiting.append((_NOBODY, 0, None))
 
     def expect(self, progress: Progress, seq: int) -> None:
         """Note that the next message of a numbering will be handed over by its sender."""
@@ -191,27 +187,18 @@ class MailClient:
         self._life, self._runner, self._directory = life, runner, directory
         self._rights, self._tracing = rights, tracing
         mailbox = self.mind.mailbox
-        self.outbox = Outbox(bus, self._agent, self._undelivered)
         self.inbox = AgentInbox(bus, self._agent, lambda: len(mailbox) < INPUTS, self._read, self._missing)
+        self.counters = self.inbox.counters
+        """What became of messages so far."""
+        self.outbox = Outbox(bus, self._agent, self._undelivered, self.counters)
         self.poison: PoisonInputs | None = None
         """Knows the messages that are not to be taken."""
-        self._bad: Counter[str] = Counter()
-        self._near: Counter[str] = Counter()
         self._refused: list[tuple[Message, Refusal]] = []
         """Restored messages that are not accepted."""
         self._own = Numbered(self._agent, self.outbox.numbering)
         self._accepted: dict[tuple[str, str], bool] = {}
         """Whose mail of which performatives is accepted, as far as it was asked."""
-        neighbours.join(self._agent, self)
-
-    @property
-    def counters(self) -> Counter[str]:
-        """What became of messages so far."""
-        found = Counter(near_waiting=self.inbox.near)
-        for counted in (self.outbox.counters, self.inbox.counters, self._bad, self._near):
-            if counted:
-                found.update(counted)
-        return found
+        neighbours[self._agent] = self
 
     def send(self, mail: Mail) -> None:
         """Send a message or broadcast when it is on disk, or the mind rests. Raises Failed for its plan."""
@@ -224,7 +211,7 @@ class MailClient:
         near: list[tuple[MailClient, NearMessage, Progress]] = []
         try:
             for receiver in receivers:
-                other = self._neighbours.find(receiver)
+                other = self._neighbours.get(receiver)
                 if other is not None:
                     progress = other.inbox.of(self._own)
                     message = self._near_message(other, progress, receiver, mail, identity)
@@ -289,13 +276,13 @@ class MailClient:
             return False
         held, self.held = self.held, []
         for other, message in held:
-            if self._neighbours.find(message.receiver) is other:
+            if self._neighbours.get(message.receiver) is other:
                 other._runner.feed(message.mail)
                 other.inbox.take(message)
                 other.given()
             else:  # it has left
                 self.outbox.put(message.encoded(self._bus.wire, self._bus.stamp()), message.receiver, message.seq)
-        self._near["near"] += len(held)
+        self.counters["near"] += len(held)
         return True
 
     def rows(self) -> list[tuple[int, bytes]]:
@@ -327,7 +314,7 @@ class MailClient:
     def leave(self) -> None:
         """Take no mail any more; what the mind has not taken comes again in the next life."""
         self.inbox.withdraw()
-        self._neighbours.leave(self._agent)
+        self._neighbours.pop(self._agent, None)
 
     def return_left(self) -> None:
         """Notify the senders in this daemon of what the mind has not taken: there is no next life."""
@@ -336,14 +323,13 @@ class MailClient:
 
     def _return(self, message: Message, why: Refusal) -> None:
         log.warning("mail_refused id=%s receiver=%s why=%s", message.id, message.receiver, why)
-        sender = self._neighbours.find(message.sender)
-        if sender is not None:
+        if (sender := self._neighbours.get(message.sender)) is not None:
             sender._undelivered(message, why)
 
     def tell(self, mail: Mail) -> None:
         """Give the mind a message that is not from `commd`."""
         self._feed(mail)
-        self.inbox.unnumbered()
+        self.inbox._handed_over(_NOBODY, 0)
 
     def _feed(self, mail: Mail) -> None:
         self._directory.met(mail.sender)
@@ -357,7 +343,7 @@ class MailClient:
         try:
             content = from_wire(message.content)
         except BadTerm as bad:
-            self._bad["bad"] += 1
+            self.counters["bad"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
             raise MessageRefused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
         number = message.sender, message.header.boot, message.header.seq
@@ -379,8 +365,8 @@ class MailClient:
 
     def _not_accepted(self, message: Message) -> None:
         """Refuse a message that its sender may not send to this agent. Raises MessageRefused."""
-        self._bad[NOT_ACCEPTED] += 1
-        count = self._bad[NOT_ACCEPTED]
+        self.counters[NOT_ACCEPTED] += 1
+        count = self.counters[NOT_ACCEPTED]
         if count <= LOGGED or count % LOGGED_AGAIN == 0:
             facts = self._agent, count, message.sender, message.performative[:64]
             log.warning("agent=%s mail_not_accepted count=%d sender=%r performative=%r", *facts)

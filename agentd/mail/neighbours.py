@@ -65,26 +65,13 @@ class NearMessage:
         )
 
 
-class Neighbours:
-    """The agents of one daemon, by name."""
-
-    def __init__(self) -> None:
-        self._clients: dict[str, MailClient] = {}
-        self.find = self._clients.get
-        """Returns the mail client of an agent; None: it is not in this daemon."""
-
-    def join(self, name: str, client: MailClient) -> None:
-        """Let an agent receive mail of the others."""
-        self._clients[name] = client
-
-    def leave(self, name: str) -> None:
-        """Let it receive none."""
-        self._clients.pop(name, None)
+class Neighbours(dict[str, "MailClient"]):
+    """The mail clients of the agents of one daemon that can receive mail of the others, by name."""
 
     def queues(self) -> list[Queue]:
         """Return the messages that no mind has taken, by sender and receiver, the most first."""
         counts: Counter[tuple[str, str]] = Counter()
-        for client in self._clients.values():
+        for client in self.values():
             client.inbox.absorb(len(client.mind.mailbox))
             waiting = [*client.inbox.left(), *(message for _, message in client.held)]
             counts.update((message.mail.sender, message.receiver) for message in waiting)

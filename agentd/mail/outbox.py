@@ -45,14 +45,19 @@ further ones: a thousand agents would spend their time repeating queries."""
 class Outbox:
     """The messages of one agent that commd has not accepted yet."""
 
-    def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, Refusal], None]) -> None:
-        """`on_refused` gets each message that commd refuses permanently, and the reason."""
+    def __init__(
+        self, bus: Bus, agent: str, on_refused: Callable[[Message, Refusal], None], counters: Counter[str]
+    ) -> None:
+        """`on_refused` gets each message that commd refuses permanently, and the reason.
+
+        `counters` counts messages: sent, refused, not_answered (batches), defects.
+        """
         self.numbering = boot_id() + boot_id()
         """Different in each life. After a power cut or a backup an old checkpoint would reuse numbers that boards know,
         and new messages would pass for repeated ones."""
         self.numbers: Counter[str] = Counter()
         """The number of the last message to each receiver."""
-        self.counters: Counter[str] = Counter()
+        self.counters = counters
         self.unsaved: list[Outgoing] = []
         """Messages since the last save began; `saved` is to be called when they are on disk."""
         self.gone: list[int] = []

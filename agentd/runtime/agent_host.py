@@ -419,6 +419,7 @@ class AgentHost:
         for prefix, counted in parts.items():
             for name, count in counted.items():
                 counters[f"{prefix}_{name}"] = count
+        counters["mail_near_waiting"] = self._mailing.inbox.near
         counters["cycles"] = mind.cycle
         counters["trace_dropped"] = self._tracing.inputs.dropped
         counters["percepts_missed"] = self._perceiving.percepts.missed if self._perceiving else 0

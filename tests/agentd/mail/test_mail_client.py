@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 
 import pytest
@@ -49,7 +50,7 @@ class Desk:
 
 def an_outbox(bus: Bus) -> tuple[Outbox, list[tuple[Message, str]]]:
     refused: list[tuple[Message, str]] = []
-    return Outbox(bus, "a", lambda message, why: refused.append((message, why))), refused
+    return Outbox(bus, "a", lambda message, why: refused.append((message, why)), Counter()), refused
 
 
 def send(outbox: Outbox, number: int, *receivers: str) -> None:
@@ -181,7 +182,7 @@ async def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_
         raise KeyError(why)
 
     desk = await a_desk(connect)
-    outbox = Outbox(await connect("a"), "a", breaks)
+    outbox = Outbox(await connect("a"), "a", breaks, Counter())
     desk.answer = lambda messages: (
         Receipt(refused={0: Refusal(code="no")}, taken=len(messages) - 1)
         if messages[0].header.seq == 1
