@@ -31,7 +31,7 @@ test-all: test test-boards test-browser  ## run all tests
 index: $(VENV)/test.stamp  ## count the recorded exchanges that the simulated vehicles answer as the recorded ones did
 	@$(BIN)/python -m tests.bridged.index_replay
 
-soak: $(VENV)/test.stamp  ## run the tests that are too long for CI; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
+soak: $(VENV)/test.stamp  ## run the tests that are too long for CI; writes docs/measurements/soak.md and docs/measurements/daemons.md
 	$(BIN)/python -m tests.soak
 	$(BIN)/python -m tests.soak.agreement
 	nice $(BIN)/python -m tests.soak.trials
@@ -49,7 +49,7 @@ faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/meas
 attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/measurements/attacks.md
 	$(BIN)/python -m tests.attacks
 
-field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/measurements/daemon-failures.md
+field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/measurements/faults.md
 	$(BIN)/python -m tests.field $(ARGS)
 
 bench: $(VENV)/bench.stamp byte-code  ## measure everything, two hours on a quiet machine (ARGS="bridge mail": some); writes each figure of the pages

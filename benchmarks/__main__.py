@@ -37,31 +37,31 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
         return 2
     chosen = [one for one in table if not args.parts or one.name in args.parts]
     if args.pages:
-        shown = [_shown(one) for one in chosen]
-        _told(pages.write(pages.of_several(table)))
+        shown = [_write_part(one) for one in chosen]
+        _list_pages(pages.write(pages.of_several(table)))
         return 0 if all(shown) else 1
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _ended)
+            signal.signal(number, _interrupt)
     try:
-        return _measured(chosen, table, args.quick)
+        return _measure(chosen, table, args.quick)
     except KeyboardInterrupt:
         print("ended; parts that were done before are in benchmarks/results", file=sys.stderr)
         return 130
 
 
-def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
+def _measure(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
     if (load := results.load_before(0.2 if quick else 2.0)) > pages.BUSY:
-        _tell(f"note: others keep {load:.1f} cores of this machine busy: figures will be worse than on a quiet one")
+        _report(f"note: others keep {load:.1f} cores of this machine busy: figures will be worse than on a quiet one")
     failed = []
     for number, one in enumerate(chosen):
         left = sum(part.minutes for part in chosen[number:])
         times = "a try" if quick else f"about {one.minutes:g} min, all that is left {left:.0f} min"
-        _tell(f"[{number + 1} of {len(chosen)}] {one.name}: {times}")
-        if not apart.measured(one, quick) or (not quick and not _shown(one)):
+        _report(f"[{number + 1} of {len(chosen)}] {one.name}: {times}")
+        if not apart.measure(one, quick) or (not quick and not _write_part(one)):
             failed.append(one.name)
     if not quick:
-        _told(pages.write(pages.of_several(table)))
+        _list_pages(pages.write(pages.of_several(table)))
         goals = [goal for one in chosen if one.name not in failed for goal in _goals(one)]
         print("\n".join(line_of_goals(goals)))
     if failed:
@@ -69,15 +69,15 @@ def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
     return 1 if failed else 0
 
 
-def _shown(one: Part) -> bool:
+def _write_part(one: Part) -> bool:
     """Write blocks and pictures of a part from its results; reports if that cannot be."""
     try:
         module = one.module()
         origin, figures = results.load(one.name, module.Figures)
         pages.write_pictures(one.pictures(figures))
-        _told(pages.write(module.blocks(origin, figures)))
+        _list_pages(pages.write(module.blocks(origin, figures)))
     except FileNotFoundError:
-        _tell(f"{one.name}: no results yet")
+        _report(f"{one.name}: no results yet")
     except (msgspec.DecodeError, KeyError, ImportError) as error:
         print(f"error: {one.name}: {error}", file=sys.stderr)
         return False
@@ -89,16 +89,16 @@ def _goals(one: Part) -> list[Goal]:
     return [] if found is None else one.goals(found[1])
 
 
-def _told(changed: list[Path]) -> None:
+def _list_pages(changed: list[Path]) -> None:
     for page in changed:
-        _tell(f"written: {page.relative_to(results.ROOT)}")
+        _report(f"written: {page.relative_to(results.ROOT)}")
 
 
-def _tell(text: str) -> None:
+def _report(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _ended(number: int, _: FrameType | None) -> None:
+def _interrupt(number: int, _: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 

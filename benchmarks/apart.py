@@ -23,11 +23,11 @@ from benchmarks.parts import Part, line_of_goals
 from benchmarks.processes import BenchmarkFailed
 
 PATIENCE: Final = 4.0
-"""Times the minutes that a part says it takes: then it is ended."""
+"""A part is ended after this many times its expected minutes."""
 LEAST: Final = 300.0
 """Seconds that each part is given at least."""
 GRACE: Final = 10.0
-"""Seconds in which a part that is told to end may end its own processes."""
+"""Seconds in which an interrupted part may end its own processes."""
 _SET_CHILD_SUBREAPER: Final = 36
 _SET_DEATH_SIGNAL: Final = 1
 
@@ -37,8 +37,8 @@ def patience(part: Part) -> float:
     return max(LEAST, 60 * PATIENCE * part.minutes)
 
 
-def measured(part: Part, quick: bool) -> bool:
-    """Measure a part; what went wrong it has told itself, or is told here. On Ctrl-C all is ended, too."""
+def measure(part: Part, quick: bool) -> bool:
+    """Measure a part in a process of its own; errors are printed. On Ctrl-C all is ended, too."""
     command = [sys.executable, "-m", "benchmarks.apart", part.name, part.where, *(["--quick"] if quick else [])]
     _prctl(_SET_CHILD_SUBREAPER, 1)  # those whose own parent has gone come to us, also from other sessions
     others = set(psutil.Process().children(recursive=True))
@@ -101,12 +101,12 @@ def main(argv: list[str] | None = None) -> int:
     _prctl(_SET_DEATH_SIGNAL, signal.SIGINT)  # be interrupted when the process that has started this one is killed
     try:
         part = Part(args.name, args.where, 0)
-        return probed_here(part, args.quick) if args.probe else measured_here(part, args.quick)
+        return probe_here(part, args.quick) if args.probe else measure_here(part, args.quick)
     except KeyboardInterrupt:
         return 130
 
 
-def probed_here(part: Part, quick: bool) -> int:
+def probe_here(part: Part, quick: bool) -> int:
     """Print what a part costs."""
     try:
         print("FOUND", msgspec.json.encode(part.module().probe(quick)).decode(), flush=True)
@@ -116,7 +116,7 @@ def probed_here(part: Part, quick: bool) -> int:
     return 0
 
 
-def measured_here(part: Part, quick: bool) -> int:
+def measure_here(part: Part, quick: bool) -> int:
     """Measure a part. With `quick` nothing is saved, but all that would be made of it is made, and shown."""
     try:
         module = part.module()

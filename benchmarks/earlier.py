@@ -21,7 +21,7 @@ from typing import Final
 
 import msgspec
 
-from benchmarks.parts import PARTS, Goal, table, tell
+from benchmarks.parts import PARTS, Goal, progress, table
 from benchmarks.processes import LONGEST, BenchmarkFailed, lines, started
 from benchmarks.results import ROOT, Origin
 from benchmarks.spread import Interval, interval
@@ -75,18 +75,18 @@ class Figures:
 
 def measure(quick: bool) -> Figures:
     """Run each probe in both trees. Raises BenchmarkFailed."""
-    return compared(REVISION, dict.fromkeys(("bridge", "crowd"), 1) if quick else PAIRS, quick)
+    return compare(REVISION, dict.fromkeys(("bridge", "crowd"), 1) if quick else PAIRS, quick)
 
 
-def compared(revision: str, pairs: Mapping[str, int], quick: bool) -> Figures:
+def compare(revision: str, pairs: Mapping[str, int], quick: bool) -> Figures:
     """Run some probes so often in the tree of a revision and in this one. Raises BenchmarkFailed."""
     figures = Figures(revision, {name: {} for name in pairs})
     with trees(revision) as (earlier, today):
         for number in range(max(pairs.values())):
             for name in (name for name, count in pairs.items() if number < count):
-                tell(f"{name}, pair {number + 1} of {pairs[name]}")
+                progress(f"{name}, pair {number + 1} of {pairs[name]}")
                 order = (earlier, today) if number % 2 == 0 else (today, earlier)
-                found = {where: probed(where, name, quick) for where in order}
+                found = {where: run_probe(where, name, quick) for where in order}
                 for title, then in found[earlier].items():
                     costs = figures.probes[name].setdefault(title, Costs())
                     costs.then.append(then)
@@ -129,18 +129,18 @@ def _git(*arguments: str) -> str:
     return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True).stdout
 
 
-def probed(where: Path, name: str, quick: bool) -> dict[str, float]:
+def run_probe(where: Path, name: str, quick: bool) -> dict[str, float]:
     """Run a probe with the product and the benchmarks of a folder. Raises BenchmarkFailed."""
     # as a module of that folder: it finds the packages of that folder first, and so does what it starts
     part = next(one for one in PARTS if one.name == name)
     options = ("--probe", *(["--quick"] if quick else []))
     module = (sys.executable, "-m", "benchmarks.apart", part.name, part.where, *options)
     with started(["env", "-C", str(where), *module]) as process:
-        said = list(lines(process, LONGEST))
-    for line in said:
+        printed = list(lines(process, LONGEST))
+    for line in printed:
         if line.startswith("FOUND "):
             return msgspec.json.decode(line[6:], type=dict[str, float])
-    raise BenchmarkFailed(f"probe {name} in {where.name}: " + "\n".join(said[-3:]))
+    raise BenchmarkFailed(f"probe {name} in {where.name}: " + "\n".join(printed[-3:]))
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -166,10 +166,10 @@ def _goal(name: str, revision: str, found: Mapping[str, Costs]) -> Goal:
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the block of docs/measurements/benchmarks.md."""
-    return {"earlier": "\n".join([origin.line(), "", *compared_costs(figures)])}
+    return {"earlier": "\n".join([origin.line(), "", *cost_rows(figures)])}
 
 
-def compared_costs(figures: Figures) -> list[str]:
+def cost_rows(figures: Figures) -> list[str]:
     """Return the rows of a table: each cost then and now, and their ratio."""
     rows = [*table(f"| | {figures.revision} | now | now / then: median (least to greatest) | |")]
     for name, found in figures.probes.items():
@@ -198,7 +198,7 @@ def main() -> int:
     args = parser.parse_args()
     pairs = {name: args.pairs or count for name, count in PAIRS.items() if name in (args.probes or PAIRS)}
     try:
-        print("\n".join(compared_costs(compared(args.revision, pairs, args.quick))))
+        print("\n".join(cost_rows(compare(args.revision, pairs, args.quick))))
     except BenchmarkFailed as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

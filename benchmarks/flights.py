@@ -1,8 +1,8 @@
 """A mission flown by its own processes, with the AgentSpeak agents or with imperative programs in their place.
 
-Nobody looks at the minds while they fly: a mission is done when its `done` formulas hold, and these are asked only
-from the moment on at which an agent prints that it is through. Of imperative programs the last lines say it. What
-a mission was to bring about is judged by its referee in both cases.
+Minds are not queried in flight: a mission is done when its `done` formulas hold, and these are queried only after an
+agent has printed that it is done. Imperative programs are done when their last lines are printed. The mission's referee
+judges the result in both cases.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchmarks.processes import SPEAKS, BenchmarkFailed, Watched, watched_comma
 from benchmarks.serving import READY
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import QueryFailed
-from schemas.mission.model import Agent, Mission, load_mission
+from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys, term_text
 from schemas.wire.mind_records import MindView
 from schemas.wire.terms import Atom, Structure, Term
@@ -85,10 +85,15 @@ def with_programs(setup: Setup, folder: Path) -> tuple[Setup, list[Process], dic
     file = variant(setup.mission.path, folder, speed=setup.speed)
     other = _setup(load_mission(file), folder, setup.speed)
     planned, last = plan(other), {}
-    for one in programs(setup.mission, file, lambda board: other.place(board).router):
-        process = Process(PROGRAM, one.name, one.argv, label=one.name, board=one.board)
+    for name, agent in setup.mission.agents.items():
+        module, done = PROGRAMS[Path(agent.program).stem]
+        argv = (sys.executable, "-u", "-m", "benchmarks.imperative", module, str(file), name)
+        settings = map(_setting, agent.beliefs)
+        process = Process(
+            PROGRAM, name, (*argv, other.place(agent.board).router, *settings), label=name, board=agent.board
+        )
         planned.append(process)
-        last[process.name] = one.done
+        last[process.name] = done
     return other, planned, last
 
 
@@ -126,11 +131,11 @@ class Flight:
     def until_up(self, patience: float = SPEAKS) -> None:
         """Wait until every process is there; a program has printed anything then. Raises BenchmarkFailed."""
         for process, watched in self.watched:
-            watched.says(READY.get(process.kind.name, ""), patience)
+            watched.wait_for(READY.get(process.kind.name, ""), patience)
         self.up = time.monotonic()
 
     def until_done(self, patience: float | None = None) -> None:
-        """Wait until the mission is done, for its own timeout if `patience` does not say otherwise.
+        """Wait until the mission is done, for its own timeout or for `patience` seconds.
 
         Raises BenchmarkFailed for any other end, and for what the referee does not accept.
         """
@@ -152,13 +157,13 @@ class Flight:
         except (OSError, ValueError) as error:
             raise self._failed(f"the referee cannot judge: {error}") from None
         if not verdict.good:
-            raise self._failed(f"the referee says\n{verdict}\n")
+            raise self._failed(f"the referee reports\n{verdict}\n")
 
     def _until_last_words(self, until: float) -> None:
         course, read = self.course, dict[str, int]()
         while True:
             for process, watched in self.watched:
-                fresh = [line for _, line in watched.said[read.get(watched.name, 0) :]]
+                fresh = [line for _, line in watched.output[read.get(watched.name, 0) :]]
                 read[watched.name] = read.get(watched.name, 0) + len(fresh)
                 if not process.kind.measured:
                     continue
@@ -184,7 +189,7 @@ class Flight:
             for _, watched in self.watched:
                 if (wanted := self.last.get(watched.name)) is None:
                     continue
-                through = bool(watched.said) and wanted in watched.said[-1][1]
+                through = bool(watched.output) and wanted in watched.output[-1][1]
                 left += not through
                 if not through and (code := watched.process.poll()) is not None:
                     raise self._failed(f"{watched.name} ended with exit code {code}", watched)
@@ -202,8 +207,10 @@ class Flight:
             raise self._failed(f"not done after {until - self.begun:.0f} s")
 
     def _failed(self, why: str, whose: Watched | None = None) -> BenchmarkFailed:
-        said = [whose] if whose is not None else [watched for process, watched in self.watched if process.kind.measured]
-        last = "\n".join(f"{one.name}: {line}" for one in said for _, line in one.said[-3:])
+        shown = (
+            [whose] if whose is not None else [watched for process, watched in self.watched if process.kind.measured]
+        )
+        last = "\n".join(f"{one.name}: {line}" for one in shown for _, line in one.output[-3:])
         return BenchmarkFailed(
             f"{self.course.title}, {self.approach}, speed {self.setup.speed:g}: {why}; last:\n{last}"
         )
@@ -245,11 +252,11 @@ def start_all(
         if process.kind.name in AGENTS:
             for before, bridge in started:
                 if before.kind.name == "bridged":
-                    bridge.says(READY["bridged"], patience)
+                    bridge.wait_for(READY["bridged"], patience)
         watched = stack.enter_context(watched_command(process.name, command(list(process.argv))))
         started.append((process, watched))
         if process.kind.name == "commd":
-            watched.says(READY["commd"], patience)
+            watched.wait_for(READY["commd"], patience)
 
 
 ANSWER: Final = 2.0
@@ -271,22 +278,10 @@ PROGRAMS: Final = {
     "scout": ("scout", "all are rescued"),
     "rescuer": ("rescuer", "resting"),
 }
-"""For each AgentSpeak program the imperative one, and what it says last when its part of the mission is done.
+"""For each AgentSpeak program the imperative one, and its last line when its part of the mission is done.
 
-A rescuer that rests may be called again, and says so: the mission is done when these are the last lines of all.
+A rescuer that rests may be called again, and prints so: the mission is done when these are the last lines of all.
 """
-
-
-@dataclass(frozen=True)
-class Program:
-    """An imperative program in the place of an agent."""
-
-    name: str
-    board: str
-    robot: str | None
-    argv: tuple[str, ...]
-    """It is ended by SIGINT, if it does not end by itself; in both cases its exit code is 0 when it has not failed."""
-    done: str
 
 
 def variant(original: Path, folder: Path, *, speed: float) -> Path:
@@ -306,17 +301,6 @@ def variant(original: Path, folder: Path, *, speed: float) -> Path:
     file = folder / mission.path.name
     file.write_text(yaml.safe_dump(raw, sort_keys=False), encoding="utf-8")
     return file
-
-
-def programs(mission: Mission, file: Path, router_of: Callable[[str], str]) -> list[Program]:
-    """Return the programs that fly a mission of agents by its variant `file`; `router_of` a board is its endpoint."""
-    return [_program(name, agent, file, router_of(agent.board)) for name, agent in mission.agents.items()]
-
-
-def _program(name: str, agent: Agent, file: Path, router: str) -> Program:
-    module, done = PROGRAMS[Path(agent.program).stem]
-    argv = (sys.executable, "-u", "-m", "benchmarks.imperative", module, str(file), name, router)
-    return Program(name, agent.board, agent.robot, argv + tuple(map(_setting, agent.beliefs)), done)
 
 
 def _setting(belief: str) -> str:

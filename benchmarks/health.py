@@ -1,7 +1,7 @@
-"""What the daemons of a fleet tell of themselves while a benchmark looks on: each record with the moment it came.
+"""Health records of a fleet's daemons during a benchmark, each with the time of its arrival.
 
-Records are read as JSON and not by their declaration, so that an earlier revision can tell its own: a count is the sum
-of all values of its name, wherever they are in the record.
+Records are read as JSON and not by their declaration, so that those of an earlier revision can be read: a count is the
+sum of all values of its name, wherever they are in the record.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from commd.bus.session import session_config
 from schemas.wire import keys
 
 LATE: Final = 1.5
-"""Seconds between two records of a daemon after which the second one is late: one is told each second."""
+"""Seconds between two records of a daemon after which the second one is late: one is due each second."""
 DAEMONS: Final = ("commd", "bridged", "agentd")
 Who = tuple[str, str]
-"""A name and the kind of daemon that tells of it."""
+"""A name and the kind of daemon that reports it."""
 
 
 @dataclass
-class Told:
+class HealthRecord:
     """A health record."""
 
     at: float
@@ -45,15 +45,15 @@ class Records:
 
     came: list[tuple[float, str, bytes]] = field(default_factory=list)
 
-    def of_all(self) -> dict[Who, list[Told]]:
-        """Return all records by who told them, in the order in which they came."""
-        found: dict[Who, list[Told]] = defaultdict(list)
+    def of_all(self) -> dict[Who, list[HealthRecord]]:
+        """Return all records by sender, in the order in which they came."""
+        found: dict[Who, list[HealthRecord]] = defaultdict(list)
         for at, key, payload in list(self.came):
             if (parsed := keys.parse(key)) is not None:
                 raw = msgspec.json.decode(payload)
                 counts: Counter[str] = Counter()
                 _count(raw, counts)
-                found[parsed[1], parsed[2][-1]].append(Told(at, raw.get("pid", 0), raw.get("lag", 0.0), counts))
+                found[parsed[1], parsed[2][-1]].append(HealthRecord(at, raw.get("pid", 0), raw.get("lag", 0.0), counts))
         return found
 
     def last(self) -> dict[str, float]:
@@ -63,14 +63,14 @@ class Records:
     def lag(self, begun: float, ended: float) -> dict[str, float]:
         """Return by how many seconds the loop of each kind of daemon was late at worst between two moments."""
         found: dict[str, float] = {}
-        for (_, kind), told in self.of_all().items():
-            within = (one.lag for one in told if begun <= one.at <= ended)
+        for (_, kind), those in self.of_all().items():
+            within = (one.lag for one in those if begun <= one.at <= ended)
             found[kind] = max(found.get(kind, 0.0), max(within, default=0.0))
         return found
 
 
 def _count(raw: Any, counts: Counter[str]) -> None:
-    """Add the numbers of a record by their names; of digests of percept sets, `boot:seq:hash`, what was told so far."""
+    """Add the numbers of a record by their names; of digests of percept sets, `boot:seq:hash`, the second field."""
     for name, value in raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ():
         match value:
             case bool():
@@ -109,12 +109,11 @@ def listening(endpoint: str, fleet: str) -> Iterator[Records]:
 def grown(records: Records, begun: float, ended: float) -> defaultdict[str, Grown]:
     """Return what has grown from the last record before a time to the first behind it, by kinds of daemons.
 
-    So what was lost at the edges of that time counts too; who told nothing then or never again counts with what is
-    there.
+    So what was lost at the edges of that time counts too; a daemon without records then counts with those it has.
     """
     total: defaultdict[str, Grown] = defaultdict(Grown)
-    for (_, kind), told in records.of_all().items():
-        first, last = _edges(told, begun, ended)
+    for (_, kind), those in records.of_all().items():
+        first, last = _edges(those, begun, ended)
         numbers = Counter(last.counts)
         numbers.subtract(first.counts)
         total[kind].counts.update(numbers)
@@ -124,26 +123,26 @@ def grown(records: Records, begun: float, ended: float) -> defaultdict[str, Grow
     return total
 
 
-def _edges(told: list[Told], begun: float, ended: float) -> tuple[Told, Told]:
-    first = next((one for one in reversed(told) if one.at <= begun), told[0])
-    return first, next((one for one in told if one.at >= ended), told[-1])
+def _edges(those: list[HealthRecord], begun: float, ended: float) -> tuple[HealthRecord, HealthRecord]:
+    first = next((one for one in reversed(those) if one.at <= begun), those[0])
+    return first, next((one for one in those if one.at >= ended), those[-1])
 
 
 def errors(records: Records, begun: float, ended: float) -> int:
-    """Return how many lines all processes logged as errors in a time; each tells of itself under several names."""
+    """Return how many lines all processes logged as errors in a time; one process has records under several names."""
     found: dict[int, int] = {}
-    for told in records.of_all().values():
-        first, last = _edges(told, begun, ended)
+    for those in records.of_all().values():
+        first, last = _edges(those, begun, ended)
         before = first.counts["errors"] if first.pid == last.pid else 0
         found[last.pid] = max(found.get(last.pid, 0), last.counts["errors"] - before)
     return sum(found.values())
 
 
 def late(records: Records, begun: float, ended: float) -> int:
-    """Return how many records came later than `LATE` after the one before; a kind of daemon that told none counts."""
-    told = records.of_all()
-    silent = sum(all(kind != daemon for _, kind in told) for daemon in DAEMONS)
-    return silent + sum(gaps([one.at for one in those], begun, ended, LATE) for those in told.values())
+    """Return how many records came later than `LATE` after the one before; a kind of daemon without records counts."""
+    found = records.of_all()
+    silent = sum(all(kind != daemon for _, kind in found) for daemon in DAEMONS)
+    return silent + sum(gaps([one.at for one in those], begun, ended, LATE) for those in found.values())
 
 
 def gaps(times: list[float], begun: float, ended: float, limit: float) -> int:

@@ -4,9 +4,9 @@
     ...
     <!-- end of figures -->
 
-A part says which blocks it fills (`blocks`) and which pictures it draws (`pictures`). Nothing between the marks is
-typed by hand, and `tests/benchmarks/test_pages.py` holds the pages against the results. What is made of several parts'
-results, as all goals and README's table, is made here (`of_several`).
+A part has the text of its blocks (`blocks`) and its pictures (`pictures`). Nothing between the marks is typed by hand,
+and `tests/benchmarks/test_pages.py` compares the pages with the results. Tables of several parts' results, such as all
+goals and README's table, are made here (`of_several`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def pages(root: Path = ROOT) -> Iterator[Path]:
 
 
 def names(root: Path = ROOT) -> dict[str, list[Path]]:
-    """Return the blocks that pages have, and where each stands."""
+    """Return the blocks that pages have, and the pages of each."""
     found: dict[str, list[Path]] = {}
     for page in pages(root):
         for block in _BLOCK.finditer(page.read_text(encoding="utf-8")):
@@ -73,7 +73,7 @@ def write(blocks: Mapping[str, str], root: Path = ROOT) -> list[Path]:
 
 
 def section(name: str, root: Path = ROOT) -> str:
-    """Return where a block stands, as a link from a page in docs/measurements: the page, and the heading above it.
+    """Return the place of a block, as a link from a page in docs/measurements: the page, and the heading above it.
 
     Of several places the first in docs. Raises KeyError for a lost block.
     """
@@ -135,7 +135,7 @@ def _goals(one: Part, found: Found | None) -> list[str]:
 
 
 def comparison_board(found: dict[Part, Found]) -> str:
-    """Return the table of docs/measurements/comparison.md about the memory of a board, beside what the paper's
+    """Return the table of docs/measurements/benchmarks.md about the memory of a board, beside what the paper's
     authors published."""
     low, high, python_low, python_high, agent_low, agent_high = (
         f"{peers.mb(value):.0f}"

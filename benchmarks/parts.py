@@ -41,9 +41,19 @@ class Goal:
     found: str
     met: bool
     why: str = ""
-    """For one that is missed: the reason, as far as it is known, and what was tried. Told only then."""
+    """For one that is missed: the reason, as far as it is known, and what was tried."""
     decided: bool = True
-    """Whether what was measured can tell: not where its doubt holds the goal; `met` is False then."""
+    """Whether the measurement decides it: not if its uncertainty includes the goal; `met` is False then."""
+
+
+def at_most(title: str, limit: float, value: float, unit: str, why: str = "", *, digits: int = 1) -> Goal:
+    """Return the goal that a figure does not exceed a limit."""
+    return Goal(title, f"{limit:g} {unit}".rstrip(), f"{value:,.{digits}f} {unit}".rstrip(), value <= limit, why)
+
+
+def at_least(title: str, limit: float, value: float, unit: str = "", why: str = "", *, digits: int = 0) -> Goal:
+    """Return the goal that a figure reaches a limit."""
+    return Goal(title, f"{limit:,g} {unit}".rstrip(), f"{value:,.{digits}f} {unit}".rstrip(), value >= limit, why)
 
 
 @dataclass(frozen=True)
@@ -90,7 +100,6 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("small-boards", "benchmarks.measurements.small_boards", 7),
     Part("bridge", "benchmarks.measurements.bridge", 1.2),
     Part("mail", "benchmarks.measurements.mail", 3),
-    Part("board", "benchmarks.measurements.board", 1.5),
     Part("looking", "benchmarks.measurements.looking", 2.5),
     Part("page", "benchmarks.measurements.webpage", 1.5),
     Part("viewers", "benchmarks.measurements.viewers", 1.2),
@@ -101,7 +110,7 @@ PARTS: Final[tuple[Part, ...]] = (
 
 
 def goal_rows(goals: Iterable[Goal], *, part: str = "", busy: bool = False) -> list[str]:
-    """Return the rows of goals: `part` is what stands in the first column, if there is one."""
+    """Return the rows of goals: `part` is the text of the first column, if there is one."""
     first = f"| {part} " if part else ""
     on = " (busy machine)" if busy else ""
     return [f"{first}| {one.title} | {one.wanted} | {one.found} | {_verdict(one)}{on} |" for one in goals]
@@ -112,8 +121,8 @@ def line_of_goals(goals: list[Goal]) -> list[str]:
     return table("| figure | goal | measured | |", goal_rows(goals)) if goals else []
 
 
-def tell(text: str) -> None:
-    """Say how far a part is, in one line on stderr."""
+def progress(text: str) -> None:
+    """Print the progress of a part in one line on stderr."""
     print(f"  {text}", file=sys.stderr, flush=True)
 
 
@@ -124,4 +133,4 @@ def _verdict(goal: Goal) -> str:
 
 
 NO_REASON: Final = "(no reason is given)"
-"""What a page says of a missed goal without a `why`; `tests/benchmarks/test_pages.py` does not let it through."""
+"""The text for a missed goal without a `why`; `tests/benchmarks/test_pages.py` does not let it through."""

@@ -2,7 +2,7 @@
 
 The paper is *Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots*: agents in
 Jason 2 with rosjava, and Python programs in their place, on Raspberry Pi 3 (1 GB) with ArduPilot SITL on another
-computer. What Jason does beside python-agentspeak stands with the programs that were run: `benchmarks.reasoner.rows`.
+computer. Jason's speed beside python-agentspeak is with the programs that were run: `benchmarks.reasoner.rows`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def mb(mib: float) -> float:
 
 
 PI_MB: Final = mb(PI_MEMORY)
-"""MB of a Raspberry Pi 3, as its kernel tells them."""
+"""MB of a Raspberry Pi 3, as its kernel reports them."""
 BEAGLEBONE_MB: Final = 512.0
 """MB that a BeagleBone Black is taken to have: less than its chips' 512 MiB, as its kernel keeps some for itself."""
 

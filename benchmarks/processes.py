@@ -31,7 +31,7 @@ _LINE: Final = re.compile(r"BENCH\s+(?P<bench>\S+)\s+round\s+\d+\s+ops\s+(?P<ops
 
 
 class BenchmarkFailed(Exception):
-    """A process did not do what its row needs; the text says which and what it printed last."""
+    """A process failed; the text has its name and its last output."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def descendants(pid: int) -> list[int]:
 
 
 def memory(pid: int, field: str) -> float:
-    """``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB (10^6 bytes); 0 when it has ended or is not told.
+    """Return ``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB (10^6 bytes); 0 when it has ended.
 
     Not `os.wait4`: its figure includes what the parent held when it forked. A command may be a script that starts the
     real process: what it has started counts.
@@ -172,23 +172,23 @@ class Watched:
 
     name: str
     process: subprocess.Popen[bytes]
-    said: list[tuple[float, str]] = field(default_factory=list)
+    output: list[tuple[float, str]] = field(default_factory=list)
 
     def read(self) -> None:
         """Read until it ends; runs in a thread of its own."""
         for line in lines(self.process, LONGEST):
-            self.said.append((time.monotonic(), line))
+            self.output.append((time.monotonic(), line))
 
-    def says(self, words: str, patience: float = SPEAKS) -> None:
-        """Wait until it has said `words`. Raises BenchmarkFailed."""
+    def wait_for(self, words: str, patience: float = SPEAKS) -> None:
+        """Wait until it has printed `words`. Raises BenchmarkFailed."""
         until(lambda: bool(self.when(words)) or self.process.poll() is not None, patience)
         if not self.when(words):
-            last = "\n".join(line for _, line in self.said[-5:])
-            raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
+            last = "\n".join(line for _, line in self.output[-5:])
+            raise BenchmarkFailed(f"{self.name} did not print `{words}` within {patience:g} s; last:\n{last}")
 
     def when(self, words: str, since: int = 0) -> float:
         """Return the monotonic time at which a line with `words` came, from line `since` on; 0 = not yet."""
-        return next((at for at, line in self.said[since:] if words in line), 0.0)
+        return next((at for at, line in self.output[since:] if words in line), 0.0)
 
     def cpu(self) -> float:
         """Seconds of processor time used so far."""
@@ -245,7 +245,7 @@ def _pss(pid: int) -> int:
 def alone(pids: Iterable[int]) -> float | None:
     """Return what processes hold in MB if nobody else shares anything with them: each page frame is counted once.
 
-    None where the kernel does not tell the frames (it tells root).
+    None where the kernel does not report page frames (it does to root).
     """
     frames: set[int] = set()
     for pid in pids:
@@ -268,7 +268,7 @@ def _frames(pid: int) -> set[int]:
 
 
 ALONE_EVERY: Final = 10
-"""Of so many samples one tells what a board would hold alone: the question is dear."""
+"""One sample of this many also measures what a board would hold alone, which is expensive."""
 END: Final = 1.0
 """Wall seconds before the end of a flight from which on a process may have ended: a program that is through goes."""
 
@@ -344,7 +344,7 @@ class Sampler:
                 psutil.Error,
                 OSError,
                 ValueError,
-            ) as error:  # one has ended: `until` says whether it was allowed to
+            ) as error:  # one has ended: `until` checks whether it was allowed to
                 self.problem = time.monotonic(), str(error)
                 return
 

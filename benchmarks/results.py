@@ -23,7 +23,7 @@ T = TypeVar("T")
 ROOT: Final = Path(__file__).parent.parent
 RESULTS: Final = Path(__file__).parent / "results"
 PACKAGES: Final = ("argosy", "eclipse-zenoh", "msgspec", "pymavlink", "psutil", "aiohttp", "agentspeak", "matplotlib")
-"""Whose versions are told."""
+"""Packages whose versions are recorded."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def here(command: str, load: float, others: float = 0.0, before: str | None = No
         system=f"{platform.system()} {platform.release().partition('-')[0]}",
         python=platform.python_version(),
         versions=versions,
-        revision=told_revision(before or revision(), revision()),
+        revision=measured_revision(before or revision(), revision()),
         load=round(load, 2),
         others=others,
         command=command,
@@ -169,8 +169,8 @@ def revision(root: Path = ROOT) -> str:
         return "unknown"
 
 
-def told_revision(before: str, after: str, root: Path = ROOT) -> str:
-    """Return what is told of code: the revision of the begin, with a `+` if the code was another at the end.
+def measured_revision(before: str, after: str, root: Path = ROOT) -> str:
+    """Return the revision at the begin, with a `+` if the code was another at the end.
 
     A commit of pages or results is no other code.
     """

@@ -19,13 +19,10 @@ from tests.support.ports import free_port
 CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "missions", "manifests")
 FIRST: Final = "the first plan runs"
 """What the first plan prints."""
-HEARD: Final = "the bridge is there"
-"""What a plan prints for the agent's first percept."""
 _PROGRAM: Final = f"""
 {{ include("uav.asl") }}
 !begun.
 +!begun <- .print("{FIRST}").
-+bridge(up) <- .print("{HEARD}").
 """
 _BARE: Final = """
 import sys, time, zenoh
@@ -61,25 +58,15 @@ def bare(endpoint: str, *modules: str, mode: Literal["client", "router"] = "clie
     return ("-c", _BARE, mode, endpoint, *modules)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of process."""
-
-    name: str
-    says: str
-    """By when it serves."""
-    needs: tuple[str, ...] = ()
-    """Those that must serve before it can."""
-
-
-KINDS: Final = (
-    Kind("bare", "open", ("commd",)),
-    Kind("commd", "router board="),
-    Kind("bridged", "serving uav1", ("commd",)),
-    Kind("agentd", FIRST, ("commd",)),
-    Kind("client", "joined", ("commd",)),
-    Kind("board", FIRST),
-)
+SERVES: Final = {
+    "bare": "open",
+    "commd": "router board=",
+    "bridged": "serving uav1",
+    "agentd": FIRST,
+    "client": "joined",
+    "board": FIRST,
+}
+"""What each kind of process prints when it serves."""
 NAMES: Final = {
     "bare": "a bare process with a session",
     "commd": "`commd serve`",
@@ -89,11 +76,6 @@ NAMES: Final = {
     "board": "`argosy board`: those three in one",
 }
 """As people read it."""
-
-
-def kind(name: str) -> Kind:
-    """Return the kind of that name. Raises KeyError."""
-    return {one.name: one for one in KINDS}[name]
 
 
 READY: Final = {"commd": "router board=", "simulator": "simulated", "bridged": "serving", "agentd": "agents="}
@@ -118,14 +100,14 @@ class Site:
             (folder / f"{name}.asl").write_text(program)
         return cls(file, router, folder / "state")
 
-    def serve(self, stack: ExitStack, name: str, *more: str, says: str = "", patience: float = SPEAKS) -> Watched:
-        """Run a daemon until the stack ends. Returns when it serves, or prints `says`.
+    def serve(self, stack: ExitStack, name: str, *more: str, ready: str = "", patience: float = SPEAKS) -> Watched:
+        """Run a daemon until the stack ends. Returns when it serves, or prints `ready`.
 
         Raises BenchmarkFailed when it has not after `patience` seconds.
         """
         command = ("-m", name, "serve", str(self.mission), *more, "--state", str(self.state / name))
         found = stack.enter_context(watched(name, *command))
-        found.says(says or READY[name], patience)
+        found.wait_for(ready or READY[name], patience)
         return found
 
     @classmethod
@@ -168,10 +150,10 @@ class Site:
 def serving(site: Site, name: str, before: tuple[str, ...] = ()) -> Iterator[Watched]:
     """Run a process of a kind while the block lasts, from the moment on at which it serves. Raises BenchmarkFailed.
 
-    `before` stands before its command.
+    `before` is put before its command.
     """
     with watched_command(name, [*before, *site.command(name)]) as found:
-        found.says(kind(name).says)
+        found.wait_for(SERVES[name])
         yield found
 
 
@@ -191,5 +173,5 @@ def copied(folder: Path, *, compiled: bool) -> Path:
 
 
 def environment(code: Path) -> tuple[str, ...]:
-    """Return what stands before a command so that it runs the code of a folder, and leaves that as it is."""
+    """Return the prefix of a command that runs the code of a folder without changing it."""
     return ("env", f"PYTHONPATH={code}", "PYTHONDONTWRITEBYTECODE=1")

@@ -1,4 +1,4 @@
-"""Many values of one kind in few: what of them is kept in results and told on pages."""
+"""Statistics of measured values: spreads, intervals, and how a cost grows."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Interval:
     count: int
     """Of differences."""
 
-    def told(self, unit: str, digits: int = 1) -> str:
+    def text(self, unit: str, digits: int = 1) -> str:
         """Return it for a page."""
         return f"{self.median:.{digits}f}{unit} ({self.low:.{digits}f} to {self.high:.{digits}f})"
 
@@ -113,10 +113,6 @@ class Line:
     def at(self, size: float) -> float:
         """Return the cost of a size."""
         return self.base + self.each * size
-
-    def reaches(self, cost: float) -> float:
-        """Return the size of a cost; infinite if it never comes to that."""
-        return (cost - self.base) / self.each if self.each > 0 else math.inf
 
     def off(self, points: Points) -> float:
         """Return by how large a part of what was measured the line is off at worst."""

@@ -21,7 +21,7 @@ import pytest
 from argosy.processes.process_table import python_command
 from benchmarks.processes import Watched, watched_command
 from benchmarks.results import ROOT
-from benchmarks.serving import Site, kind
+from benchmarks.serving import SERVES, Site
 
 COMMAND_LINE: Final = {"argparse", "gettext"}
 MISSION: Final = {"copy", "dataclasses", "fnmatch", "ipaddress", "ntpath", "pathlib", "tomllib", "urllib", "yaml"}
@@ -133,14 +133,14 @@ def _showing(site: Site, name: str) -> Iterator[Watched]:
     command = site.command(name)
     begin = len(python_command()) - 1
     with watched_command(name, [*command[:begin], "-c", _SHOWS, *command[begin:]]) as found:
-        found.says(kind(name).says)
+        found.wait_for(SERVES[name])
         yield found
 
 
 def _shown(process: Watched) -> list[str]:
     process.process.send_signal(signal.SIGUSR1)
-    process.says("IMPORTED")
-    (line,) = [line for _, line in process.said if line.startswith("IMPORTED")]
+    process.wait_for("IMPORTED")
+    (line,) = [line for _, line in process.output if line.startswith("IMPORTED")]
     return list(json.loads(line.partition(" ")[2]))
 
 

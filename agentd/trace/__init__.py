@@ -1,4 +1,4 @@
-"""The trace of a mind for observers: its inputs, decisions and activity (docs/reference/mind-records.md).
+"""The trace of a mind for observers: its inputs, decisions and activity (docs/reference/records.md).
 
 `Tracing` publishes it on three channels of the bus, each only while it has subscribers: `{agent}/trace/inputs`, from
 which the mind can be replayed (`agentd.replay.replay`), `.../decisions` and `.../activity` for people.

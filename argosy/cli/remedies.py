@@ -16,7 +16,7 @@ REMEDIES = {
     "failsafe_unknown": "is it an ArduPilot or a PX4? `failsafe: {gcs: none}` for vehicles that have none",
     "foreign_packets": "who speaks there? Sign the vehicle's link (docs/guides/mavlink.md, signing)",
     "link_down": "see `vehicles`: cable, device, baud rate or address of the robot's `link` in the mission",
-    "link_renewed": "was its commd stopped, or without processor? Nothing to do (docs/guides/fleets.md, restarts)",
+    "link_renewed": "was its commd stopped, or without processor? Nothing to do (docs/guides/boards.md, restarts)",
     "mail_went_back": "was a backup restored? Mail that was taken since then is lost: its senders are to send it again "
     "(docs/guides/mail.md)",
     "no_heartbeat": "see `vehicles`: is it switched on, is this its `sysid` and `link` in the mission?",

@@ -1,6 +1,6 @@
 """Views for the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
 
-Views of minds are sent as received (schemas/wire/mind_records.py, docs/reference/mind-records.md).
+Views of minds are sent as received (schemas/wire/mind_records.py, docs/reference/records.md).
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class Boards:
         """Start the agentd of a board, and wait until it serves, for at most `patience` seconds."""
         return self._run("agentd", name, "agents=", patience)
 
-    def _run(self, daemon: str, board: str, says: str, patience: float, *more: str) -> Watched:
+    def _run(self, daemon: str, board: str, ready: str, patience: float, *more: str) -> Watched:
         where = (
             "--board",
             board,
@@ -93,7 +93,7 @@ class Boards:
         )
         command = ("-m", daemon, "serve", str(self._mission), *where, *more)
         found = self._stack.enter_context(watched(f"{daemon} of {board}", *command))
-        found.says(says, patience)
+        found.wait_for(ready, patience)
         return found
 
 
@@ -108,7 +108,7 @@ def boards(
 ) -> Iterator[Boards]:
     """Boards for these agents (agent to board); all processes end with the block.
 
-    `programs`: what stands in the mission of an agent that thinks, as `program: a.asl`, by agent.
+    `programs`: the entries of agents with a mind in the mission, as `program: a.asl`, by agent.
     """
     with ExitStack() as stack:
         made = Boards(stack, folder, agents, synchronous, programs or {})

@@ -1,7 +1,7 @@
 """Part `crowd`: 1 to 1,000 agents in one agentd, as agents of a fleet are: mail on disk, checkpoints, health.
 
 Agents sit in a ring: each asks the one behind it for a belief, and waits for the answer: two messages. All begin at one
-moment, which each is told before, and ask so many questions that they are busy for some seconds; what counts is the
+moment, which each gets in advance, and ask so many questions that they are busy for some seconds; what counts is the
 time from the first question to the last answer by their own clock.
 """
 
@@ -21,7 +21,7 @@ from typing import Final
 
 from benchmarks import spread as fits
 from benchmarks.measurements.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
-from benchmarks.parts import Goal, table, tell
+from benchmarks.parts import Goal, at_least, at_most, progress, table
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
 from benchmarks.spread import NOTHING, Spread, spread
@@ -34,7 +34,7 @@ SETTLE: Final = 3.0
 SETTLE_EACH: Final = 0.01
 """Seconds before anything counts, and for each agent: services of a former life are forgotten meanwhile."""
 AT_ONCE: Final = 200
-"""Agents that are told in one batch to begin."""
+"""Agents that are asked in one batch to begin."""
 LEAD, LEAD_EACH = 0.3, 0.01
 """Seconds from the first word to the begin, and for each agent; then one and a half times as long as words took."""
 SHOWN: Final = 2_000
@@ -80,7 +80,7 @@ class Loaded:
     """Per cent of a core."""
     seconds: float = 0.0
     reached: float = 0.0
-    """Seconds until the last agent had been told to begin."""
+    """Seconds until the last agent had been asked to begin."""
 
     @property
     def fairness(self) -> float:
@@ -111,8 +111,6 @@ class Crowd:
     stop: float
     """Seconds from SIGTERM to the end of the process."""
     hurried: Loaded | None = None
-    eased: Loaded | None = None
-    """Not measured of a crowd that was still at its questions of before."""
     normal: Loaded | None = None
     """As `hurried`, with `mail: {synchronous: normal}`."""
 
@@ -129,25 +127,25 @@ class Ring:
     async def load(self, each: int, pause: float = 0.0, lead: float = 0.0, agents: int = 0) -> Loaded:
         """Let agents, all of them or the first, ask so often, with `pause` seconds at most before each question.
 
-        They begin `lead` seconds after they are told the first word.
+        They begin `lead` seconds after the first message to them.
         """
         asking = agents or self.agents
-        said = [len(one.said) for one in self.minds]
-        shown, told = max(1, min(each, asking * each // SHOWN)), time.monotonic()
+        before = [len(one.output) for one in self.minds]
+        shown, asked = max(1, min(each, asking * each // SHOWN)), time.monotonic()
         order = f"ask({each}, {shown}, {1000 * pause:g}, {1000 * (time.time() + lead):.0f})"
         names = [f"a{one}" for one in range(asking)]
         for first in range(0, asking, AT_ONCE):
             await self._probe.post(names[first : first + AT_ONCE], order)
-        await asyncio.sleep(max(0.0, told + lead - time.monotonic()))
+        await asyncio.sleep(max(0.0, asked + lead - time.monotonic()))
         used, begun = self._cpu(), time.monotonic()
 
         def fresh() -> list[tuple[float, str]]:
-            return [line for since, one in zip(said, self.minds, strict=True) for line in one.said[since:]]
+            return [line for since, one in zip(before, self.minds, strict=True) for line in one.output[since:]]
 
         def all_answered() -> bool:
             return sum(" done " in line for _, line in fresh()) == asking
 
-        with suppress(BenchmarkFailed):  # what came until then is told
+        with suppress(BenchmarkFailed):  # the answers until then count
             await until(all_answered, f"all {asking} agents have their answers", ANSWERING, 0.1)
         if any(one.process.poll() is not None for one in (*self.minds, *self.commds)):
             raise BenchmarkFailed("agentd or commd ended while agents asked")
@@ -155,7 +153,7 @@ class Ring:
             time.monotonic() - begun,
             [100 * (now - then) for now, then in zip(self._cpu(), used, strict=True)],
         )
-        return _load(fresh(), asking, each, told, [one / spent for one in used])
+        return _load(fresh(), asking, each, asked, [one / spent for one in used])
 
     def _cpu(self) -> list[float]:
         return [sum(one.cpu() for one in those) for those in (self.minds, self.commds)]
@@ -171,7 +169,7 @@ class Ring:
             lead = LEAD + 1.5 * found.reached
 
 
-def _load(lines: list[tuple[float, str]], asking: int, each: int, told: float, used: list[float]) -> Loaded:
+def _load(lines: list[tuple[float, str]], asking: int, each: int, asked: float, used: list[float]) -> Loaded:
     """Read what agents have printed."""
     took: dict[str, list[float]] = {}
     done: dict[str, tuple[float, float]] = {}
@@ -193,7 +191,7 @@ def _load(lines: list[tuple[float, str]], asking: int, each: int, told: float, u
         used[0],
         used[1],
         seconds,
-        max((at for at, line in lines if line.endswith("] asks")), default=told) - told,
+        max((at for at, line in lines if line.endswith("] asks")), default=asked) - asked,
     )
 
 
@@ -201,8 +199,6 @@ SIZES: Final = (1, 10, 100, 300, 1000)
 QUICK: Final = (1, 10)
 ENOUGH: Final = 3.0
 """Seconds for which agents ask as fast as they can, at least."""
-PACE: Final = 20.0
-"""Seconds within which each agent of a crowd at its ease asks one question."""
 IDLE: Final = 5.0
 """Seconds over which a crowd that does nothing is measured."""
 QUESTIONS, REST = 200, 0.02
@@ -226,11 +222,8 @@ async def ring(synchronous: Synchronous, agents: int, across: int = 1) -> AsyncI
                 yield Ring(made, probe, minds, agents, start)
 
 
-async def crowd(agents: int, quick: bool, pace: float) -> Crowd:
-    """Measure one crowd: at rest, then each agent asks as fast as it can, and one question at its ease.
-
-    Raises BenchmarkFailed.
-    """
+async def crowd(agents: int, quick: bool) -> Crowd:
+    """Measure one crowd: at rest, then while each agent asks as fast as it can. Raises BenchmarkFailed."""
     async with ring("full", agents) as asking:
         (agentd,), (commd,) = asking.minds, asking.commds
         found = Crowd(agents, asking.start, agentd.cpu(), 0, 0, 0, 0, 0)
@@ -242,8 +235,6 @@ async def crowd(agents: int, quick: bool, pace: float) -> Crowd:
         found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
         if agents > 1:
             found.hurried = await asking.hurried(0.3 if quick else ENOUGH)
-            if pace and found.hurried.all_answered:
-                found.eased = await asking.load(1, pace)
         begun = time.monotonic()
         agentd.process.terminate()
         await until(lambda: agentd.process.poll() is not None, "agentd ends", STARTING)
@@ -272,26 +263,25 @@ class Figures:
     crowds: list[Crowd] = field(default_factory=list)
     fsync: float = 0.0
     """Milliseconds of one on this disk."""
-    pace: float = PACE
     alone: Spread = NOTHING
     """Milliseconds from a question to its answer of two agents of one daemon while nothing else happens."""
     across: Spread = NOTHING
     """The same on two boards: two messages."""
-    counted: str = "the time in which all are told to begin counts too"
+    counted: str = "the time in which all are asked to begin counts too"
 
 
 def measure(quick: bool) -> Figures:
     """Start one crowd after the other. Raises BenchmarkFailed."""
-    figures = Figures(fsync=fsync(), pace=3.0 if quick else PACE, counted="from the first question to the last answer")
+    figures = Figures(fsync=fsync(), counted="from the first question to the last answer")
     figures.alone, figures.across = (asyncio.run(at_rest(quick, across)) for across in (1, 2))
-    tell(f"question to answer {figures.alone} ms, on two boards {figures.across} ms (p50 / p99)")
+    progress(f"question to answer {figures.alone} ms, on two boards {figures.across} ms (p50 / p99)")
     for agents in QUICK if quick else SIZES:
-        found = asyncio.run(crowd(agents, quick, figures.pace))
+        found = asyncio.run(crowd(agents, quick))
         if agents > 1:
             found.normal = asyncio.run(normal(agents, quick))
         figures.crowds.append(found)
         rates = ", ".join(f"{load.rate:.0f}" for load in (found.hurried, found.normal) if load)
-        tell(f"{agents} agents: started in {found.start:.1f} s, {found.rss:.0f} MB; messages/s: {rates or 'none'}")
+        progress(f"{agents} agents: started in {found.start:.1f} s, {found.rss:.0f} MB; messages/s: {rates or 'none'}")
     return figures
 
 
@@ -303,7 +293,7 @@ def probe(quick: bool) -> dict[str, float]:
     """Return what mail among agents of one daemon costs: less is better."""
     found = {}
     for agents in QUICK[1:] if quick else COMPARED:
-        one = asyncio.run(crowd(agents, quick, 0.0))
+        one = asyncio.run(crowd(agents, quick))
         for what, load in (("full", one.hurried), ("normal", asyncio.run(normal(agents, quick)))):
             assert load is not None
             rate = load.rate or 1e-9
@@ -350,16 +340,16 @@ def goals(figures: Figures) -> list[Goal]:
         loads = {one.agents: load for one in figures.crowds if (load := getattr(one, how)) is not None}
         for agents in (agents for agents in COMPARED if agents in loads):
             title = f"messages a second among {agents:,} agents of one agentd, {what}"
-            found.append(_at_least(title, RATES[how], loads[agents].rate, _ONE_CORE))
+            found.append(at_least(title, RATES[how], loads[agents].rate, why=_ONE_CORE))
         if len(loads) > 1:
             part = loads[largest.agents].rate / max(load.rate for load in loads.values())
             title = f"messages a second among {largest.agents:,} agents, {what}, against the most of any crowd"
             found.append(Goal(title, f"{KEPT:.0%}", f"{part:.0%}", part >= KEPT, _ONE_CORE))
     if figures.alone.count:
         title = "question to answer at rest, p50: agents of one daemon"
-        found.append(_at_most(title, GOAL_ALONE, figures.alone.p50, "ms", _ONE_CORE))
+        found.append(at_most(title, GOAL_ALONE, figures.alone.p50, "ms", _ONE_CORE))
         title = "message at rest, p50, half of question to answer: agents on two boards"
-        found.append(_at_most(title, GOAL_ACROSS, figures.across.p50 / 2, "ms", _FOUR_COMMITS))
+        found.append(at_most(title, GOAL_ACROSS, figures.across.p50 / 2, "ms", _FOUR_COMMITS))
     if largest.agents == SIZES[-1]:
         for what, limit, value, unit in (
             ("start of agentd", GOAL_START, largest.start, "s"),
@@ -367,24 +357,16 @@ def goals(figures: Figures) -> list[Goal]:
             ("processor time of commd at rest", GOAL_COMMD, largest.commd_idle, "% of a core"),
             ("memory of agentd (RSS)", GOAL_RSS, largest.rss, "MB"),
         ):
-            found.append(_at_most(f"{largest.agents:,} agents: {what}", limit, value, unit, _HEALTH))
+            found.append(at_most(f"{largest.agents:,} agents: {what}", limit, value, unit, _HEALTH))
     if len(figures.crowds) >= fits.SIZES:
         for what, field_ in (
             ("memory of an agentd grows no faster than its agents", "rss"),
             ("so does the processor time of its start", "cpu_start"),
         ):
             growth = fits.power(_points(figures.crowds, field_))
-            told = f"{growth} (off by {growth.off:.0%} at worst)"
-            found.append(Goal(what, f"size ^ {fits.STEEPEST:g} at most", told, growth.power <= fits.STEEPEST, _GROWS))
+            fit = f"{growth} (off by {growth.off:.0%} at worst)"
+            found.append(Goal(what, f"size ^ {fits.STEEPEST:g} at most", fit, growth.power <= fits.STEEPEST, _GROWS))
     return found
-
-
-def _at_least(title: str, limit: float, value: float, why: str) -> Goal:
-    return Goal(title, f"{limit:,.0f}", f"{value:,.0f}", value >= limit, why)
-
-
-def _at_most(title: str, limit: float, value: float, unit: str, why: str) -> Goal:
-    return Goal(title, f"{limit:g} {unit}", f"{value:.1f} {unit}", value <= limit, why)
 
 
 _ONE_CORE: Final = (
@@ -410,12 +392,6 @@ _GROWS: Final = (
 )
 
 
-KEEPS_UP: Final = 0.8
-"""A crowd at its ease keeps up if it makes so large a part of the messages a second that are asked of it..."""
-IN_TIME: Final = 10
-"""... and 99 of 100 of its questions are answered within the pace divided by this."""
-
-
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the tables."""
     parts = [
@@ -426,9 +402,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"At once ({figures.counted}):",
         _talking([(one, one.hurried) for one in figures.crowds if one.hurried]),
         _normal(figures),
-        f"At ease, one question of each agent within {figures.pace:g} s:",
-        _talking([(one, one.eased) for one in figures.crowds if one.eased]),
-        _outgrown(figures),
         _alone(figures),
     ]
     return {"crowd": "\n\n".join(part for part in parts if part)}
@@ -455,7 +428,7 @@ def _at_rest(crowds: list[Crowd]) -> str:
 def _grows(crowds: list[Crowd]) -> str:
     if len(crowds) < fits.SIZES:
         return ""
-    told = []
+    grown = []
     for what, points in (
         ("memory", _points(crowds, "rss")),
         ("the processor time of the start", _points(crowds, "cpu_start")),
@@ -463,8 +436,8 @@ def _grows(crowds: list[Crowd]) -> str:
         ("commd at rest", _points(crowds, "commd_idle")),
     ):
         growth = fits.power(points)
-        told.append(f"{what}: {growth}, off by {growth.off:.0%} at worst")
-    return f"How it grows, by least squares (size ^ 1 = in proportion): {'; '.join(told)}."
+        grown.append(f"{what}: {growth}, off by {growth.off:.0%} at worst")
+    return f"How it grows, by least squares (size ^ 1 = in proportion): {'; '.join(grown)}."
 
 
 def _points(crowds: list[Crowd], what: str) -> list[tuple[float, float]]:
@@ -500,39 +473,4 @@ def _alone(figures: Figures) -> str:
     return (
         f"Two agents of which one asks while nothing else happens, question to answer (p50 / p99): in one daemon "
         f"{figures.alone} ms, on two boards {figures.across} ms."
-    )
-
-
-def _late(one: Crowd, pace: float) -> str:
-    """Return what a crowd at its ease did not get, in words; empty: it keeps up."""
-    if one.hurried is None:  # one alone has nobody to ask
-        return ""
-    load = one.eased
-    if load is None:
-        return "questions asked at once were still not answered"
-    if not load.all_answered:
-        return f"{load.asked - load.answered:,} of {load.asked:,} questions were not answered"
-    wanted = 2 * one.agents / pace
-    if load.rate < KEEPS_UP * wanted:
-        return f"{load.rate:.0f} messages/s, {wanted:.0f} are asked"
-    if load.took.p99 > 1000 * pace / IN_TIME:
-        return f"p99 of an answer is {load.took.p99 / 1000:.1f} s"
-    return ""
-
-
-def _outgrown(figures: Figures) -> str:
-    """Say from which of the sizes on a crowd cannot keep up."""
-    pace = figures.pace
-    criterion = (
-        f"one question of each agent in {pace:g} s: all are answered, at {KEEPS_UP:.0%} of that pace at least, and "
-        f"99 of 100 within {pace / IN_TIME:g} s"
-    )
-    sizes = ", ".join(f"{one.agents:,}" for one in figures.crowds)
-    late = [(one, why) for one in figures.crowds if (why := _late(one, pace))]
-    if not late:
-        return f"Of the sizes measured ({sizes}) every one keeps up with {criterion}."
-    (first, why), *_ = late
-    return (
-        f"Of the sizes measured ({sizes}), {first.agents:,} agents are the smallest that do not keep up with "
-        f"{criterion}. There {why}: one agentd and one board are outgrown at that size."
     )

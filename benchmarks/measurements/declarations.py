@@ -29,7 +29,7 @@ from typing import Any, Final
 import zenoh
 
 from benchmarks.measurements.fleet import start, wait_for_all, write_mission
-from benchmarks.parts import table, tell
+from benchmarks.parts import progress, table
 from benchmarks.processes import BenchmarkFailed, Watched, pss, watched
 from benchmarks.results import Origin
 from tests.support.ports import free_port
@@ -55,7 +55,7 @@ SHARE: Final = 0.7
 KINDS: Final = ("token", "queryable", "subscriber")
 MESH, SITES, REGIONS = "each board linked with each", "a router for each site", "each board a region of its site"
 TOPOLOGIES: Final = {MESH: ("router", False), SITES: ("router", True), REGIONS: ("region", True)}
-"""The mode of a board's router, and whether a site's router stands between two boards."""
+"""The mode of a board's router, and whether a site's router is between two boards."""
 FLEETS: Final = ((10, 10), (100, 10), (1000, 10))
 """Boards, and vehicles on each."""
 SITE: Final = 50
@@ -120,11 +120,11 @@ def measure(quick: bool) -> Figures:
     """Measure everything. Raises BenchmarkFailed."""
     figures = Figures(50 if quick else COUNT)
     for topology in TOPOLOGIES:
-        tell(topology)
+        progress(topology)
         figures.steps += asyncio.run(_costs(topology, figures.count, 0.5 if quick else SETTLE))
     figures.few = asyncio.run(_costs(MESH, figures.count // 4, 0.5 if quick else SETTLE))
     for size in SIZES:
-        for kind, number in _counted(size).items():
+        for kind, number in _count_declarations(size).items():
             figures.counted.setdefault(kind, []).append(number)
     return figures
 
@@ -140,10 +140,10 @@ async def _costs(topology: str, count: int, settle: float) -> list[Step]:
         routers["other board"] = stack.enter_context(_router(mode, there, *far))
         async with Relay(relayed, site if has_site else there) as relay:
             routers["board"] = await asyncio.to_thread(stack.enter_context, _router(mode, here, relayed))
-            return await asyncio.to_thread(_declared, topology, routers, (here, there), relay, count, settle)
+            return await asyncio.to_thread(_declare_all, topology, routers, (here, there), relay, count, settle)
 
 
-def _declared(
+def _declare_all(
     topology: str, routers: dict[str, Watched], ports: tuple[int, int], relay: Relay, count: int, settle: float
 ) -> list[Step]:
     with _client(ports[0]) as near, _client(ports[1]) as far:
@@ -158,7 +158,7 @@ def _declared(
             found, made = _cost(topology, kind, routers, relay, count, settle, act)
             kept.append(made)
             for one in found.costs:
-                one.held = _held(near if one.router == "board" else far, routers, one.router)[kind]
+                one.held = _declarations_at(near if one.router == "board" else far, routers, one.router)[kind]
             steps.append(found)
         for kind, heard in HEARD.items():
             seen: list[zenoh.Sample] = []
@@ -210,9 +210,9 @@ def _cost(
     return Step(topology, kind, costs, (relay.forth + relay.back - carried - quiet * share) / count), made
 
 
-def _held(session: zenoh.Session, routers: dict[str, Watched], router: str) -> dict[str, int]:
+def _declarations_at(session: zenoh.Session, routers: dict[str, Watched], router: str) -> dict[str, int]:
     """Return how many declarations of the fleet a router has, by kind."""
-    zid = routers[router].said[0][1].split()[-1]
+    zid = routers[router].output[0][1].split()[-1]
     return {kind: _listed(session, f"@/{zid}/*/{kind}/argosy/**") for kind in KINDS}
 
 
@@ -224,7 +224,7 @@ def _listed(session: zenoh.Session, key: str) -> int:
 def _router(mode: str, listen: int, *connect: int) -> Iterator[Watched]:
     arguments = ("-m", "benchmarks.measurements.declarations", mode, str(listen), *map(str, connect))
     with watched(f"router {listen}", *arguments) as process:
-        process.says("serves as")
+        process.wait_for("serves as")
         yield process
 
 
@@ -248,7 +248,7 @@ def _config(mode: str, listen: list[int], connect: list[int]) -> zenoh.Config:
     return config
 
 
-def _counted(size: int) -> dict[str, int]:
+def _count_declarations(size: int) -> dict[str, int]:
     """Return what a real board with so many vehicles and agents declares at its router, by kind."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))

@@ -18,7 +18,7 @@ import msgspec
 from argosy.processes.process_table import Setup, places, plan
 from benchmarks import health
 from benchmarks.health import DAEMONS
-from benchmarks.measurements.vehicles import POSITIONS, Told
+from benchmarks.measurements.vehicles import POSITIONS, Report
 from benchmarks.processes import BenchmarkFailed, Watched, memory, pss, until, watched
 from benchmarks.results import busy_seconds
 from benchmarks.spread import NOTHING, Spread, spread
@@ -54,7 +54,7 @@ _PROGRAM: Final = """\
      .print("asked ", (E - B) / 1000);
      .wait(P);
      !!ask.
--!ask[error_msg(Why)] : pause(P) <- .print("not told: ", Why); .wait(P); !!ask.
+-!ask[error_msg(Why)] : pause(P) <- .print("not report: ", Why); .wait(P); !!ask.
 """
 
 
@@ -121,7 +121,7 @@ class Run:
     messages: float = 0.0
     """MAVLink messages a second that bridges took in."""
     percepts: float = 0.0
-    """Percepts a second that bridges told, as they count them."""
+    """Percepts a second that bridges report, as they count them."""
     percept: Spread = NOTHING
     """From the moment before a position is sent to the line that a plan prints for its belief."""
     unseen: int = 0
@@ -175,9 +175,9 @@ def run(size: int, *, seconds: float, own_links: bool = False, settle: float = S
             found.use[kind] = Use(len(those), cpu, pss(pids), sum(memory(pid, "VmRSS") for pid in pids))
         lost = lost_datagrams(made.ports) - lost
         time.sleep(1.0)  # what was sent last becomes a belief
-        told = _told(parts["talkers"][0])
-        latencies(found, parts["agentd"], told, begun, ended)
-        missed(found, records, told, begun, ended, lost)
+        report = _talker_report(parts["talkers"][0])
+        latencies(found, parts["agentd"], report, begun, ended)
+        missed(found, records, report, begun, ended, lost)
         return found
 
 
@@ -202,7 +202,7 @@ def start(stack: ExitStack, folder: Path, made: Field) -> tuple[dict[str, list[W
             begun = time.monotonic()
         parts[kind].append(stack.enter_context(watched(process.name, *process.argv[1:])))
         if kind == "commd":
-            parts[kind][-1].says("router board=")
+            parts[kind][-1].wait_for("router board=")
     where = [f"{robot.sysid}:{port}" for robot, port in zip(mission.robots.values(), made.ports, strict=True)]
     talkers = ("-m", "benchmarks.measurements.vehicles", str(made.every), *where)
     parts["talkers"].append(stack.enter_context(watched("talkers", *talkers)))
@@ -219,13 +219,13 @@ def wait_for_all(size: int, parts: dict[str, list[Watched]], begun: float) -> tu
 
     def all_serve() -> bool:
         served.update(
-            (line.partition("]")[0], at) for at, line in list(parts["agentd"][0].said) if line.endswith("] serves")
+            (line.partition("]")[0], at) for at, line in list(parts["agentd"][0].output) if line.endswith("] serves")
         )
         return len(served) == size or bool(_ended(parts))
 
     until(all_serve, PATIENCE, 0.1)
     if _ended(parts) or not served:
-        last = "\n".join(line for those in parts.values() for one in those[:3] for _, line in one.said[-3:])
+        last = "\n".join(line for those in parts.values() for one in those[:3] for _, line in one.output[-3:])
         raise BenchmarkFailed(f"{size} vehicles: ended: {_ended(parts)}, serving: {len(served)}; last:\n{last}")
     return len(served), max(served.values()) - begun
 
@@ -234,12 +234,12 @@ def _ended(parts: dict[str, list[Watched]]) -> list[str]:
     return [one.name for those in parts.values() for one in those if one.process.poll() is not None]
 
 
-def _told(talkers: Watched) -> Told:
+def _talker_report(talkers: Watched) -> Report:
     talkers.process.terminate()
-    until(lambda: bool(talkers.when("TOLD ")), PATIENCE)
-    for _, line in talkers.said:
-        if line.startswith("TOLD "):
-            return msgspec.json.decode(line[5:], type=Told)
+    until(lambda: bool(talkers.when("REPORT ")), PATIENCE)
+    for _, line in talkers.output:
+        if line.startswith("REPORT "):
+            return msgspec.json.decode(line.removeprefix("REPORT "), type=Report)
     raise BenchmarkFailed("the vehicles did not report what they had sent")
 
 
@@ -255,12 +255,12 @@ _ASKED: Final = re.compile(r"\[agent\d+\] asked ([\d.eE+-]+)$")
 _STATE: Final = re.compile(r" action=(\w+) .*\bstate=(\w+)")
 
 
-def latencies(found: Run, agents: list[Watched], told: Told, begun: float, ended: float) -> None:
+def latencies(found: Run, agents: list[Watched], report: Report, begun: float, ended: float) -> None:
     """Read how long positions and actions took from what agents have printed, and when positions were sent."""
     came: dict[tuple[int, int], float] = {}
     asked: list[float] = []
     actions: Counter[str] = Counter()
-    for at, line in (one for daemon in agents for one in daemon.said):
+    for at, line in (one for daemon in agents for one in daemon.output):
         if position := _AT.search(line):
             came[int(position[1]), int(position[2])] = at
         elif begun <= at <= ended and (answer := _ASKED.search(line)):
@@ -269,7 +269,7 @@ def latencies(found: Run, agents: list[Watched], told: Told, begun: float, ended
             actions[status[2]] += 1
     sent = {
         (system, metres): at
-        for system, those in told.sent.items()
+        for system, those in report.sent.items()
         for metres, at in those.items()
         if begun <= at <= ended
     }
@@ -281,7 +281,7 @@ def latencies(found: Run, agents: list[Watched], told: Told, begun: float, ended
     found.actions = dict(actions)
 
 
-def missed(found: Run, records: health.Records, told: Told, begun: float, ended: float, datagrams: int) -> None:
+def missed(found: Run, records: health.Records, report: Report, begun: float, ended: float, datagrams: int) -> None:
     """Count what was late or lost between two moments, and what bridges took in and published."""
     grown = health.grown(records, begun, ended)
     bridges, agents, boards = (grown[kind] for kind in ("bridged", "agentd", "commd"))
@@ -294,7 +294,7 @@ def missed(found: Run, records: health.Records, told: Told, begun: float, ended:
         "percepts that did not come": agents.counts["percepts_missed"],
         "percepts that came after the status that refers to them": agents.counts["percepts_late"],
         "heartbeats of a bridge late": sum(
-            health.gaps(times, begun, ended, BEAT_LATE) for times in told.beats.values()
+            health.gaps(times, begun, ended, BEAT_LATE) for times in report.beats.values()
         ),
         "health records late": health.late(records, begun, ended),
         "datagrams lost before the bridge": datagrams,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import Goal, table, tell
+from benchmarks.parts import Goal, at_most, progress, table
 from benchmarks.processes import BenchmarkFailed, Watched, alone, memory, pss
 from benchmarks.results import ROOT, Origin
 from benchmarks.serving import NAMES, Site, copied, environment, serving
@@ -48,7 +48,7 @@ class Figures:
 
     held: dict[str, Held] = field(default_factory=dict)
     together: float | None = None
-    """MB of a board's three daemons, each page counted once; None where the kernel does not tell."""
+    """MB of a board's three daemons, each page counted once; None where the kernel does not report it."""
     in_one: float | None = None
     """The same of `argosy board`."""
     ratios: dict[str, list[float]] = field(default_factory=dict)
@@ -69,7 +69,7 @@ def measure(quick: bool) -> Figures:
         for turn in range(1 if quick else REPEATS):
             for names in (TOGETHER, ALONE):
                 look(figures, names, Path(folder) / f"{turn}-{names[0]}", code, 1.0 if quick else SETTLED)
-            tell(", ".join(f"{name} {figures.ratios[name][-1]:.2f}" for name in BOUNDS))
+            progress(", ".join(f"{name} {figures.ratios[name][-1]:.2f}" for name in BOUNDS))
     return figures
 
 
@@ -107,7 +107,7 @@ def _note(held: Held, process: Watched, cpu: float) -> None:
     pid = process.process.pid
     rss = memory(pid, "VmRSS")
     if not rss:
-        raise BenchmarkFailed(f"{process.name} has ended: {process.said[-1:]}")
+        raise BenchmarkFailed(f"{process.name} has ended: {process.output[-1:]}")
     held.rss.append(rss)
     held.pss.append(pss([pid]))
     held.threads, held.cpu = len(list(Path(f"/proc/{pid}/task").iterdir())), cpu
@@ -151,12 +151,6 @@ _WHY: Final = (
 def goals(figures: Figures) -> list[Goal]:
     """Each daemon is to stay within the bound that CI holds it against."""
     return [
-        Goal(
-            f"RSS at rest of {NAMES[name]}",
-            f"<= {bound:g} bare processes",
-            f"{figures.ratio(name):.2f}",
-            figures.ratio(name) <= bound,
-            _WHY,
-        )
+        at_most(f"RSS at rest of {NAMES[name]}", bound, figures.ratio(name), "bare processes", _WHY, digits=2)
         for name, bound in BOUNDS.items()
     ]

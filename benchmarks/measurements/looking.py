@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.parts import Goal, line_of_goals, table, tell
+from benchmarks.parts import Goal, line_of_goals, progress, table
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
 from benchmarks.serving import Site
@@ -121,8 +121,8 @@ class Cost:
         """Return a row of the table."""
         rate = {"activity": PUT_AT_MOST, **dict.fromkeys(LOOKING, RATE)}.get(self.key)
         often = "" if rate is None else f" at {rate:g} Hz"
-        cells = (self.title, f"{self.extra.count}", f"{self.work:.1f} ms", self.extra.told(" ms", 2))
-        return f"| {' | '.join(cells)} | {self.lost().told(' %', 2)}{often} |"
+        cells = (self.title, f"{self.extra.count}", f"{self.work:.1f} ms", self.extra.text(" ms", 2))
+        return f"| {' | '.join(cells)} | {self.lost().text(' %', 2)}{often} |"
 
 
 @dataclass
@@ -135,10 +135,10 @@ class Figures:
 def measure(quick: bool) -> Figures:
     """Measure all who look, then all who listen. Raises BenchmarkFailed."""
     looked, heard, warm_up = (3, 2, 2) if quick else (LOOKED, HEARD, WARM_UP)
-    tell("what one look takes")
+    progress("what one look takes")
     with _daemons() as (endpoint, agentd):
         found = asyncio.run(costs(endpoint, agentd, LOOKS, looked, PAUSE, warm_up))
-        tell("what listening takes")
+        progress("what listening takes")
         return Figures(found + asyncio.run(costs(endpoint, agentd, LISTENERS, heard, HEARING, warm_up)))
 
 
@@ -220,13 +220,13 @@ class _Bursts:
         begun, self._done = self._done, self._done + STEPS
         self._bus.put(keys.percept_by_hand(FLEET, AGENT, "go"), Perception(parameters=(begun, self._done)))
         until = time.monotonic() + ANSWER_TIMEOUT
-        while not self._said(f"end of {self._done}"):
+        while not self._printed(f"end of {self._done}"):
             if time.monotonic() > until:
                 raise BenchmarkFailed(f"the agent has not worked within {ANSWER_TIMEOUT:g} s")
             await asyncio.sleep(0.005)
 
-    def _said(self, words: str) -> bool:
-        lines = self._agentd.said
+    def _printed(self, words: str) -> bool:
+        lines = self._agentd.output
         while self._read < len(lines):
             self._read += 1
             if lines[self._read - 1][1].endswith(words):
@@ -253,7 +253,7 @@ def goals(figures: Figures) -> list[Goal]:
         why = (_UNDECIDED if undecided else _SPENT).format(view=view)
         title = f"what a busy agent loses by `argosy {view}` at {RATE:g} Hz"
         wanted = f"under {GOAL:g} %, with 95 %"
-        found.append(Goal(title, wanted, lost.told(" %", 2), lost.high < GOAL, why, decided=not undecided))
+        found.append(Goal(title, wanted, lost.text(" %", 2), lost.high < GOAL, why, decided=not undecided))
     return found
 
 

@@ -4,7 +4,7 @@ The robot speaks on Zenoh keys (driver `zenoh`), so that no physics of a vehicle
 agent answers each `+ping(N)` by the actions `pong(N)` and, when that has succeeded, `seen(N)`.
 
 `python -m benchmarks.measurements.loop_board ENDPOINT SIZE` is the other side of bare exchanges through the same
-router, which tell what those of the loop cost at least: it puts back what is put to it, and answers what it is asked.
+router, the least cost of those in the loop: it puts back each put, and answers each query.
 It has a session, two callbacks and nothing else: no asyncio, no records, no checks.
 """
 
@@ -84,12 +84,12 @@ missing(0).
 +!counted(N, N) : next(N) <- .print("all up to ", N); -+next(N + 1).
 +!counted(N, Of) : next(N) <- -+next(N + 1).
 +!counted(N, Of) : next(M) & missing(K) <- .print("came ", N, " instead of ", M); -+next(N + 1); -+missing(K + N - M).
-+run(N) : next(M) & missing(K) <- .print("run ", N, " stands at ", M, " without ", K); -+next(1); -+missing(0).
++run(N) : next(M) & missing(K) <- .print("run ", N, " is at ", M, " without ", K); -+next(1); -+missing(0).
 """
 
 
 def payload(number: int, of: int = 0) -> bytes:
-    """Return what the robot says of itself."""
+    """Return the payload of a sample of the robot."""
     return json.dumps({"n": number, "of": of} if of else {"n": number}).encode()
 
 
@@ -138,12 +138,12 @@ class Board:
     status: Receiver
 
     def put(self, source: str, number: int, of: int = 0) -> None:
-        """Let the robot say something."""
+        """Publish a sample of the robot."""
         self.session.put(f"robot/{source}", payload(number, of), encoding="application/json")
 
     def last_words(self) -> str:
-        """Return what the daemons said last, for whoever waits in vain."""
-        return "\n".join(line for one in (self.bridge, self.agent) for _, line in one.said[-5:])
+        """Return the last output of the daemons, for an error."""
+        return "\n".join(line for one in (self.bridge, self.agent) for _, line in one.output[-5:])
 
 
 @contextmanager
@@ -158,7 +158,7 @@ def board(*, kept: bool = True) -> Iterator[Board]:
         site = Site.written(folder, _MISSION.format(restart="" if kept else ", on_restart: fresh"), loop=PROGRAM)
         endpoint, router = site.router, site.serve(stack, "commd")
         bridge = site.serve(stack, "bridged")
-        agent = site.serve(stack, "agentd", says="bridge_up")
+        agent = site.serve(stack, "agentd", ready="bridge_up")
         session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
         pong, seen = Receiver(session, "robot/pong"), Receiver(session, "robot/seen")
         status = Receiver(session, keys.status("loop", "thinker", "pong"), _succeeded)
@@ -231,7 +231,7 @@ class Raw:
 def raw(endpoint: str, session: zenoh.Session, sizes: Sizes) -> Iterator[Raw]:
     """Run the other side while the block lasts."""
     with watched("raw", "-m", "benchmarks.measurements.loop_board", endpoint, str(sizes.status)) as other:
-        other.says("ready")
+        other.wait_for("ready")
         made = Raw(session, sizes)
         guard = threading.Timer(LONGEST, session.close)  # what is waited for then does not come any more
         guard.daemon = True

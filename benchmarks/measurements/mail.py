@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from benchmarks.measurements.boards import PROBE, Member, Synchronous, boards, fsync, member, until
-from benchmarks.parts import Goal, line_of_goals, table, tell
+from benchmarks.parts import Goal, at_least, at_most, line_of_goals, progress, table
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare as bare_process
@@ -31,7 +31,7 @@ TEAM: Final = {"ann": "b1", "bob": "b2", "cid": "b3"}
 FLYING: Final = 4_000
 """Messages on their way at most while the throughput is measured."""
 TRICKLE: Final = 0.01
-"""Seconds between two messages whose latency tells what others suffer."""
+"""Seconds between two messages whose latency shows the effect on others."""
 GOAL_RATE, GOAL_RSS, GOAL_STALL = 3_000.0, 10.0, 10.0
 """Messages a second, MB above a bare process, latency beside a backlog against that without."""
 
@@ -112,19 +112,17 @@ def goals(figures: Figures) -> list[Goal]:
     """Return what is asked of the mail."""
     bound = _BOUND.format(fsync=figures.fsync, batch=BATCH)
     found = [
-        Goal(f"mail, three boards, {name}", f"{GOAL_RATE:,.0f} messages/s", f"{rate:,.0f}", rate >= GOAL_RATE, bound)
+        at_least(f"mail, three boards, {name}", GOAL_RATE, rate, "messages/s", bound)
         for name, rate in (("FULL", figures.rate_full), ("NORMAL", figures.rate_normal))
     ]
     for who, caught in (("agentd", figures.agent_away), ("whole board", figures.board_away)):
         title = f"latency of others (p50) while {figures.backlog:,} messages reach one whose {who} was away"
-        told = f"x {caught.ratio:.1f} ({caught.before} ms, {caught.meanwhile} ms; p50 / p99)"
-        found.append(Goal(title, f"at most x {GOAL_STALL:g}", told, caught.ratio <= GOAL_STALL, _BESIDE))
+        ratio = f"x {caught.ratio:.1f} ({caught.before} ms, {caught.meanwhile} ms; p50 / p99)"
+        found.append(Goal(title, f"at most x {GOAL_STALL:g}", ratio, caught.ratio <= GOAL_STALL, _BESIDE))
     held = figures.memory
     for what, megabytes in (("empty", held.empty), (f"with {figures.queued:,} queued messages", held.queued)):
-        above = megabytes - held.bare
-        told = f"{above:.1f} MB ({megabytes:.1f} - {held.bare:.1f})"
-        title = f"memory of commd above a bare process (RSS), {what}"
-        found.append(Goal(title, f"{GOAL_RSS:g} MB", told, above <= GOAL_RSS, _HELD))
+        title = f"memory of commd above a bare process of {held.bare:.1f} MB (RSS), {what}"
+        found.append(at_most(title, GOAL_RSS, megabytes - held.bare, "MB", _HELD))
     return found
 
 
@@ -213,9 +211,9 @@ _TALKER: Final = """\
 +!talk(A) : left(A, N) & N > 0 <- .send(A, tell, item(N)); -left(A, N); +left(A, N - 1); !!talk(A).
 +!talk(A) <- .print("sent all to ", A).
 taken(0).
-@t[atomic] +item(N)[source(S)] : taken(T) <- -item(N)[source(S)]; -taken(T); +taken(T + 1); !told(T + 1).
-+!told({total}) <- .print("taken all").
-+!told(_).
+@t[atomic] +item(N)[source(S)] : taken(T) <- -item(N)[source(S)]; -taken(T); +taken(T + 1); !counted(T + 1).
++!counted({total}) <- .print("taken all").
++!counted(_).
 """
 
 
@@ -310,7 +308,7 @@ async def resident(folder: Path, queued: int, settle: float = SETTLE) -> Residen
     with boards(folder, {"ann": "b1", "bob": "b1"}, "full") as made:
         arguments = bare_process(f"tcp/127.0.0.1:{free_port()}", *_HAS, mode="router")
         with watched("bare", *arguments) as bare:
-            bare.says("open")
+            bare.wait_for("open")
             async with member(made.endpoints["b1"], "ann") as ann:
                 await asyncio.sleep(settle)
                 pid = made.daemons["b1"].process.pid
@@ -334,19 +332,19 @@ def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
 def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     seconds, letters, backlog, queued = (1.0, 20, 2_400, 2_000) if quick else (SECONDS, LETTERS, BACKLOG, QUEUED)
-    tell("throughput")
+    progress("throughput")
     full = in_folder(lambda at: throughput(at, "full", seconds))
     normal = in_folder(lambda at: throughput(at, "normal", seconds))
-    tell("latency")
+    progress("latency")
     latency_full = in_folder(lambda at: latency(at, "full", letters))
     latency_normal = in_folder(lambda at: latency(at, "normal", letters))
-    tell("a backlog")
+    progress("a backlog")
     away = partial(caught_up, settle=0.5, before=20) if quick else caught_up
     agent_away = in_folder(lambda at: away(at, "full", backlog, board_away=False))
     board_away = in_folder(lambda at: away(at, "full", backlog, board_away=True))
-    tell("memory")
+    progress("memory")
     held = in_folder(lambda at: resident(at, queued, 0.5 if quick else SETTLE))
-    tell("agents that write to one another")
+    progress("agents that write to one another")
     return Figures(
         seconds=seconds,
         backlog=backlog // BATCH * BATCH,

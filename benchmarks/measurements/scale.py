@@ -16,7 +16,7 @@ from benchmarks import spread as fits
 from benchmarks.health import DAEMONS
 from benchmarks.measurements.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
 from benchmarks.measurements.vehicles import POSITIONS, RATES
-from benchmarks.parts import Goal, table, tell
+from benchmarks.parts import Goal, at_most, progress, table
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 
@@ -49,7 +49,7 @@ def measure(quick: bool) -> Figures:
     for size, own_links in [*((size, False) for size in sizes), *((size, True) for size in apart)]:
         found = run(size, seconds=seconds, own_links=own_links)
         own = ", a bridge for each" if own_links else ""
-        tell(f"{size}{own}: {found.serving} served, {found.cpu():.0f} % of a core, p99 {found.percept.p99:.0f} ms")
+        progress(f"{size}{own}: {found.serving} served, {found.cpu():.0f} % of a core, p99 {found.percept.p99:.0f} ms")
         figures.runs.append(found)
     return figures
 
@@ -101,19 +101,17 @@ def goals(figures: Figures) -> list[Goal]:
             _why(largest),
         )
     )
-    told = easy(row)
-    if told:
-        size, each = told[-1].size, told[-1].cpu() / told[-1].size
+    free = easy(row)
+    if free:
+        size, each = free[-1].size, free[-1].cpu() / free[-1].size
         title = f"processor time of bridged, agentd and commd for each UAV, of {size}, the most with cores left"
-        found.append(
-            Goal(title, f"{GOAL_EACH:g} % of a core", f"{each:.2f} %", each <= GOAL_EACH, f"{_TRIED}; {_TRIED_GROWTH}")
-        )
-    if len(told) >= fits.SIZES:
-        powers = {kind: fits.power([(one.size, one.use[kind].cpu) for one in told]) for kind in DAEMONS}
+        found.append(at_most(title, GOAL_EACH, each, "% of a core", f"{_TRIED}; {_TRIED_GROWTH}", digits=2))
+    if len(free) >= fits.SIZES:
+        powers = {kind: fits.power([(one.size, one.use[kind].cpu) for one in free]) for kind in DAEMONS}
         worst = max(powers, key=lambda kind: powers[kind].power)
         found.append(
             Goal(
-                f"processor time of no daemon grows faster than the fleet ({told[0].size} to {told[-1].size} UAVs)",
+                f"processor time of no daemon grows faster than the fleet ({free[0].size} to {free[-1].size} UAVs)",
                 f"size ^ {fits.STEEPEST:g} at most",
                 f"{powers[worst]} ({worst}; off by {powers[worst].off:.0%} at worst)",
                 powers[worst].power <= fits.STEEPEST,
@@ -121,13 +119,13 @@ def goals(figures: Figures) -> list[Goal]:
             )
         )
     else:
-        few = f"{len(told)} sizes left cores free, and a growth is told by {fits.SIZES}: it is not known"
+        few = f"{len(free)} sizes left cores free, and growth needs {fits.SIZES}: it is not known"
         found.append(Goal("processor time of no daemon grows faster than the fleet", "", "", False, few, decided=False))
     return found
 
 
 def _why(one: Run) -> str:
-    """Return why that size was not served in time, as far as its own figures tell, and what was tried."""
+    """Return why that size was not served in time, as far as its own figures show, and what was tried."""
     what = "; ".join(one.not_served()) or "nothing was late or lost"
     reason = (
         f"the cores were busy for {one.busy:.0f} % of the time"
@@ -156,106 +154,74 @@ BOARDS: Final = {"BeagleBone Black": BEAGLEBONE_MB, "Raspberry Pi 3": PI_MB}
 
 
 def easy(row: list[Run]) -> list[Run]:
-    """Return the runs by whose cost the growth can be told: those in which cores were left."""
+    """Return the runs that show the growth of the cost: those in which cores were left."""
     return [one for one in row if one.busy < FULL]
-
-
-def first_missed(row: list[Run]) -> Run | None:
-    """Return the smallest size that did not get everything in time; none: all did."""
-    return next((one for one in row if one.not_served()), None)
 
 
 def outgrown(row: list[Run], origin: Origin) -> list[str]:
     """Return at which measured size something was outgrown, how the cost grows, and what that means for more UAVs."""
-    told = easy(row)
-    found = [_measured(row)]
-    if len(told) < 2:
-        return [*found, "Cores were left at fewer than two sizes: how the cost grows cannot be told from this run."]
-    used = ", ".join(str(one.size) for one in told)
+    free = easy(row)
+    found = [_limit(row)]
+    if len(free) < fits.SIZES:
+        return [*found, f"Cores were left at fewer than {fits.SIZES} sizes: how the cost grows is not known."]
+    growths = {name: fits.power(_points(free, name)) for name in (*DAEMONS, ALL_DAEMONS, MEMORY)}
+    sizes = ", ".join(str(one.size) for one in free)
     return [
         *found,
-        f"By lines of least squares through the sizes at which cores were left ({used}); off: by how much a line or a "
-        "power differs from what was measured, at worst:",
-        "\n".join(_table(told)),
-        _beyond(row, told, origin.cores),
+        f"By least squares through the sizes at which cores were left ({sizes}); off: by how much the power differs "
+        "from what was measured, at worst:",
+        "\n".join(table("| | grows as | off |", (f"| {k} | {one} | {one.off:.0%} |" for k, one in growths.items()))),
+        _beyond(growths, row[-1].size, origin.cores),
     ]
 
 
-def _measured(row: list[Run]) -> str:
-    limit = first_missed(row)
+def _limit(row: list[Run]) -> str:
     sizes = f"{', '.join(str(one.size) for one in row[:-1])} and {row[-1].size}"
-    if limit is None:
+    first = next((one for one in row if one.not_served()), None)
+    if first is None:
         return (
             f"**As measured: nothing is outgrown up to {row[-1].size} UAVs** on one link (sizes: {sizes}): all were "
             f"served, no deadline was missed, and {IN_TIME:.0%} of the positions were beliefs before the next one "
             f"was due ({1000 / POSITIONS:.0f} ms)."
         )
-    busy = f"{limit.busy:.0f} % of the cores were busy then"
     return (
-        f"**As measured: this machine is outgrown at {limit.size} UAVs** on one link, the smallest of the sizes "
-        f"{sizes} that did not get everything in time: {'; '.join(limit.not_served())}. {busy}."
+        f"**As measured: this machine is outgrown at {first.size} UAVs** on one link, the smallest of the sizes "
+        f"{sizes} that did not get everything in time: {'; '.join(first.not_served())}. {first.busy:.0f} % of the "
+        "cores were busy then."
     )
 
 
-def _points(told: list[Run], name: str) -> list[tuple[float, float]]:
-    return [(float(one.size), one.use[name].cpu if name in DAEMONS else one.cpu()) for one in told]
+ALL_DAEMONS: Final = "the three together"
+MEMORY: Final = "memory (PSS)"
 
 
-def _table(told: list[Run]) -> list[str]:
-    rows = table("| | without a UAV, by the line | each UAV | off | grows as | off |")
-    for name in (*DAEMONS, "the three together"):
-        points = _points(told, name)
-        line = fits.line(points)
-        rows.append(
-            f"| {name} | {max(0.0, line.base):.2f} % | {line.each:.2f} % | {line.off(points):.0%} | {_power(points)} |"
-        )
-    points = [(float(one.size), one.pss()) for one in told]
-    line = fits.line(points)
-    rows.append(
-        f"| memory (PSS) | {line.base:.0f} MB | {line.each:.2f} MB | {line.off(points):.0%} | {_power(points)} |"
-    )
-    return rows
+def _points(runs: list[Run], name: str) -> list[tuple[float, float]]:
+    """Return what a daemon, all of them, or memory cost at each size."""
+    return [
+        (one.size, one.use[name].cpu if name in DAEMONS else one.pss() if name == MEMORY else one.cpu()) for one in runs
+    ]
 
 
-def _power(points: fits.Points) -> str:
-    if len(points) < fits.SIZES:
-        return f"not told by {len(points)} sizes |"
-    growth = fits.power(points)
-    return f"{growth} | {growth.off:.0%}"
+def _beyond(growths: dict[str, fits.Growth], largest: int, cores: int) -> str:
+    """Return what would be outgrown first with more UAVs, by the fits."""
 
+    def size(name: str, cost: float) -> str:
+        reached = growths[name].reaches(cost)
+        if reached == float("inf"):
+            return "no size: it does not grow"
+        return f"{reached:.0f} UAVs" if reached <= largest else f"about {reached:.0f} UAVs by the fit, not measured"
 
-def _reached(told: list[Run], name: str, per_cent: float) -> float:
-    """Return the size at which a daemon takes so much, by the line or, if that is earlier, by the power."""
-    points = _points(told, name)
-    size = fits.line(points).reaches(per_cent)
-    return min(size, fits.power(points).reaches(per_cent)) if len(points) >= fits.SIZES else size
-
-
-def _beyond(row: list[Run], told: list[Run], cores: int) -> str:
-    """Say what would be outgrown first with more UAVs, and that nobody measured that."""
-    single = {kind: _reached(told, kind, READY) for kind in DAEMONS}
-    first = min(single, key=lambda kind: single[kind])
-    board = _reached(told, "the three together", READY * cores)
-    held = fits.line([(one.size, one.pss()) for one in told])
-    largest = row[-1].size
+    first = min(DAEMONS, key=lambda kind: growths[kind].reaches(READY))
+    memory = ", ".join(f"{mb:.0f} MB (a {name}) at {size(MEMORY, mb)}" for name, mb in BOARDS.items())
     items = [
-        f"**One process**: `{first}` comes first to {READY:g} % of a core, at {_about(single[first], largest)}: one "
-        f"thread does its work, and what comes waits in line from there on. {_REMEDY[first]}",
-        f"**One router**: `commd` comes to {READY:g} % of a core, all its threads together, at "
-        f"{_about(single['commd'], largest)}.",
-        f"**One board** of {cores} cores like these: the three daemons together come to {READY:g} % of them at "
-        f"{_about(board, largest)}.",
-        "**Memory**: "
-        + ", ".join(f"{mb:.0f} MB (a {name}) at {_about(held.reaches(mb), largest)}" for name, mb in BOARDS.items())
-        + ", if nothing else were on the board.",
+        f"**One process**: `{first}` is the first to need {READY:g} % of a core, at {size(first, READY)}: one thread "
+        f"does its work, and input queues from there on. {_REMEDY[first]}",
+        f"**One router**: `commd` needs {READY:g} % of a core, all its threads together, at {size('commd', READY)}.",
+        f"**One board** of {cores} cores like these: the three daemons together need {READY:g} % of them at "
+        f"{size(ALL_DAEMONS, READY * cores)}.",
+        f"**Memory**: {memory}, if nothing else were on the board.",
     ]
     return "\n".join(f"- {item}" for item in items)
-
-
-def _about(size: float, largest: int) -> str:
-    if size == float("inf"):
-        return "no size: it does not grow"
-    return f"{size:.0f} UAVs" if size <= largest else f"about {size:.0f} UAVs by the fit, beyond what was measured"
 
 
 _REMEDY: Final = {
@@ -351,7 +317,7 @@ def _missed(runs: list[Run]) -> str:
         lines.append(f"At no size was there any of: {', '.join(never)}.")
     lines.append(
         "Heartbeats of a bridge, and health records of each daemon, are due each second, and late after "
-        f"{BEAT_LATE:g} s; whoever tells or hears nothing at all counts once. In time are positions that "
+        f"{BEAT_LATE:g} s; one without any counts once. In time are positions that "
         "are beliefs before the next one is due, of all that were sent; a position on the heels of the one before is "
         "no belief if the next one replaces it. "
         f"An agent that did not serve its vehicle within {PATIENCE:g} s counts as not served."
@@ -364,18 +330,14 @@ def pictures(figures: Figures) -> dict[str, str]:
     row = figures.row()
     with plots.figure(columns=2) as (made, (cpu, memory)):
         sizes = [one.size for one in row]
-        told = easy(row)
         for kind in DAEMONS:
             style = {"marker": "o", "markersize": 3, "color": plots.COLOURS[kind], "label": kind}
             cpu.plot(sizes, [one.use[kind].cpu for one in row], **style)
             memory.plot(sizes, [one.use[kind].pss for one in row], **style)
-            if len(told) > 1:
-                line = fits.line([(one.size, one.use[kind].cpu) for one in told])
-                cpu.plot(sizes, [max(1e-2, line.at(size)) for size in sizes], ":", color=plots.COLOURS[kind])
         cpu.axhline(100.0, color="black", linewidth=0.8, linestyle="--")
         _axes(cpu, "processor time, % of a core")
         _axes(memory, "PSS, MB")
-        made.suptitle("UAVs that only talk, one link (dotted: fitted; dashed: one core)", fontsize=9)
+        made.suptitle("UAVs that only talk, one link (dashed: one core)", fontsize=9)
         return {"scale-cost": plots.svg(made)}
 
 

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks import plots
 from benchmarks.parts import Goal, table
 from benchmarks.peers import TABLE_4, TABLE_6, Size
 from benchmarks.processes import BenchmarkFailed
@@ -122,11 +121,6 @@ class Figures:
         """Sum a mission's sources; the way of counting is `whole` or `bare`."""
         return _sum(getattr(one, way) for one in self.sources[mission][approach])
 
-    def deployed(self, mission: str, approach: str, way: str) -> Size:
-        """Sum what each agent runs: a file that several run counts for each of them."""
-        sizes = {one.file: getattr(one, way) for one in self.sources[mission][approach]}
-        return _sum(sizes[file] for files in MISSIONS[mission].agents[approach].values() for file in files)
-
 
 def measure(quick: bool) -> Figures:
     """Count; there is nothing to be quick about. Raises BenchmarkFailed."""
@@ -169,9 +163,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             *_rows("paper", mission.paper["Jason"], mission.paper["Python"], "Jason"),
             *(row for way, words in WAYS.items() for row in _rows(words, *_pair(figures, name, way))),
         ]
-        if len(mission.agents[PYTHON]) > 1:
-            agents, python = (figures.deployed(name, approach, "whole") for approach in (AGENTSPEAK, PYTHON))
-            lines += _rows("as they are, summed over what each agent runs", agents, python)
         lines.append("")
     lines += [*_READING, "", *table("| file | as it is: bytes, lines, words | bare |")]
     for of_mission in figures.sources.values():
@@ -207,31 +198,6 @@ def _cells(size: Size) -> str:
 
 def _listed(size: Size) -> str:
     return ", ".join(str(getattr(size, one)) for one in MEASURES)
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return the picture `sizes`: the measures of each mission, ours and the paper's."""
-    with plots.figure(columns=len(MEASURES), rows=len(MISSIONS), height=4.6) as (made, axes):
-        for row, (name, mission) in enumerate(MISSIONS.items()):
-            bars = [
-                ("Jason\npaper", mission.paper["Jason"], "paper"),
-                ("Python\npaper", mission.paper["Python"], "paper"),
-                *_bars(figures, name, "whole", ""),
-                *_bars(figures, name, "bare", "\nbare"),
-            ]
-            for column, (measure_, label) in enumerate(MEASURES.items()):
-                axis = axes[row][column]
-                for place, (_, size, colour) in enumerate(bars):
-                    axis.bar(place, getattr(size, measure_), color=plots.COLOURS[colour])
-                axis.set_xticks(range(len(bars)), [bar[0] for bar in bars], fontsize=5.5)
-                axis.grid(axis="x", visible=False)
-                axis.set_title(f"{mission.title}: {label}", fontsize=7)
-        return {"sizes": plots.svg(made)}
-
-
-def _bars(figures: Figures, mission: str, way: str, suffix: str) -> list[tuple[str, Size, str]]:
-    agents, python = _pair(figures, mission, way)
-    return [(f"Agent-\nSpeak{suffix}", agents, "agentd"), (f"Python{suffix}", python, "python")]
 
 
 def goals(figures: Figures) -> list[Goal]:

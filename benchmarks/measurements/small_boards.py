@@ -21,7 +21,7 @@ from benchmarks import peers
 from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
 from benchmarks.health import listening
 from benchmarks.measurements.control_groups import ControlGroup, Limits, limited
-from benchmarks.parts import Goal, table, tell
+from benchmarks.parts import Goal, progress, table
 from benchmarks.processes import BenchmarkFailed, Watched, alone
 from benchmarks.results import Origin, busy_seconds
 from benchmarks.serving import READY
@@ -137,7 +137,7 @@ FLIGHT: Final = 150.0
 """Simulated seconds that the mission may take then: more than one and a half times what it takes."""
 LOOK_EVERY: Final = 4.0
 SETTLED: Final = 3.0
-"""Wall seconds after which a daemon tells no more of how late its loop was in its start."""
+"""Wall seconds after which health no longer includes the lag of the start."""
 LATE: Final = 0.1
 """Wall seconds: when a daemon's loop without limits was later than this, the machine was too busy for any row."""
 QUICK_SPEED: Final = 5.0
@@ -145,10 +145,10 @@ APART: Final = 2.5
 """Wall seconds between the starts of two flights."""
 
 
-def stood(form: str) -> Flown:
+def on_ground(form: str) -> Flown:
     """Start a board without limits, and see what it holds on the ground."""
     with limited(Limits()) as group, ExitStack() as stack:
-        tell(f"{form}, on the ground")
+        progress(f"{form}, on the ground")
         flight = _started(stack, form, group, SPEED)
         time.sleep(SETTLED)
         elsewhere = _elsewhere(_ours(flight), group)
@@ -183,17 +183,17 @@ def _started(stack: ExitStack, form: str, group: ControlGroup, speed: float) -> 
     start_all(stack, [one for one in planned if one.kind.measured], flight.watched, group.command, START)
     if form == ONE:
         for words in (READY["bridged"], READY["agentd"]):
-            flight.watched[-1][1].says(words, START)
+            flight.watched[-1][1].wait_for(words, START)
     flight.until_up(START)
     return flight
 
 
 def _why(failed: BenchmarkFailed, flight: Flight | None) -> str:
-    """Return the reason of a failure: the agent's own, if it has told one."""
+    """Return the reason of a failure: the agent's own, if it has printed one."""
     watched = flight.watched if flight is not None else []
-    said = [line for _, one in watched for _, line in one.said if SINGLE.given_up in line]
-    if said:
-        return said[0].partition(f"{SINGLE.given_up}: ")[2]
+    given_up = [line for _, one in watched for _, line in one.output if SINGLE.given_up in line]
+    if given_up:
+        return given_up[0].partition(f"{SINGLE.given_up}: ")[2]
     return str(failed).partition("\n")[0].removesuffix("; last:")
 
 
@@ -219,7 +219,7 @@ def _in_flight(stack: ExitStack, flight: Flight, group: ControlGroup, flown: Flo
         cpu=100 * (sum(one.cpu() for one in ours) - used) / (ended - begun),
         throttled=usage.throttled,
         lag=max(records.lag(flight.up + SETTLED, ended).values(), default=0.0),
-        timed_out=sum("timed_out" in line for one in ours for _, line in one.said),
+        timed_out=sum("timed_out" in line for one in ours for _, line in one.output),
     )
 
 
@@ -228,7 +228,7 @@ def _ours(flight: Flight) -> list[Watched]:
 
 
 def _elsewhere(ours: Sequence[Watched], group: ControlGroup) -> float:
-    """Return the MB that processes hold and that are not charged to them: 0 where the kernel does not tell."""
+    """Return the MB that processes hold and that are not charged to them: 0 where the kernel does not report it."""
     try:
         held = alone([one.process.pid for one in ours])
     except OSError:  # one has ended
@@ -239,7 +239,7 @@ def _elsewhere(ours: Sequence[Watched], group: ControlGroup) -> float:
 def measure(quick: bool) -> Figures:
     """Fly everything; a flight that a limit ends is a figure. Raises BenchmarkFailed when one without limits fails."""
     speed = QUICK_SPEED if quick else SPEED
-    found = {form: stood(form) for form in FORMS}
+    found = {form: on_ground(form) for form in FORMS}
     boards = [
         Wanted(form, replace(board.limits, memory=board.memory - SYSTEM - found[form].elsewhere), speed, board.title)
         for board in BOARDS
@@ -264,7 +264,7 @@ def measure(quick: bool) -> Figures:
 
 def _side_by_side(flights: Sequence[Wanted]) -> list[Flown]:
     """Fly some at once, each from a process of its own, so that they share nothing but the machine."""
-    tell(f"{len(flights)} flights, side by side")
+    progress(f"{len(flights)} flights, side by side")
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(len(flights), context, max_tasks_per_child=1) as pool:
         flown = []
@@ -280,7 +280,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         origin.line(),
         "The paper's first mission (section 5.1) at speed 1 with all daemons of its board held within the limits of a "
         f"small one by {figures.free[0].kept_by}; the simulator, on another computer in the paper, is outside. **No "
-        "such board was at hand**: memory is the board's own, and what share of a core here stands for one of its "
+        "such board was at hand**: memory is the board's own, and what share of a core here equals one of its "
         "cores is derived from published figures (DMIPS per MHz of its core) and an assumption: that a core here does "
         f"{OUR_DMIPS:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it "
         "has.",
@@ -297,7 +297,22 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"paper, on a BeagleBone Black, the agents in Jason were {peers.BEAGLEBONE}; all of their nodes together hold "
         f"{peers.mb(peers.JASON_BOARD[0]):.0f} to {peers.mb(peers.JASON_BOARD[1]):.0f} MB.",
     ]
-    return {"small-boards": "\n\n".join(parts)}
+    return {"small-boards": "\n\n".join(parts), "board": "\n\n".join([origin.line(), _both_forms(figures)])}
+
+
+def _both_forms(figures: Figures) -> str:
+    """Return the table of docs/guides/boards.md: what a board needs in flight without limits."""
+    rows = [f"| {one.form} | {one.ready:.1f} | {one.held:.0f} | {one.cpu:.1f} |" for one in figures.free]
+    return "\n".join(table("| the single-UAV mission | ready, s | memory, MB | processor, % of a core |", rows))
+
+
+def in_comparison(figures: Figures) -> list[str]:
+    """Return the rows of the table of boards' memory in docs/measurements/benchmarks.md."""
+    return [
+        f"| Argosy, {one.form}, in flight | {one.held:.0f} MB if nothing else on the machine shares their libraries "
+        "| a computer | [small boards](#small-boards) |"
+        for one in figures.free
+    ]
 
 
 def _given() -> list[str]:
@@ -349,10 +364,10 @@ def goals(figures: Figures) -> list[Goal]:
 def _limit(flights: Sequence[Flown]) -> str:
     """Return why a mission was not completed, as far as it is known."""
     lost = [one for one in flights if not one.completed]
-    told = "; ".join(
+    use = "; ".join(
         f"{one.form} held {one.held:.0f} MB at most and was held back for {one.throttled:.1f} s" for one in lost
     )
-    return f"{told}; which of the limits it is, is not known"
+    return f"{use}; which of the limits it is, is not known"
 
 
 def in_short(figures: Figures) -> list[str]:

@@ -1,7 +1,7 @@
 """Part `startup`: how long the daemons take from the start of their process until they serve.
 
 Each is started several times, with its byte code and without. A bare Python process that opens a Zenoh session is
-started in the same run: a start is told in times of that. A router runs all the time, except for `commd` and
+started in the same run: starts are given as multiples of its start. A router runs all the time, except for `commd` and
 `argosy board`, which bring their own.
 """
 
@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import table, tell
+from benchmarks.parts import progress, table
 from benchmarks.processes import watched_command
 from benchmarks.results import Origin
-from benchmarks.serving import FIRST, KINDS, NAMES, Site, copied, environment, kind, serving
+from benchmarks.serving import FIRST, NAMES, SERVES, Site, copied, environment, serving
 
 REPEATS: Final = 5
 WARM, COMPILED = "warm", "first start"
@@ -59,21 +59,21 @@ def measure(quick: bool) -> Figures:
     """Start everything in each state, in turns. Raises BenchmarkFailed."""
     figures = Figures()
     for state in STATES:
-        figures.starts += measured(state, 1 if quick else REPEATS)
-        tell(f"{state}: {figures.of('agentd', state).median:.2f} s until the first plan")
+        figures.starts += starts_of(state, 1 if quick else REPEATS)
+        progress(f"{state}: {figures.of('agentd', state).median:.2f} s until the first plan")
     return figures
 
 
 def probe(quick: bool) -> dict[str, float]:
     """Return the start of each kind of process in times of a bare one's, with byte code."""
-    starts = measured(WARM, 1 if quick else REPEATS)
+    starts = starts_of(WARM, 1 if quick else REPEATS)
     figures = Figures(starts)
     return {f"{one.name} (bare processes)": figures.ratio(one.name, WARM) for one in starts if one.name != "bare"}
 
 
-def measured(state: str, repeats: int) -> list[Start]:
+def starts_of(state: str, repeats: int) -> list[Start]:
     """Start each kind of process so often in a state. Raises BenchmarkFailed."""
-    starts = {one.name: Start(one.name, state) for one in KINDS}
+    starts = {name: Start(name, state) for name in SERVES}
     with tempfile.TemporaryDirectory() as folder:
         code = copied(Path(folder) / "code", compiled=state == WARM)
         for number in range(repeats):
@@ -88,10 +88,10 @@ def measured(state: str, repeats: int) -> list[Start]:
 
 def _seconds(site: Site, name: str, code: Path) -> float:
     """Start a process. Returns the seconds until it serves. Raises BenchmarkFailed."""
-    begun, words = time.monotonic(), kind(name).says
+    begun, words = time.monotonic(), SERVES[name]
     with watched_command(name, [*environment(code), *site.command(name)]) as process:
-        process.says(words)
-        return next(at for at, line in process.said if words in line) - begun
+        process.wait_for(words)
+        return next(at for at, line in process.output if words in line) - begun
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -104,9 +104,9 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         "",
         *table(f"| until | {' | '.join(STATES)} |"),
     ]
-    for one in KINDS:
-        until = "its first plan" if one.says == FIRST else "it serves" if one.name != "bare" else "it is open"
-        lines.append(f"| {NAMES[one.name]}: {until} | {' | '.join(_cell(figures, one.name, s) for s in STATES)} |")
+    for name, ready in SERVES.items():
+        until = "its first plan" if ready == FIRST else "it serves" if name != "bare" else "it is open"
+        lines.append(f"| {NAMES[name]}: {until} | {' | '.join(_cell(figures, name, s) for s in STATES)} |")
     lines += ["", *(f"- *{state}*: {text}." for state, text in STATES.items())]
     return {"startup": "\n".join(lines)}
 

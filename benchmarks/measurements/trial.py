@@ -1,27 +1,17 @@
-"""Part `trial`: how fast `argosy trial` flies missions in virtual time, what a run takes, and where the time goes.
+"""Part `trial`: how fast `argosy trial` flies missions in virtual time, and what a run takes.
 
-Runs without faults, one at a time, each in its own process as in any trial. The profile is of one further run of each
-mission, in a process of its own: `python -m benchmarks.measurements.trial MISSION` prints CPU seconds by package.
-The fleet is flown once, and not profiled.
+Runs without faults, one at a time, each in its own process as in any trial. The fleet is flown once.
 """
 
 from __future__ import annotations
 
-import cProfile
-import json
-import os
-import pstats
 import statistics
-import subprocess
-import sys
 import tempfile
-from collections import defaultdict
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import Goal, table, tell
+from benchmarks.parts import Goal, at_least, at_most, progress, table
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT, Origin
 
@@ -39,10 +29,8 @@ FASTER: Final = 150.0
 """Vehicle-seconds that one second of a core is to fly."""
 MEMORY: Final = 150.0
 """MB that a run is to stay below."""
-SHOWN: Final = 8
-"""Packages in the table."""
-_PATIENCE: Final = 300.0
-_FLEET_PATIENCE: Final = 3600.0
+_PATIENCE: Final = 3600.0
+"""Wall seconds that a run may take."""
 _PROGRAM: Final = """\
 !patrol.
 +!patrol : post(Lat, Long, Height) & rounds(Rounds)
@@ -71,8 +59,6 @@ class Flown:
     """CPU seconds of each run."""
     memory: list[float]
     """MB that each run's process had at most, with what it shares with the worker that forked it."""
-    packages: dict[str, float]
-    """Share of the profiled run's time in the code of each package, 0 to 1."""
 
     @property
     def times(self) -> float:
@@ -119,7 +105,7 @@ def _flown(quick: bool, folder: Path) -> list[Flown]:
     found = []
     for name in list(MISSIONS)[:1] if quick else MISSIONS:
         path = write_fleet(folder, FLEET, ROUNDS) if name == "fleet" else ROOT / f"missions/{name}.yaml"
-        with workers(1, _FLEET_PATIENCE) as run_all:
+        with workers(1, _PATIENCE) as run_all:
             outcomes = list(run_all(Request(str(path), seed + 1) for seed in range(1 if quick else RUNS[name])))
         if failed := [one for one in outcomes if not one.success]:
             raise BenchmarkFailed(f"{name}, seed {failed[0].seed}: {failed[0].why}")
@@ -129,65 +115,10 @@ def _flown(quick: bool, folder: Path) -> list[Flown]:
             [one.seconds for one in outcomes],
             [one.cpu for one in outcomes],
             [one.memory / 1e6 for one in outcomes],
-            {} if name == "fleet" else _profiled(str(path)),
         )
-        tell(f"{MISSIONS[name]}: {flown.times:.0f} times real time")
+        progress(f"{MISSIONS[name]}: {flown.times:.0f} times real time")
         found.append(flown)
     return found
-
-
-def _profiled(path: str) -> dict[str, float]:
-    command = [sys.executable, "-m", "benchmarks.measurements.trial", path]
-    environment = os.environ | {"PYTHONHASHSEED": "0"}
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=_PATIENCE, check=False
-    )
-    if done.returncode != 0:
-        raise BenchmarkFailed(f"the profile of {path}: {done.stderr[-500:]}")
-    seconds: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
-    return {name: one / sum(seconds.values()) for name, one in seconds.items()}
-
-
-def profile(path: str) -> dict[str, float]:
-    """Return the CPU seconds that one run spends in each package, the most first. Takes over the clocks for good."""
-    from argosy.trial.edges import Authority
-    from argosy.trial.worker import IMPORTED
-
-    authority = Authority()
-    authority.take_over()
-    from argosy.trial.single_run import Request, fly
-
-    for module in IMPORTED:
-        import_module(module)
-    profiler = cProfile.Profile()
-    with tempfile.TemporaryDirectory() as folder:
-        request = Request(path, 1, folder=folder)
-        loop = authority.begin(1)
-        profiler.runcall(fly, loop, request)
-        os.chdir("/")
-    seconds: dict[str, float] = defaultdict(float)
-    for (file, _, function), (_, _, own, _, _) in pstats.Stats(profiler).stats.items():  # type: ignore[attr-defined]
-        seconds[package(file, function)] += own
-    return dict(sorted(seconds.items(), key=lambda one: -one[1]))
-
-
-def package(file: str, function: str) -> str:
-    """Return what the code of a function belongs to."""
-    parts = file.split("/")
-    for ours in ("argosy", "agentd", "bridged", "commd", "schemas"):
-        if ours in parts:
-            inner = parts[parts.index(ours) + 1]
-            within = f"{ours}.{inner}" if (ours, inner) in (("argosy", "trial"), ("bridged", "simulation")) else ours
-            return f"`{within}`"
-    if file == "~":  # written in C: the function names its module
-        for module in ("msgspec", "sqlite3"):
-            if module in function:
-                return module
-        return "Python's built-in functions"
-    for library in ("pymavlink", "zenoh", "asyncio", "msgspec"):
-        if library in parts:
-            return library
-    return "the programs' compiled plans" if file.startswith("<") else "other libraries"
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -208,19 +139,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"| {statistics.median(one.memory):.0f} MB |"
         for one in figures.flown
     ]
-    profiled = [one for one in figures.flown if one.packages]
-    head = "".join(f" {MISSIONS[one.mission]} |" for one in profiled)
-    lines += ["", "Where the time of a run goes (cProfile, own time of all functions):", "", *table(f"| code |{head}")]
-    sums: dict[str, float] = defaultdict(float)
-    for one in profiled:
-        for name, share in one.packages.items():
-            sums[name] += share
-    ranked = sorted(sums, key=lambda name: -sums[name])
-    for name in ranked[:SHOWN]:
-        cells = "".join(f" {100 * one.packages.get(name, 0.0):.0f} % |" for one in profiled)
-        lines.append(f"| {name} |{cells}")
-    rest = [sum(one.packages.get(name, 0.0) for name in ranked[SHOWN:]) for one in profiled]
-    lines.append("| all else |" + "".join(f" {100 * one:.0f} % |" for one in rest))
     return {"trial": "\n".join(lines)}
 
 
@@ -228,29 +146,14 @@ def goals(figures: Figures) -> list[Goal]:
     """Return what is asked of a run: its speed by vehicles, and its memory."""
     found = []
     for one in figures.flown:
-        speed, memory = one.times * one.vehicles, max(one.memory)
-        why = (
-            "the table of packages says where the time goes. Tried: one process for all daemons, no threads, no "
-            "waiting; not known: how much less each part may take"
-        )
-        found += [
-            Goal(
-                f"trial of {MISSIONS[one.mission]}: vehicle-seconds that a second of a core flies",
-                f"{FASTER:g}",
-                f"{speed:.0f}",
-                speed >= FASTER,
-                why,
-            ),
-            Goal(
-                f"memory of a run of {MISSIONS[one.mission]}",
-                f"< {MEMORY:g} MB",
-                f"{memory:.0f} MB",
-                memory < MEMORY,
-                "not known: it has not been looked at which modules and records take it, nothing was tried",
-            ),
-        ]
+        name = MISSIONS[one.mission]
+        fast, held = f"trial of {name}: vehicle-seconds that a second of a core flies", f"memory of a run of {name}"
+        found.append(at_least(fast, FASTER, one.times * one.vehicles, why=_SLOW))
+        found.append(at_most(held, MEMORY, max(one.memory), "MB", _HELD, digits=0))
     return found
 
 
-if __name__ == "__main__":
-    print(json.dumps(profile(os.path.abspath(sys.argv[1]))))
+_SLOW: Final = (
+    "how much less each part may take is not known. Tried: one process for all daemons, no threads, no waiting"
+)
+_HELD: Final = "not known: it has not been looked at which modules and records take it, nothing was tried"

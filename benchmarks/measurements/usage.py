@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import statistics
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from benchmarks import peers
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, Flight, flying
-from benchmarks.parts import Goal, table, tell
-from benchmarks.plots import COLOURS, figure, svg
+from benchmarks.parts import Goal, progress, table
 from benchmarks.processes import BenchmarkFailed, Sample, Sampler
 from benchmarks.results import Origin
 
@@ -31,7 +30,7 @@ IMPERATIVE: Final = "python"
 
 
 @dataclass
-class Measured:
+class MeanStdMax:
     """A mean over whole flights; standard deviation and the highest of the samples."""
 
     mean: float
@@ -46,16 +45,16 @@ class Row:
     board: str
     who: str
     """agent, bridged, commd, or `board`: together."""
-    cpu: Measured
+    cpu: MeanStdMax
     """Per cent of one core; the mean by the processor time that was spent from the first moment to the last sample."""
-    rss: Measured
+    rss: MeanStdMax
     """MB (10^6 bytes) resident; what processes share counts for each."""
-    pss: Measured
+    pss: MeanStdMax
     """MB; what processes share is divided among them."""
 
 
 @dataclass
-class Flown:
+class FlightUsage:
     """One flight: means over it and its boards, by who."""
 
     seconds: float
@@ -74,7 +73,7 @@ class Usage:
     mission: str
     speed: float
     approach: str
-    flights: list[Flown]
+    flights: list[FlightUsage]
     rows: list[Row]
     alone: dict[str, float]
     """By board: MB that its processes would hold alone on a machine, in the mean; empty where the kernel is silent."""
@@ -96,11 +95,11 @@ class Figures:
         """Return what a mission used. Raises StopIteration if it was not flown."""
         return next(one for one in self.usages if (one.mission, one.speed, one.approach) == (mission, speed, approach))
 
-    def flown(self) -> list[tuple[str, float]]:
+    def missions(self) -> list[tuple[str, float]]:
         """Return the missions and their speeds."""
         return list(dict.fromkeys((one.mission, one.speed) for one in self.usages))
 
-    def pairs(self, mission: str, speed: float) -> list[tuple[Flown, Flown]]:
+    def pairs(self, mission: str, speed: float) -> list[tuple[FlightUsage, FlightUsage]]:
         """Return the flights that were flown one behind the other: by agents, by programs."""
         bdi, other = self.of(mission, speed, BDI), self.of(mission, speed, IMPERATIVE)
         return list(zip(bdi.flights, other.flights, strict=True))
@@ -118,16 +117,16 @@ def usage(course: Course, speed: float, approach: str, flights: list[Sampled]) -
         course.mission,
         speed,
         approach,
-        [_flown(taken, found) for taken, found in flights],
+        [_flight_usage(taken, found) for taken, found in flights],
         [_row(samples, board, who) for board in (ALL, *boards) for who in WHO],
         {board: round(alone, 2) for board in boards if (alone := _alone(samples, board)) is not None},
     )
 
 
-def _flown(taken: float, samples: list[Sample]) -> Flown:
+def _flight_usage(taken: float, samples: list[Sample]) -> FlightUsage:
     rows = {who: _row([samples], ALL, who) for who in WHO}
     alone = [_alone([samples], board) for board in samples[0].boards]
-    return Flown(
+    return FlightUsage(
         round(taken, 1),
         len(samples),
         {who: row.cpu.mean for who, row in rows.items()},
@@ -137,27 +136,27 @@ def _flown(taken: float, samples: list[Sample]) -> Flown:
 
 
 def _alone(flights: list[list[Sample]], board: str) -> float | None:
-    told = [sample.alone[board] for samples in flights for sample in samples if board in sample.alone]
-    return statistics.mean(told) if told else None
+    found = [sample.alone[board] for samples in flights for sample in samples if board in sample.alone]
+    return statistics.mean(found) if found else None
 
 
 def _row(flights: list[list[Sample]], board: str, who: str) -> Row:
     boards = flights[0][0].boards if board == ALL else [board]
 
-    def measured(field: str) -> Measured:
+    def statistic(field: str) -> MeanStdMax:
         values = [
             _of(getattr(sample, field), where, who) for samples in flights for sample in samples for where in boards
         ]
         return _rounded(statistics.mean(values), statistics.pstdev(values), max(values))
 
-    cpu = measured("cpu")
+    cpu = statistic("cpu")
     spent = sum(_of(samples[-1].spent, where, who) for samples in flights for where in boards)
     passed = sum(samples[-1].at for samples in flights) * len(boards)
-    return Row(board, who, _rounded(100 * spent / passed, cpu.std, cpu.max), measured("rss"), measured("pss"))
+    return Row(board, who, _rounded(100 * spent / passed, cpu.std, cpu.max), statistic("rss"), statistic("pss"))
 
 
-def _rounded(*values: float) -> Measured:
-    return Measured(*(round(one, 3) for one in values))
+def _rounded(*values: float) -> MeanStdMax:
+    return MeanStdMax(*(round(one, 3) for one in values))
 
 
 def _of(values: dict[tuple[str, str], float], board: str, who: str) -> float:
@@ -184,7 +183,7 @@ def measure(quick: bool) -> Figures:
         lost: dict[Approach, list[str]] = {approach: [] for approach in APPROACHES}
         for pair in range(pairs):
             for approach in APPROACHES if pair % 2 == 0 else reversed(APPROACHES):
-                tell(f"{course.title}, {approach}, speed {speed:g}, {pair + 1} of {pairs}")
+                progress(f"{course.title}, {approach}, speed {speed:g}, {pair + 1} of {pairs}")
                 flights[approach].append(_once_more(course, approach, speed, every, enough, lost[approach]))
         for approach, found in flights.items():
             figures.usages.append(usage(course, speed, approach, found))
@@ -195,7 +194,7 @@ def measure(quick: bool) -> Figures:
 def probe(quick: bool) -> dict[str, float]:
     """Return what the single-UAV mission costs its board and its agent's process: less is better."""
     speed, every, enough = (20.0, EVERY / 2, TRIED) if quick else (1.0, EVERY, ENOUGH)
-    found = usage(SINGLE, speed, BDI, [flown(SINGLE, BDI, speed, every, enough)])
+    found = usage(SINGLE, speed, BDI, [fly(SINGLE, BDI, speed, every, enough)])
     return {
         f"{SINGLE.title}, {who}, {what}": value
         for who in (BOARD, AGENT)
@@ -206,15 +205,15 @@ def probe(quick: bool) -> dict[str, float]:
 def _once_more(
     course: Course, approach: Approach, speed: float, every: float, enough: float, lost: list[str]
 ) -> Sampled:
-    """Fly a mission, and once more if it is not done, but that once only: `lost` tells why. Raises BenchmarkFailed."""
+    """Fly a mission, and once more if it is not done, but only once: `lost` gets the reason. Raises BenchmarkFailed."""
     try:
-        return flown(course, approach, speed, every, enough)
+        return fly(course, approach, speed, every, enough)
     except BenchmarkFailed as failed:
         if lost:
             raise
         lost.append(str(failed).partition("\n")[0].partition("; last:")[0])
-        tell(f"flown again: {failed}")
-    return flown(course, approach, speed, every, enough)
+        progress(f"flown again: {failed}")
+    return fly(course, approach, speed, every, enough)
 
 
 def daemons(flight: Flight) -> dict[tuple[str, str], int]:
@@ -226,7 +225,7 @@ def daemons(flight: Flight) -> dict[tuple[str, str], int]:
     }
 
 
-def flown(course: Course, approach: Approach, speed: float, every: float, enough: float = ENOUGH) -> Sampled:
+def fly(course: Course, approach: Approach, speed: float, every: float, enough: float = ENOUGH) -> Sampled:
     """Fly a mission once: return how long it took, and what was sampled. Raises BenchmarkFailed."""
     with flying(course, approach, speed) as flight:
         sampler = Sampler(daemons(flight), every)
@@ -287,7 +286,7 @@ class Ratio:
 
 def goals(figures: Figures) -> list[Goal]:
     """Return what is asked of each mission at each speed. What pairs of flights answer differently is not decided."""
-    return [_goal(figures, mission, speed, who) for mission, speed in figures.flown() for who in (BOARD, AGENT)]
+    return [_goal(figures, mission, speed, who) for mission, speed in figures.missions() for who in (BOARD, AGENT)]
 
 
 def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
@@ -305,7 +304,9 @@ def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
     return Goal(
         f"{TITLES[mission]}, speed {speed:g}: {whose} in AgentSpeak beside Python",
         f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x",
-        ", ".join(map(str, ratios)) + (ONE_PAIR if len(ratios[0].pairs) == 1 else "") + _lost(figures, mission, speed),
+        ", ".join(map(str, ratios))
+        + (ONE_PAIR if len(ratios[0].pairs) == 1 else "")
+        + _lost_flights(figures, mission, speed),
         met,
         why,
         decided=met or bool(missed),
@@ -330,14 +331,14 @@ def _ratios(figures: Figures, mission: str, speed: float, who: str, memory: floa
     return [*found, Ratio(CPU, cpu, mine.cpu.mean / its.cpu.mean, used)]
 
 
-def _lost(figures: Figures, mission: str, speed: float) -> str:
+def _lost_flights(figures: Figures, mission: str, speed: float) -> str:
     """Flights that were not done, if any: how many of how many, by approach."""
-    told = [
+    found = [
         f"{len(one.again)} of {len(one.again) + len(one.flights)} {title}"
         for approach, title in ((BDI, "of the agents"), (IMPERATIVE, "of the programs"))
         if (one := figures.of(mission, speed, approach)).again
     ]
-    return f"; flights lost: {', '.join(told)}" if told else ""
+    return f"; flights lost: {', '.join(found)}" if found else ""
 
 
 def _why(bdi: Usage, other: Usage, who: str, missed: list[Ratio]) -> str:
@@ -351,7 +352,7 @@ def _why(bdi: Usage, other: Usage, who: str, missed: list[Ratio]) -> str:
 
 
 def alone(bdi: Usage, other: Usage) -> float | None:
-    """Return the ratio of what the boards would hold alone; None where the kernel does not tell."""
+    """Return the ratio of what the boards would hold alone; None where the kernel does not report it."""
     return sum(bdi.alone.values()) / sum(other.alone.values()) if bdi.alone and other.alone else None
 
 
@@ -367,7 +368,7 @@ def in_short(figures: Figures) -> list[str]:
     """Return rows for a table of what Argosy is beside others: what the BDI approach costs a board, at speed 1."""
     theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in paper_ratios()}
     rows = []
-    for mission, speed in figures.flown():
+    for mission, speed in figures.missions():
         if speed != 1:
             continue
         mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
@@ -383,7 +384,7 @@ def in_short(figures: Figures) -> list[str]:
 
 
 def in_comparison(figures: Figures) -> list[str]:
-    """Return the row of boards' memory in docs/measurements/comparison.md: what, memory, of which machine, source."""
+    """Return the row of boards' memory in docs/measurements/benchmarks.md: what, memory, of which machine, source."""
     flown = [
         one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE)
     ]
@@ -394,7 +395,7 @@ def in_comparison(figures: Figures) -> list[str]:
             if one.alone
             else ""
         )
-        + " | a computer | [benchmarks.md](benchmarks.md#processor-and-memory) |"
+        + " | a computer | [processor and memory](#processor-and-memory) |"
         for one in flown
     ]
 
@@ -408,7 +409,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
             lines.append("")
     lines += ["### The two approaches", "", *_approaches(figures), ""]
-    lines += ["![AgentSpeak beside Python: ours and the paper's](figures/usage-ratios.svg)"]
     return {"paper-usage": "\n".join(lines)}
 
 
@@ -426,8 +426,8 @@ def _paper_table(figures: Figures, mission: str) -> list[str]:
             row = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
             cpu = peers.Usage(*(PI_CORES * one for one in (row.cpu.mean, row.cpu.std, row.cpu.max)))
             lines.append(
-                f"| {_name(mission, board)} | the paper's {theirs} | not told | {_told(cpu)} "
-                f"| {_told(row.memory)} | | | |"
+                f"| {_name(mission, board)} | the paper's {theirs} | unknown | {_cells(cpu)} "
+                f"| {_cells(row.memory)} | | | |"
             )
             for one in _usages(figures, mission, approach):
                 lines.append(_our_row(one, board))
@@ -436,12 +436,12 @@ def _paper_table(figures: Figures, mission: str) -> list[str]:
 
 def _our_row(one: Usage, board: str) -> str:
     row = one.row(BOARD, board)
-    percent = Measured(*(100 * value / peers.PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
-    told = [value for where, value in one.alone.items() if board in (ALL, where)]
-    held = f"{sum(told) / len(told):.1f}" if told else "not told here"
+    percent = MeanStdMax(*(100 * value / peers.PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
+    found = [value for where, value in one.alone.items() if board in (ALL, where)]
+    held = f"{sum(found) / len(found):.1f}" if found else "unknown"
     return (
-        f"| {_name(one.mission, board)} | **{OURS[one.approach]}** | {one.speed:g} | {_told(row.cpu)} "
-        f"| {_told(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {held} |"
+        f"| {_name(one.mission, board)} | **{OURS[one.approach]}** | {one.speed:g} | {_cells(row.cpu)} "
+        f"| {_cells(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {held} |"
     )
 
 
@@ -456,52 +456,36 @@ def _daemons(figures: Figures, mission: str) -> list[str]:
             for one in _usages(figures, mission, approach):
                 row = one.row(who)
                 lines.append(
-                    f"| {who} | {title} | {one.speed:g} | {_told(row.cpu)} | {_told(row.rss)} | {row.pss.mean:.1f} |"
+                    f"| {who} | {title} | {one.speed:g} | {_cells(row.cpu)} | {_cells(row.rss)} | {row.pss.mean:.1f} |"
                 )
     return lines
 
 
 def _flights(figures: Figures, mission: str) -> list[str]:
-    """The pairs of flights, and what was lost."""
-    lines = table(
-        "| speed, pair | AgentSpeak: s | samples | board, CPU % | RSS, MB | Python: s | samples | board, CPU % "
-        "| RSS, MB | board: CPU | RSS | agent's process: CPU | RSS |"
-    )
-    lost = []
-    for speed in (speed for flown, speed in figures.flown() if flown == mission):
-        for number, pair in enumerate(figures.pairs(mission, speed), 1):
-            each = " | ".join(
-                f"{one.seconds:.0f} | {one.samples} | {one.cpu[BOARD]:.2f} | {one.rss[BOARD]:.1f}" for one in pair
-            )
-            mine, its = pair
-            ratios = " | ".join(
-                f"{used[who] / by[who]:.2f}x"
-                for who in (BOARD, AGENT)
-                for used, by in ((mine.cpu, its.cpu), (mine.rss, its.rss))
-            )
-            lines.append(f"| {speed:g}, {number} | {each} | {ratios} |")
+    """Return the flights that were flown again."""
+    again = []
+    for speed in (speed for flown, speed in figures.missions() if flown == mission):
         for approach, title in OURS.items():
             one = figures.of(mission, speed, approach)
             whys = f" ({'; '.join(one.again)})" if one.again else ""
-            lost.append(f"{title} at speed {speed:g} {len(one.again)} of {len(one.again) + len(one.flights)}{whys}")
-    told = "Flights one by one, means of the boards; every second pair was flown in the opposite order."
-    return [told, "", *lines, "", f"Flights that were not done and were flown again: {', '.join(lost)}."]
+            again.append(f"{title} at speed {speed:g} {len(one.again)} of {len(one.again) + len(one.flights)}{whys}")
+    return [f"Flights that were not done and were flown again: {', '.join(again)}."]
 
 
 def _approaches(figures: Figures) -> list[str]:
     lines = table("| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |")
     for title, board, agent in paper_ratios():
         lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
-    for mission, speed in figures.flown():
+    for mission, speed in figures.missions():
         bdi, other = figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE)
-        told = []
+        found = []
         for who in (BOARD, AGENT):
             mine, its = bdi.row(who), other.row(who)
-            told += [f"{getattr(mine, what).mean / getattr(its, what).mean:.2f}x" for what in ("cpu", "rss", "pss")]
+            found += [f"{getattr(mine, what).mean / getattr(its, what).mean:.2f}x" for what in ("cpu", "rss", "pss")]
             if who == BOARD:
                 held = alone(bdi, other)
-                told.append("not told" if held is None else f"{held:.2f}x")
-        lines.append(f"| {TITLES[mission]}, speed {speed:g} | {' | '.join(told)} |")
+                found.append("unknown" if held is None else f"{held:.2f}x")
+        lines.append(f"| {TITLES[mission]}, speed {speed:g} | {' | '.join(found)} |")
     return lines
 
 
@@ -534,39 +518,9 @@ def _name(mission: str, board: str) -> str:
     return "the only one" if mission == SINGLE.mission else BOARDS[board]
 
 
-def _told(spread: Measured | peers.Usage) -> str:
+def _cells(spread: MeanStdMax | peers.Usage) -> str:
     return f"{spread.mean:.2f} | {spread.std:.2f} | {spread.max:.2f}"
 
 
 def _middle(ends: tuple[float, float]) -> float:
     return sum(ends) / 2
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return the plot of the ratios, ours and the paper's."""
-    bars: list[tuple[str, float, float, str]] = []
-    for title, (cpu, memory), _ in paper_ratios():
-        bars.append((title, cpu, memory, COLOURS["paper"]))
-    for mission, speed in figures.flown():
-        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
-        label = f"{TITLES[mission]}, speed {speed:g}"
-        bars.append((label, mine.cpu.mean / its.cpu.mean, mine.rss.mean / its.rss.mean, COLOURS["agentd"]))
-    with figure(columns=2, height=2.8) as (made, panels):
-        for axes, index, title, goal in ((panels[0], 1, "CPU", BOARD_CPU), (panels[1], 2, "memory", BOARD_MEMORY)):
-            _panel(axes, bars, index, f"a board's {title}: BDI / imperative", goal)
-        panels[1].set_yticklabels([])
-        return {"usage-ratios": svg(made)}
-
-
-def _panel(axes: Any, bars: list[tuple[str, float, float, str]], index: int, title: str, goal: float) -> None:
-    values: list[float] = [float(bar[index]) for bar in bars]
-    axes.barh(range(len(bars)), values, color=[bar[3] for bar in bars])
-    axes.set_yticks(range(len(bars)), [bar[0] for bar in bars])
-    for place, value in enumerate(values):
-        axes.annotate(
-            f"{value:.2f}", (value, place), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
-        )
-    axes.axvline(goal, color="black", linewidth=0.8, linestyle="--")
-    axes.invert_yaxis()
-    axes.set_xlim(0, 1.15 * max(values))
-    axes.set_title(title, fontsize=9)

@@ -1,10 +1,10 @@
 """Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
 
 `python -m benchmarks.measurements.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints
-what was sent (`Told`) of each EVERYth metre.
+what was sent (`Report`) of each EVERYth metre.
 
 They fly a circle: place, velocity and heading change from one position to the next as in a flight that was recorded
-(`tests/data`), so that a bridge has as much to tell of them. They also climb a metre with each position, which copters
+(`tests/data`), so that a bridge has as much to publish. They also climb a metre with each position, which copters
 do not: by its altitude a position is known again. Percepts of the height so come at the most that the manifest lets
 through, where a copter on its way has fewer.
 """
@@ -26,7 +26,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 HOME: Final = (-276040330, -485183630, 21_000)
 """degE7, degE7, mm above mean sea level."""
 POSITIONS: Final = 10
-"""Hz of GLOBAL_POSITION_INT, in which the altitude that is told apart travels."""
+"""Hz of GLOBAL_POSITION_INT, which carries the altitude by which a position is identified."""
 RADIUS, SPEED = 60.0, 5.0
 """Metres and metres a second of the circle: a round takes 75 s, in half a second heading and velocity change by more
 than the deadbands of the manifest."""
@@ -44,7 +44,7 @@ PARAMETER: Final = 1500.0
 
 @dataclass
 class Talker:
-    """One vehicle's socket, its protocol and when it said what."""
+    """One vehicle's socket, its protocol, and the times of what it sent."""
 
     system: int
     remote: tuple[str, int]
@@ -75,7 +75,7 @@ class Talker:
         self._socket.sendto(packet, self.remote)
         return now
 
-    def tell(self, kind: str) -> None:
+    def send_kind(self, kind: str) -> None:
         """Send a message of a kind, with the values of a copter that flies its circle."""
         if kind == "GLOBAL_POSITION_INT":
             self._altitude += 1
@@ -96,7 +96,7 @@ class Talker:
                 self._take(message)
 
     def _take(self, message: dialect.MAVLink_message) -> None:
-        """Acknowledge a command and tell a parameter, as a vehicle does that takes all of them."""
+        """Acknowledge a command or send a parameter; all are accepted."""
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self.beats.append(time.monotonic())
@@ -166,8 +166,8 @@ RATES: Final = {
 
 
 @dataclass
-class Told:
-    """What the vehicles have to tell; times are `time.monotonic`."""
+class Report:
+    """What the vehicles sent and received; times are `time.monotonic`."""
 
     sent: dict[int, dict[int, float]] = field(default_factory=dict)
     """By system id and altitude in metres: when it was handed to the socket."""
@@ -175,7 +175,7 @@ class Told:
     """By system id: when HEARTBEATs of the bridge came."""
 
 
-def talk(talkers: list[Talker], every: int) -> Told:
+def talk(talkers: list[Talker], every: int) -> Report:
     """Talk at `RATES`, each message in its turn of the second, until SIGTERM."""
     ended: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ended.append(number))
@@ -191,21 +191,21 @@ def talk(talkers: list[Talker], every: int) -> Told:
             while (wait := begun + at - time.monotonic()) > 0:
                 for one in select.select(talkers, [], [], wait)[0]:
                     one.answer()
-            talkers[number].tell(kind)
+            talkers[number].send_kind(kind)
             if ended:
                 break
         begun += 1.0
     sent = {one.system: {metres: at for metres, at in one.sent.items() if metres % every == 0} for one in talkers}
-    return Told(sent, {one.system: one.beats for one in talkers})
+    return Report(sent, {one.system: one.beats for one in talkers})
 
 
 def main() -> None:
-    """Talk, and tell."""
+    """Talk until SIGTERM, then print the report."""
     every, *where = sys.argv[1:]
     ends = [one.partition(":") for one in where]
     talkers = [Talker(int(system), ("127.0.0.1", int(port))) for system, _, port in ends]
     print("talking", flush=True)
-    print(f"TOLD {msgspec.json.encode(talk(talkers, int(every))).decode()}", flush=True)
+    print(f"REPORT {msgspec.json.encode(talk(talkers, int(every))).decode()}", flush=True)
 
 
 if __name__ == "__main__":

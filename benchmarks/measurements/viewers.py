@@ -1,4 +1,4 @@
-"""What `argosy watch` and `argosy record` take themselves, beside a crowd that tells what flying copters do.
+"""Part `viewers`: the cost of `argosy watch` and `argosy record` beside a crowd that publishes what flying copters do.
 
 The crowd is `tests/argosy/fleet_model/crowd.py`. The terminal of `argosy watch` is a real one, of which nobody reads
 but this.
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import table, tell
+from benchmarks.parts import progress, table
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import ROOT, Origin
 from commd.bus.bus import Bus, open_bus
@@ -34,7 +34,7 @@ CROWDS: Final = (3, 50)
 
 
 @dataclass
-class Seen:
+class ViewerCost:
     """What a viewer took."""
 
     what: str
@@ -54,7 +54,7 @@ class Figures:
     """All of them."""
 
     seconds: float
-    seen: list[Seen]
+    seen: list[ViewerCost]
 
 
 def measure(quick: bool) -> Figures:
@@ -72,24 +72,27 @@ def router() -> tuple[str, AbstractAsyncContextManager[Bus]]:
 @asynccontextmanager
 async def crowd_of(size: int, endpoint: str) -> AsyncIterator[None]:
     """Run so many agents and robots that publish what flying copters do."""
+    if not size:
+        yield
+        return
     with running("tests.argosy.fleet_model.crowd", endpoint, str(size)) as fleet:
         await asyncio.to_thread(fleet.says, "there")
         yield
 
 
-async def _beside(crowd: int, seconds: float) -> list[Seen]:
+async def _beside(crowd: int, seconds: float) -> list[ViewerCost]:
     (endpoint, served), found = router(), []
     async with served, crowd_of(crowd, endpoint):
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "crowd.mcap"
             for what, more in (("watch", ()), ("record", ("-o", str(file)))):
-                tell(f"argosy {what}, {crowd} agents")
+                progress(f"argosy {what}, {crowd} agents")
                 options = ("--router", endpoint, *more)
-                found.append(await asyncio.to_thread(_seen, what, options, crowd, seconds, file))
+                found.append(await asyncio.to_thread(_view, what, options, crowd, seconds, file))
     return found
 
 
-def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file: Path) -> Seen:
+def _view(what: str, options: tuple[str, ...], crowd: int, seconds: float, file: Path) -> ViewerCost:
     with in_a_terminal("argosy", what, "--fleet", "crowd", *options) as process:
         time.sleep(SETTLE)
         begun, before, size = time.monotonic(), processor_time(process.pid), _size(file)
@@ -98,7 +101,7 @@ def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file:
             raise BenchmarkFailed(f"argosy {what} ended with exit code {process.returncode}")
         took = time.monotonic() - begun
         cpu, written = 100 * (processor_time(process.pid) - before) / took, (_size(file) - size) / took / 1000
-        return Seen(what, crowd, cpu, pss([process.pid]), written)
+        return ViewerCost(what, crowd, cpu, pss([process.pid]), written)
 
 
 def _size(file: Path) -> int:

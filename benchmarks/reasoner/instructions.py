@@ -107,15 +107,15 @@ def by_module(team: CountedTeam) -> Counted:
     return Counted(whole, {name: count / team.cycles for name, count in found.most_common()})
 
 
-def counted(row: Row) -> Counted:
+def count_apart(row: Row) -> Counted:
     """Count a row in a process of its own. Raises BenchmarkFailed."""
     command = [sys.executable, "-m", "benchmarks.reasoner.instructions", row.key, "--json"]
     with started(command) as process:
-        said = list(lines(process))
+        printed = list(lines(process))
     try:
-        return msgspec.json.decode(said[-1], type=Counted)
+        return msgspec.json.decode(printed[-1], type=Counted)
     except (IndexError, msgspec.DecodeError):
-        raise BenchmarkFailed(f"{' '.join(command)}: {said[-1:]}") from None
+        raise BenchmarkFailed(f"{' '.join(command)}: {printed[-1:]}") from None
 
 
 def main() -> None:

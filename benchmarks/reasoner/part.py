@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import Goal, at_most, progress
 from benchmarks.processes import BenchmarkFailed, Speeds, lines, run, started
 from benchmarks.reasoner import report
-from benchmarks.reasoner.instructions import Counted, counted
+from benchmarks.reasoner.instructions import Counted, count_apart
 from benchmarks.reasoner.report import Result, tables, warm
 from benchmarks.reasoner.rows import FOOTPRINTS, ROWS, Row, row_called
-from benchmarks.reasoner.subjects import Agentd, JasonCommand, Subject, subjects_here
+from benchmarks.reasoner.subjects import Agentd, Subject, subjects_here
 from benchmarks.results import Origin
 
 REPEAT: Final = 2
@@ -48,8 +48,6 @@ class Figures:
     """Start times and memory: by title, then by subject."""
     instructions: dict[str, Counted] = field(default_factory=dict)
     """What a cycle takes, of the rows in `COUNTED`."""
-    jason: str = ""
-    """The version of the Jason that was found here; empty = there was none."""
 
 
 def measure(quick: bool) -> Figures:
@@ -60,19 +58,16 @@ def measure(quick: bool) -> Figures:
     rows = [row for row in ROWS if not quick or row.key in QUICK_ROWS]
     repeat = 1 if quick else REPEAT
     results = measure_rows(rows, subjects, repeat)
-    found = next((subject.version() for subject in subjects if isinstance(subject, JasonCommand)), "")
-    took = {key: counted(row_called(key)) for key in COUNTED}
-    return Figures(repeat, results, footprints(subjects, 1 if quick else STARTS), took, found)
+    took = {key: count_apart(row_called(key)) for key in COUNTED}
+    return Figures(repeat, results, footprints(subjects, 1 if quick else STARTS), took)
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/measurements/reasoner.md, of docs/architecture/mind.md, and those of
-    docs/measurements/comparison.md about speed."""
+    """Return the figures of docs/measurements/reasoner.md and of docs/architecture/mind.md."""
     results = figures.rows
     return {
-        "reasoner": report.page(origin, results, figures.footprints, figures.repeat, figures.jason),
+        "reasoner": report.page(origin, results, figures.footprints, figures.repeat),
         "mind-instructions": report.instructions(origin, figures.instructions),
-        "comparison-speed": report.comparison(results, figures.footprints),
     }
 
 
@@ -100,11 +95,10 @@ def goals(figures: Figures) -> list[Goal]:
     if "agentspeak" in start:
         ratio = start["agentd"] / start["agentspeak"]
         title = f"reasoner: {FOOTPRINTS[0].title}, beside python-agentspeak"
-        found.append(Goal(title, f"{GOAL_START:g} times", f"{ratio:.1f} times", ratio <= GOAL_START, FOOTPRINTS[0].why))
+        found.append(at_most(title, GOAL_START, ratio, "times", FOOTPRINTS[0].why))
     for one in FOOTPRINTS:
         value = figures.footprints[one.title]["agentd"]
-        wanted = f"under {one.limit:g} {one.unit}"
-        found.append(Goal(f"reasoner: {one.title}", wanted, f"{value:.2f} {one.unit}", value < one.limit, one.why))
+        found.append(at_most(f"reasoner: {one.title}", one.limit, value, one.unit, one.why, digits=2))
     return found
 
 
@@ -133,7 +127,7 @@ def probe(quick: bool) -> dict[str, float]:
         spent = _rounds(rows[0])
         found |= {f"{row.operation} (ns)": min(spent[row.bench]) for row in rows}
     for key in () if quick else COUNTED:
-        found[f"{row_called(key).operation}, a cycle (instructions)"] = counted(row_called(key)).whole
+        found[f"{row_called(key).operation}, a cycle (instructions)"] = count_apart(row_called(key)).whole
     for one in FOOTPRINTS:
         found[f"{one.title} ({one.unit})"] = one.measure(Agentd(), 1 if quick else 5)
     return found
@@ -160,11 +154,9 @@ def measure_rows(rows: Sequence[Row], subjects: Sequence[Subject], repeat: int) 
         runs: dict[str, list[dict[str, Speeds]]] = {subject.key: [] for subject in subjects}
         for turn in range(repeat):
             for subject in subjects:
-                if subject.key == "jason" and group[0].environment:
-                    continue
-                tell(f"{', '.join(r.bench for r in group)}: {subject.title}, {turn + 1} of {repeat}")
-                with subject.prepared(group[0].paths(), group[0].environment) as command:
-                    runs[subject.key].append(run(command, {r.bench for r in group}))
+                progress(f"{', '.join(r.bench for r in group)}: {subject.title}, {turn + 1} of {repeat}")
+                command = subject.command(group[0].paths(), group[0].environment)
+                runs[subject.key].append(run(command, {r.bench for r in group}))
         results += [
             Result(row.key, {key: [found[row.bench] for found in turns] for key, turns in runs.items() if turns})
             for row in group
@@ -178,7 +170,7 @@ def footprints(subjects: Sequence[Subject], times: int) -> dict[str, dict[str, f
     for footprint in FOOTPRINTS:
         found[footprint.title] = {}
         for subject in subjects:
-            tell(f"{footprint.title}: {subject.title}")
+            progress(f"{footprint.title}: {subject.title}")
             found[footprint.title][subject.key] = footprint.measure(subject, times)
     return found
 

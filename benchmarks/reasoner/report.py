@@ -50,7 +50,7 @@ warm: Final = attrgetter("warm")
 resident: Final = attrgetter("rss")
 
 
-def told(value: float | None, kind: str = "") -> str:
+def cell(value: float | None, kind: str = "") -> str:
     """Return a figure for a table: times `x`, a part of one `%`, or by itself."""
     if value is None:
         return "-"
@@ -61,8 +61,6 @@ def tables(results: list[Result]) -> list[str]:
     """What was found of rows, each table under its heading."""
     run = {key for result in results for key in result.runs}
     found = [_speed_table(results), _jason_table(results)]
-    if "jason" in run:
-        found.append(_jason_here(results))
     if "agentd --decisions" in run:
         found.append(_records_table(results))
     return found
@@ -78,7 +76,7 @@ def ahead(results: list[Result]) -> tuple[int, int, str]:
     What is compared are the ratios to python-agentspeak.
     """
     behind = [
-        f"{result.of.key} {told(ours, 'x')} where Jason has {told(result.of.jason.warm_ratio, 'x')}"
+        f"{result.of.key} {cell(ours, 'x')} where Jason has {cell(result.of.jason.warm_ratio, 'x')}"
         for result in results
         if result.of.jason is not None
         and not (ours := result.ratio("agentd", warm) or 0.0) > result.of.jason.warm_ratio
@@ -102,15 +100,15 @@ def _speed_table(results: list[Result]) -> str:
         cells = [
             f"{row.key} {row.bench.split('_', 1)[1].replace('_', ' ')}",
             row.operation,
-            told(result.median("agentd", cold)),
-            told(result.median("agentd", warm)),
-            told(result.median("agentspeak", cold)),
-            told(result.median("agentspeak", warm)),
-            told(result.ratio("agentd", cold), "x"),
-            told(ratio, "x"),
+            cell(result.median("agentd", cold)),
+            cell(result.median("agentd", warm)),
+            cell(result.median("agentspeak", cold)),
+            cell(result.median("agentspeak", warm)),
+            cell(result.ratio("agentd", cold), "x"),
+            cell(ratio, "x"),
             f"{row.target:g}x{verdict}",
-            told(result.median("agentd", resident)),
-            told(result.median("agentspeak", resident)),
+            cell(result.median("agentd", resident)),
+            cell(result.median("agentspeak", resident)),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -146,8 +144,8 @@ def _jason_table(results: list[Result]) -> str:
         ahead["memory"] += wins[2] == "under a quarter"
         cells = [
             f"{result.of.key} {result.of.operation}",
-            *(told(warm_ratio, "x"), told(jason.warm_ratio, "x"), wins[0]),
-            *(told(cold_ratio, "x"), told(jason.cold_ratio, "x"), wins[1]),
+            *(cell(warm_ratio, "x"), cell(jason.warm_ratio, "x"), wins[0]),
+            *(cell(cold_ratio, "x"), cell(jason.cold_ratio, "x"), wins[1]),
             *("-" if share is None else f"{share:.0%}", wins[2]),
         ]
         lines.append(f"| {' | '.join(cells)} |")
@@ -177,51 +175,19 @@ def _records_table(results: list[Result]) -> str:
         kept = result.ratio("agentd --decisions", warm, to="agentd")
         cells = [
             f"{result.of.key} {result.of.operation}",
-            told(result.median("agentd", warm)),
-            told(result.median("agentd --decisions", warm)),
+            cell(result.median("agentd", warm)),
+            cell(result.median("agentd --decisions", warm)),
             "-" if kept is None else f"{1 - kept:.0%}",
-            told(result.ratio("agentd --decisions", warm), "x"),
+            cell(result.ratio("agentd --decisions", warm), "x"),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _jason_here(results: list[Result]) -> str:
-    lines = [
-        "### Jason, run here",
-        "",
-        "Without the percept rows, whose environment would have to be written in Java. The last column is agentd's",
-        "warm speed over Jason's, and its memory over Jason's, of neighbouring runs.",
-        "",
-        *table("| row | Jason cold | warm | peak RSS MB | agentd / Jason |"),
-    ]
-    for result in results:
-        if "jason" in result.runs:
-            cells = [
-                f"{result.of.key} {result.of.operation}",
-                told(result.median("jason", cold)),
-                told(result.median("jason", warm)),
-                told(result.median("jason", resident)),
-                f"{told(result.ratio('agentd', warm, to='jason'), 'x')} the speed, "
-                f"{told(result.ratio('agentd', resident, to='jason'), '%')} of the memory",
-            ]
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
 def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
     """Start times and memory, under a heading."""
-    here = any("jason" in found for found in footprints.values())
-    heads = [
-        "",
-        "agentd",
-        "limit",
-        "records on",
-        "python-agentspeak",
-        "Jason, elsewhere",
-        *(["Jason, here"] if here else []),
-    ]
-    lines = ["### Start and memory", "", *table(f"| {' | '.join(heads)} |")]
+    heads = "|  | agentd | limit | records on | python-agentspeak | Jason, elsewhere |"
+    lines = ["### Start and memory", "", *table(heads)]
     for footprint in FOOTPRINTS:
         if (found := footprints.get(footprint.title)) is None:
             continue
@@ -230,8 +196,7 @@ def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
         verdict = "met" if ours < footprint.limit else "**missed**"
         others = [found.get("agentd --decisions"), found.get("agentspeak"), footprint.jason]
         shown = [f"{ours:.{digits}f} {footprint.unit}", f"{footprint.limit:g} {footprint.unit}, {verdict}"]
-        values = [*others, *([found.get("jason")] if here else [])]
-        shown += ["-" if value is None else f"{value:.{digits}f}" for value in values]
+        shown += ["-" if value is None else f"{value:.{digits}f}" for value in others]
         lines.append(f"| {footprint.title} | {' | '.join(shown)} |")
     return "\n".join(lines)
 
@@ -239,16 +204,12 @@ def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
 PICTURE: Final = "![how many times the speed of python-agentspeak each row reaches](figures/reasoner.svg)"
 
 
-def page(
-    origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int, jason: str
-) -> str:
-    """The block of docs/measurements/reasoner.md. `jason` is the version of the Jason that was run as well, if there
-    was one."""
-    here = f" The `jason` command found here was run as well: {jason}." if jason else ""
+def page(origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int) -> str:
+    """The block of docs/measurements/reasoner.md."""
     method = (
         f"Every program (`benchmarks/reasoner/programs`) is run {repeat} times by each reasoner, in turns, in fresh "
         "processes. *Cold* is the first round of a process, *warm* the median of its last two. Speeds are medians in "
-        f"operations per second, ratios medians of the ratios of neighbouring runs.{here}"
+        f"operations per second, ratios medians of the ratios of neighbouring runs."
     )
     return "\n\n".join([origin.line(), method, PICTURE, *tables(results), footprint_table(footprints)])
 
@@ -269,32 +230,6 @@ def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
     rows.append(f"| others | {' | '.join(f'{value:,.0f}' for value in rest)} |")
     rows.append(f"| in all | {' | '.join(f'{one.whole:,.0f}' for one in counted.values())} |")
     return f"{origin.line()} Counts do not depend on the load.\n\n" + "\n".join(rows)
-
-
-COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
-"""The rows that docs/measurements/comparison.md shows."""
-
-
-def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
-    """The block of docs/measurements/comparison.md about speed: some rows, how many there are, start and memory."""
-    lines = [*table("| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |")]
-    for result in results:
-        row, ours = result.of, result.ratio("agentd", warm)
-        if row.key in COMPARED and row.jason is not None and ours is not None:
-            remark = "Jason is faster" if ours < row.jason.warm_ratio else ""
-            if row.key == "c":
-                remark = remark or "Argosy indexes arguments, the others walk through"
-            lines.append(f"| {row.operation} | {_bare(ours)} | {_bare(row.jason.warm_ratio)} | {remark} |")
-    won, known, _ = ahead(results)
-    shown = len(lines) - 2
-    lines += [
-        "",
-        f"These are {shown} of {known} rows. Argosy is ahead of Jason's warmed-up JVM in {won} of the {known}, by the "
-        "ratio to python-agentspeak, and behind in the others.",
-        "",
-        footprint_table(footprints).partition("\n\n")[2],
-    ]
-    return "\n".join(lines)
 
 
 def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> list[str]:
@@ -334,7 +269,3 @@ def picture(results: list[Result]) -> str:
         axes.set_xlabel("times python-agentspeak's speed; diamond: Jason 3.3, elsewhere; line: asked for")
         axes.grid(visible=False, axis="y")
         return plots.svg(made)
-
-
-def _bare(value: float) -> str:
-    return f"{value:.1f}" if value < 100 else f"{value:,.0f}"

@@ -27,7 +27,7 @@ class Jason:
     cold: float | None
     """Operations per second in the first round; None where it was not recorded."""
     agentspeak: float
-    """What python-agentspeak did there, warm. It does not warm up, so this stands for its first round too."""
+    """What python-agentspeak did there, warm. It does not warm up, so this is also its first round."""
     rss: float
     """Peak resident memory, MB."""
 
@@ -119,7 +119,7 @@ class Row:
     environment: str = ""
     """For the percept rows: ``module:Class`` of the environment, or the module that embeds agentd's mind itself."""
     why: str = _REASONING
-    """Told when its target is missed: the reason, as far as it is known, and what was tried."""
+    """The reason for a missed target, as far as it is known, and what was tried."""
 
     @property
     def jason(self) -> Jason | None:
@@ -187,7 +187,7 @@ class Footprint:
     jason: float | None
     measure: Callable[[Subject, int], float]
     why: str
-    """Told when the limit is not kept: the reason, as far as it is known, and what was tried."""
+    """The reason for an exceeded limit, as far as it is known, and what was tried."""
 
 
 def _median_of(times: int, measure: Callable[[], tuple[float, float]], which: int) -> float:
@@ -198,8 +198,8 @@ def _first(program: str, which: int, most: int = 3, settle: float = 0.0) -> Call
     """Return what measures seconds until a program's first print (0) or MB then (1), at most so many times."""
 
     def measure(subject: Subject, times: int) -> float:
-        with subject.prepared([("ag", PROGRAMS / program)]) as command:
-            return _median_of(min(times, most), lambda: until_line(command, "FIRST", settle), which)
+        command = subject.command([("ag", PROGRAMS / program)])
+        return _median_of(min(times, most), lambda: until_line(command, "FIRST", settle), which)
 
     return measure
 
@@ -219,8 +219,8 @@ def _plans(subject: Subject, times: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder, "plans.asl")
         program.write_text(program_of_plans(1000), encoding="utf-8")
-        with subject.prepared([("ag", program)]) as command:
-            return _median_of(min(times, 5), lambda: until_line(command, "FIRST"), 0)
+        command = subject.command([("ag", program)])
+        return _median_of(min(times, 5), lambda: until_line(command, "FIRST"), 0)
 
 
 _START: Final = (

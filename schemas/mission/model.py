@@ -147,7 +147,7 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     camera: Distance | None = None
     """Metres over ground within which it sees the victims of the mission's world; none = it has no camera."""
     faults: tuple[str, ...] = ()
-    """Faults of the vehicle and its link, such as `loss=0.2` (docs/guides/simulated-vehicles.md)."""
+    """Faults of the vehicle and its link, such as `loss=0.2` (docs/guides/simulation.md)."""
 
     @property
     def process(self) -> str:

@@ -1,6 +1,6 @@
 """Records of a mind for observers: its present state, and its trace while there are subscribers.
 
-Texts are for people, in the syntax of programs; `docs/reference/mind-records.md` shows how the records are related.
+Texts are for people, in the syntax of programs; `docs/reference/records.md` shows how the records are related.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ class MindOrder(Record, frozen=True, kw_only=True):
 
 
 class InitialMind(Record, frozen=True, kw_only=True):
-    """The initial data of a mind: with these and its inputs it can be replayed (docs/reference/mind-records.md)."""
+    """The initial data of a mind: with these and its inputs it can be replayed (docs/reference/records.md)."""
 
     program: str
     """The main file, a name in `files`; empty = an empty program."""
@@ -310,7 +310,7 @@ class MindInput(Record, frozen=True, kw_only=True):
 
     cycle: int
     kind: str
-    """The class of `agentd.mind.data.inputs`, or the kind of data that was read; docs/reference/mind-records.md
+    """The class of `agentd.mind.data.inputs`, or the kind of data that was read; docs/reference/records.md
     lists them with their fields."""
     fields: dict[str, Term] = {}
 

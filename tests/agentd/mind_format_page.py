@@ -1,12 +1,10 @@
-"""The example and the tables of docs/reference/mind-records.md: `python -m tests.agentd.mind_format_page` writes
-them."""
+"""The example of a mind on docs/reference/records.md: `python -m tests.agentd.mind_format_page` writes it."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import re
-import socket
 import sys
 import tempfile
 from pathlib import Path
@@ -20,27 +18,11 @@ from schemas.wire.mind_records import MindOrder
 from schemas.wire.records import Outcome
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import term
-from tests.docs.pages import ROOT
-from tests.docs.records_page import records, table
+from tests.docs.pages import ROOT, with_part
 from tests.support.buses import Connect, on_a_bus, served, until
+from tests.support.ports import free_port
 
-PAGE: Final = ROOT / "docs/reference/mind-records.md"
-SHOWN: Final = (
-    "MindView",
-    "BeliefView",
-    "IntentionView",
-    "WaitView",
-    "EventView",
-    "QuestionView",
-    "PlanView",
-    "DecisionView",
-    "CauseView",
-    "RejectedView",
-    "FailureView",
-    "DropView",
-    "ActivityEvent",
-)
-"""The records whose fields stand on the page."""
+PAGE: Final = ROOT / "docs/reference/records.md"
 _STEADY: Final = {
     "stamp": 1795334400000000000,
     "boot": "5f0c2a9d",
@@ -53,11 +35,6 @@ _STEADY: Final = {
     "cycle": 9,
 }
 """What differs from run to run, as the page has it."""
-
-
-def part(name: str) -> str:
-    """What stands between two marks of the page."""
-    return PAGE.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")[2].partition(f"<!-- end of {name} -->")[0]
 
 
 def program() -> str:
@@ -129,29 +106,16 @@ async def _raw(bus: Bus, selector: str) -> Any:
     return await asyncio.to_thread(ask)
 
 
-def fields() -> str:
-    """The tables of the page."""
-    told = {one.name: one for one in records()}
-    return "".join(f"\n### {name}\n\n{told[name].text}\n\n{table(told[name])}" for name in SHOWN) + "\n"
-
-
 def shown(mind: Any) -> str:
     """The example as it stands on the page."""
     return f"```json\n{json.dumps(steady(mind), indent=1, ensure_ascii=False)}\n```\n"
 
 
 def main() -> None:
-    """Write the page's example and tables."""
-    with tempfile.TemporaryDirectory() as folder, socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-        free.close()
-        made = {"example": shown(example(endpoint, Path(folder))), "fields": fields()}
-    text = PAGE.read_text(encoding="utf-8")
-    for name, inner in made.items():
-        before, _, rest = text.partition(f"<!-- {name} -->\n")
-        text = f"{before}<!-- {name} -->\n{inner}<!-- end of {name} -->{rest.partition(f'<!-- end of {name} -->')[2]}"
-    PAGE.write_text(text, encoding="utf-8")
+    """Write the page's example."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = shown(example(f"tcp/127.0.0.1:{free_port()}", Path(folder)))
+    PAGE.write_text(with_part(PAGE, "example", made), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ def test_results_of_another_shape_are_told(
     monkeypatch.setattr(results.load, "__defaults__", (tmp_path,))
     monkeypatch.syspath_prepend(tmp_path)
     (part,) = _parts("good")
-    assert not command._shown(part)
+    assert not command._write_part(part)
     assert capfd.readouterr().err == "error: good: Object missing required field `speed`\n"
     assert pages.found_of(part) is None
 

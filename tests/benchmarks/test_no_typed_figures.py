@@ -13,9 +13,9 @@ from typing import Final
 from benchmarks.pages import pages
 from benchmarks.results import ROOT
 
-REPORTS: Final = {"soak.md", "faults.md", "daemon-failures.md", "attacks.md", "systemd-units.md"}
+REPORTS: Final = {"soak.md", "faults.md", "attacks.md"}
 """Written by `make soak`, `faults`, `field` and `attacks`: each says when and on what it was made."""
-_BLOCK: Final = re.compile(r"<!-- figures [\w-]+ -->\n.*?<!-- end of figures -->", re.DOTALL)
+_BLOCK: Final = re.compile(r"<!-- (?:(figures) [\w-]+|(units)) -->\n.*?<!-- end of (?:figures|units) -->", re.DOTALL)
 _FENCE: Final = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
 _FIGURE: Final = re.compile(
     r"(?<![\w.,])\d[\d,.]*\s?"
@@ -29,10 +29,9 @@ _LIMITS: Final = "limits"
 _PAUSES: Final = "pauses, and times that are waited"
 ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/reference/actions.md": ("1.5 s", _PAUSES),
-    "docs/guides/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
+    "docs/guides/boards.md": ("256 MB, 512 MB, 0.2 s, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
     "docs/architecture/decisions.md": ("10 times, 0.3 s, 0.1 s, 100 ms, 10 ms", "pauses, and Zenoh's own"),
     "docs/guides/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
-    "docs/guides/fleets.md": ("0.2 s", _PAUSES),
     "docs/guides/monitoring.md": (
         "5.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB, 0.35 s, 0.7 s, 4 kB",
         "bounds between good, warning and error, what a check sends, limits, and times of a press",
@@ -45,7 +44,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "limits, pauses, and bits of a byte",
     ),
     "docs/guides/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB, 2 MB, 1 GiB, 64 MiB", "limits and pauses"),
-    "docs/reference/mind-records.md": ("0.2 s, 4 kB", _LIMITS),
+    "docs/reference/records.md": ("0.2 s, 4 kB", _LIMITS),
     "docs/architecture/mind.md": ("100 times", _LIMITS),
     "docs/guides/recording.md": (
         "2 GB, 128 MB, 64 MB, 1000 times, 2 MB, 8 MB, 20 %, 45 %",
@@ -57,7 +56,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "0.1 s, 0.3 s, 0.5 s, 4 MiB, 8 MiB, 1 MB, 128 kB, 150 kB, 256 kB, 256 MB",
         "limits and pauses",
     ),
-    "docs/guides/simulated-vehicles.md": (
+    "docs/guides/simulation.md": (
         "0.02 s, 0.1 s",
         "the step of the simulation, and from when on it counts as late",
     ),

@@ -72,16 +72,6 @@ def _imported(text: str) -> set[str]:
     return {line.removeprefix(begin).split()[0] for line in text.splitlines() if line.startswith(begin)}
 
 
-def test_a_file_of_two_agents_counts_once_and_for_each_of_them_as_deployed() -> None:
-    figures = measure(True)
-    flying = count((ROOT / "missions/search_and_rescue/flying.asl").read_text())
-    rescuer = count((ROOT / "missions/search_and_rescue/rescuer.asl").read_text())
-    once = figures.total("search_and_rescue", AGENTSPEAK, "whole")
-    deployed = figures.deployed("search_and_rescue", AGENTSPEAK, "whole")
-    assert deployed.lines == once.lines + rescuer.lines + 2 * flying.lines
-    assert deployed.bytes == once.bytes + rescuer.bytes + 2 * flying.bytes
-
-
 def test_a_goal_is_missed_by_one_measure() -> None:
     small, equal = Source("a", Size(1, 1, 1), Size(1, 1, 1)), Source("b", Size(2, 1, 2), Size(2, 2, 2))
     figures = Figures({name: {AGENTSPEAK: [small], PYTHON: [equal]} for name in MISSIONS})

@@ -18,7 +18,7 @@ def test_a_talker_tells_as_much_that_is_new_as_a_copter_in_a_recorded_flight() -
     recorded = _recorded()
     talker = _Kept(1, ("127.0.0.1", 9))
     for _ in range(200):
-        talker.tell("GLOBAL_POSITION_INT")
+        talker.send_kind("GLOBAL_POSITION_INT")
     talker.close()
     ours = [(0.1 * number, one) for number, one in enumerate(talker.kept)]
     copter, circle = _percepts(recorded), _percepts(ours)

@@ -108,7 +108,7 @@ def tally_of(name: str) -> Tally:
 
 
 def summary() -> str:
-    """The line that docs/guides/simulated-vehicles.md quotes."""
+    """The line that docs/guides/simulation.md quotes."""
     tallies = [tally_of(name) for name in FILES]
     matched, exchanges = sum(one.matched for one in tallies), sum(len(one.exchanges) for one in tallies)
     markers = sum(one.markers for one in tallies)

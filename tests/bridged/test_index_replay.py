@@ -11,7 +11,7 @@ import pytest
 from tests.bridged.exchanges import Playback, Record, differences
 from tests.bridged.index_replay import FILES, KNOWN_DIFFERENCES, playback_of, summary, tally_of
 
-PAGE = Path(__file__).parent.parent.parent / "docs/guides/simulated-vehicles.md"
+PAGE = Path(__file__).parent.parent.parent / "docs/guides/simulation.md"
 ENTRIES = 755
 
 

@@ -41,6 +41,24 @@ class Block:
         return f"{self.page}:{self.line}"
 
 
+def part_of(page: Path, name: str) -> str:
+    """Return the text between the marks `<!-- NAME -->` and `<!-- end of NAME -->` of a page. Raises ValueError."""
+    return _split(page, name)[1]
+
+
+def with_part(page: Path, name: str, part: str) -> str:
+    """Return the text of a page with another part between the marks of that name. Raises ValueError."""
+    before, _, after = _split(page, name)
+    return before + part + after
+
+
+def _split(page: Path, name: str) -> tuple[str, str, str]:
+    text, begin, end = page.read_text(encoding="utf-8"), f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    first = text.index(begin) + len(begin)
+    last = text.index(end, first)
+    return text[:first], text[first:last], text[last:]
+
+
 def pages() -> list[str]:
     """All pages, as paths from the root of the checkout."""
     found = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]

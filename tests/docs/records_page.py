@@ -1,4 +1,4 @@
-"""docs/reference/records.md from the declarations of records in schemas/wire: `python -m tests.docs.records_page`."""
+"""The records on docs/reference/records.md, from their declarations: `python -m tests.docs.records_page`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from typing import get_args
 import schemas.wire.records
 from schemas.wire.keys import CHANNELS
 from schemas.wire.records import VERSION
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, with_part
 
 SOURCES = tuple(ROOT / f"schemas/wire/{name}.py" for name in ("records", "vehicle_records", "mind_records"))
 PAGE = ROOT / "docs/reference/records.md"
 _HEAD = f"""\
-# Records
-
 <!-- Written by `make reference` from schemas/wire/records.py, vehicle_records.py and mind_records.py. -->
 
 What travels on the [keys](bus-keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its
@@ -89,11 +87,11 @@ def _carried(name: str) -> str:
 
 
 def page() -> str:
-    """The page."""
+    """Return the page with the records as they are declared."""
     parts = [_HEAD]
     for told in records():
         parts.append(f"\n## {told.name}\n\n{told.text}\n\n{_carried(told.name)}{table(told)}")
-    return "".join(parts)
+    return with_part(PAGE, "records", "".join(parts))
 
 
 def table(told: Told) -> str:
@@ -107,5 +105,4 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text(page(), encoding="utf-8")

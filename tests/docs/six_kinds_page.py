@@ -12,10 +12,9 @@ from pathlib import Path
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
 from bridged.simulation.vehicle.kinds import KINDS
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, with_part
 
 PAGE = ROOT / "docs/guides/mavlink.md"
-BEGIN, END = "<!-- six kinds: begin -->\n", "<!-- six kinds: end -->\n"
 _ACTIONS = ("takeoff", "goto", "return_to_launch")
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 _MISSION = """\
@@ -80,11 +79,5 @@ def block(outcomes: dict[tuple[str, str], Outcome]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def written(page: str, table: str) -> str:
-    """Return the page with the table between its marks."""
-    before, _, rest = page.partition(BEGIN)
-    return before + BEGIN + table + END + rest.partition(END)[2]
-
-
 if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), block(flights())), encoding="utf-8")
+    PAGE.write_text(with_part(PAGE, "six kinds", block(flights())), encoding="utf-8")

@@ -13,7 +13,7 @@ Entry = TypeVar("Entry")
 
 _NETWORK = "installs from a package index"
 _REAL = "a real vehicle"
-_BOARD = "on a board: tests/argosy/deploy/test_units_command.py, docs/measurements/systemd-units.md"
+_BOARD = "on a board: tests/argosy/deploy/test_units_command.py, docs/measurements/daemons.md"
 
 NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", "make "): "is what runs this",
@@ -40,7 +40,6 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/guides/security.md", "sudo "): _BOARD,
     ("docs/guides/boards.md", "systemctl "): _BOARD,
     ("docs/guides/boards.md", "journalctl "): _BOARD,
-    ("docs/guides/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/boards/test_rescue.py",
     ("docs/start/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
     ("docs/start/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
     ("docs/start/install.md", "/opt/argosy/bin/"): "another folder in tests/test_wheel.py",
@@ -52,7 +51,7 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/start/search-and-rescue.md", "make rescue"): "minutes: tests/boards/test_rescue.py",
     ("docs/start/search-and-rescue.md", "argosy run"): "minutes: tests/boards/test_rescue.py",
     ("docs/start/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/boards/test_rescue.py",
-    ("docs/guides/simulated-vehicles.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+    ("docs/guides/simulation.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
     ("docs/guides/mavlink.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
     ("docs/guides/mavlink.md", "argosy run --real"): _REAL,
     ("docs/guides/mavlink.md", "sudo usermod"): "changes the machine",
@@ -66,19 +65,14 @@ NOT_RUN: Final[dict[Key, str]] = {
         "docs/guides/writing-programs.md",
         "cp -r deploy/editor",
     ): "the folder of an editor; what is in it: tests/agentd/editor/test_lexers.py",
-    ("docs/measurements/reasoner.md", "make bench"): "minutes, and it writes the page: tests/agentd/test_benchmarks.py",
-    (
-        "docs/measurements/reasoner.md",
-        "jason --version",
-    ): "Jason is no dependency: tests/agentd/test_benchmarks.py has one like it",
-    ("docs/measurements/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/agentd/test_benchmarks.py",
+    ("docs/measurements/reasoner.md", "make bench"): "minutes, and it writes the page: tests/benchmarks",
+    ("docs/measurements/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/benchmarks",
     ("docs/guides/monitoring.md", ".venv/bin/pip install"): _NETWORK,
     ("docs/guides/monitoring.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
     ("docs/guides/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
-    ("docs/guides/fleets.md", "argosy run"): "minutes: tests/boards/test_rescue.py",
-    ("docs/guides/fleets.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
-    ("docs/guides/fleets.md", "scp"): _BOARD,
-    ("docs/guides/fleets.md", "sudo systemctl"): _BOARD,
+    ("docs/guides/boards.md", "argosy run"): "minutes: tests/boards/test_rescue.py",
+    ("docs/guides/boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
+    ("docs/guides/boards.md", "scp"): _BOARD,
     ("docs/guides/operations.md", "sudo systemctl"): _BOARD,
     ("docs/guides/operations.md", "systemctl"): _BOARD,
     ("docs/start/tutorial.md", "sudo apt install"): _NETWORK,
@@ -157,7 +151,7 @@ STAYS: Final[dict[Key, Stay]] = {
         says="argosy/by-hand/local/health/agentd {"
     ),
     ("docs/reference/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
-    ("docs/guides/simulated-vehicles.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/guides/simulation.md", "bridged simulate copter"): Stay(says="copter"),
     ("docs/guides/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
     ("docs/start/tutorial.md", "argosy run missions"): Stay(
         says="uav: flying to", ends="failed", after="argosy stop rtl"
@@ -177,9 +171,9 @@ NOT_WELL_FORMED: Final[dict[Key, str]] = {
 
 NOT_COMMANDS: Final[dict[Key, str]] = {
     ("docs/guides/boards.md", "agentd has failed"): "what a board says",
-    ("docs/guides/fleets.md", "commd pi1"): "what `argosy run` calls this process",
-    ("docs/guides/fleets.md", "bridged pi1 uav1"): "what `argosy run` calls this process",
-    ("docs/guides/fleets.md", "agentd pi1"): "what `argosy run` calls this process",
-    ("docs/guides/fleets.md", "agentd pi2 was killed by SIGKILL"): "what `argosy run` says",
+    ("docs/guides/boards.md", "commd pi1"): "what `argosy run` calls this process",
+    ("docs/guides/boards.md", "bridged pi1 uav1"): "what `argosy run` calls this process",
+    ("docs/guides/boards.md", "agentd pi1"): "what `argosy run` calls this process",
+    ("docs/guides/boards.md", "agentd pi2 was killed by SIGKILL"): "what `argosy run` says",
 }
 """Code within sentences that begins with a program's name and is no command."""

@@ -1,4 +1,4 @@
-"""`make faults`: injects every fault of the table, prints what came of it and writes docs/measurements/faults.md."""
+"""`make faults`: inject every fault of the table, print the results and write docs/measurements/faults.md."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.docs.pages import with_part
 from tests.faults.mail import MAIL_INPUT
 from tests.faults.mail_files import AS_ROOT, MAIL_FILES
 from tests.faults.poison import POISON
@@ -17,16 +18,8 @@ from tests.soak.report import ROOT, here
 
 FLOWN = (*VIRTUAL, *REAL)
 PAGE = ROOT / "docs/measurements/faults.md"
-HEAD = """\
-# Faults
-
-Written by `make faults`; each row is also a test of `make test`. Every row flies, or works, on real bytes: packets of
-MAVLink through a bad link (`bridged simulate copter --fault ...` injects the same), or real processes on a real Zenoh
-router. An action that is called succeeded was so by the simulated robot's own state at that moment; every action has
-one final status. Seconds are the mission's in virtual time, and the wall's of real processes.
-"""
 MAIL_HEAD = """
-## Mail
+### Mail
 
 Real `commd` and `agentd` processes, real files, real datagrams; cuts, kills and full disks by the dozen are in
 [soak.md](soak.md).
@@ -50,8 +43,8 @@ def main() -> int:
     print(f"{len(rows) - len(failed)} of {len(rows)} hold")
     if not failed:
         count = len(FLOWN)
-        lines = [HEAD, f"On {here()}.\n", *of_actions(rows[:count]), MAIL_HEAD, *of_mail(rows[count:]), ""]
-        PAGE.write_text("\n".join(lines), encoding="utf-8")
+        lines = [f"On {here()}.\n", *of_actions(rows[:count]), MAIL_HEAD, *of_mail(rows[count:]), ""]
+        PAGE.write_text(with_part(PAGE, "faults", "\n".join(lines)), encoding="utf-8")
     return 1 if failed else 0
 
 

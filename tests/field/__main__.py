@@ -1,5 +1,5 @@
 """`make field`: lets agents, bridges, routers and boards fail in flight, and writes
-docs/measurements/daemon-failures.md; some 30 minutes.
+docs/measurements/faults.md; some 30 minutes.
 
 `--times N` (default 3) flies each row so often; names of rows (`agents.hung`) fly those alone and write nothing.
 """
@@ -16,6 +16,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from tests.docs.pages import with_part
 from tests.field.agents import AGENTS, BOARDS
 from tests.field.bridges import BRIDGES
 from tests.field.machine import SYSTEMD
@@ -24,8 +25,7 @@ from tests.field.units import UnitFile
 from tests.support.processes import ROOT
 
 ALL = (*AGENTS, *BOARDS, *BRIDGES, *SYSTEMD)
-PAGE = ROOT / "docs/measurements/daemon-failures.md"
-BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
+PAGE = ROOT / "docs/measurements/faults.md"
 
 
 def main() -> int:
@@ -43,9 +43,8 @@ def main() -> int:
     runs = [[fly(make) for _ in range(args.times)] for make in chosen]
     failed = [row for rows in runs for row in rows if row.problems]
     if not failed and not args.rows:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        figures = "\n".join([head(args.times), "", *table(runs)])
-        PAGE.write_text(f"{before}{BEGIN}\n{figures}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+        flights = "\n".join([head(args.times), "", *table(runs), ""])
+        PAGE.write_text(with_part(PAGE, "flights", flights), encoding="utf-8")
     return 1 if failed else 0
 
 

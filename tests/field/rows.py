@@ -1,4 +1,4 @@
-"""What a row of docs/measurements/daemon-failures.md says: what failed, what the vehicle showed and when, against
+"""What a row of docs/measurements/faults.md says: what failed, what the vehicle showed and when, against
 what was declared."""
 
 from __future__ import annotations

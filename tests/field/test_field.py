@@ -1,4 +1,4 @@
-"""A few rows of docs/measurements/daemon-failures.md as tests: in the order and for the reasons declared, with
+"""A few rows of docs/measurements/faults.md as tests: in the order and for the reasons declared, with
 patience for a busy machine."""
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m tests.soak.units
 
-Boots a machine of its own (tests/support/booted.py). Writes docs/measurements/systemd-units.md.
+Boots a machine of its own (tests/support/booted.py). Writes docs/measurements/daemons.md.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from pathlib import Path
 from argosy.deploy.unit_files import Board
 from argosy.deploy.units_command import write
 from schemas.mission.model import load_mission
+from tests.docs.pages import with_part
 from tests.soak.report import ROOT, here
 from tests.support.analyzed import analyzed, exposure, installed
 from tests.support.booted import Machine, NoMachine, booted
 
-PAGE = ROOT / "docs/measurements/systemd-units.md"
+PAGE = ROOT / "docs/measurements/daemons.md"
 ASK = "/opt/checkout/tests/support/ask_mind.py"
 KNOCK = "/opt/checkout/tests/support/knock.py"
 TWO = {
@@ -74,7 +75,7 @@ def main() -> int:
         except NoMachine as why:
             print(f"error: {why}", file=sys.stderr)
             return 1
-    PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    PAGE.write_text(with_part(PAGE, "units", "\n".join(lines) + "\n"), encoding="utf-8")
     print(f"{PAGE} written")
     return 0
 
@@ -83,13 +84,9 @@ def exposures(folder: Path) -> Iterator[str]:
     """The beginning of the page: what systemd itself says of each unit, and what is left open."""
     venv = installed(folder)
     yield from (
-        "# The units, measured",
-        "",
-        "The units that `argosy units` writes: rated by `systemd-analyze`, and operated by a real systemd in",
-        "a machine of its own (namespaces over an overlay). Their use: [Boards](../guides/boards.md).",
         f"Written by `make soak` on {here()}.",
         "",
-        "## Exposure",
+        "### Exposure",
         "",
         "`systemd-analyze verify` finds nothing in any of them. `security --offline` (0 is best, 10 worst) rates",
         "them as follows; each sees the system's files, read-only, and may use unix sockets.",
@@ -130,7 +127,7 @@ def measured(folder: Path) -> Iterator[str]:
     """The rest of the page: the units of the paper's first mission at work."""
     board = Board(load_mission("single_uav"), "local")
     write(board, folder / "tree")
-    yield from ("", "## At work", "", "The paper's first mission on one board, in real time, all limits in force.", "")
+    yield from ("", "### At work", "", "The paper's first mission on one board, in real time, all limits in force.", "")
     yield from ("| what | seen |", "|---|---|")
     with booted() as machine:
         machine.install(folder / "tree")
@@ -244,7 +241,7 @@ def linked(folder: Path) -> Iterator[str]:
         shutil.copytree(keys / "machines" / name, folder / name / board.folder[1:] / "keys")
     yield from (
         "",
-        "## Two boards",
+        "### Two boards",
         "",
         "Each a machine of its own with a systemd of its own, linked by mutual TLS.",
         "",

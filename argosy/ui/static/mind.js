@@ -1,4 +1,4 @@
-// The mind of the selected agent: what it intends, does, believes and has decided. Records as in docs/reference/mind-records.md.
+// The mind of the selected agent: what it intends, does, believes and has decided. Records as in docs/reference/records.md.
 
 import { count, el, keyed, put, say, shortened, span } from "./dom.js";
 import { awaited } from "./tones.js";

@@ -39,7 +39,7 @@ export function rounded(text) {
   return text.replace(/(\.\d{6})\d+/g, "$1");
 }
 
-// What an intention waits for (docs/reference/mind-records.md, WaitView), to stand behind its state.
+// What an intention waits for (docs/reference/records.md, WaitView), to stand behind its state.
 export function awaited(wait) {
   switch (wait?.kind) {
     case undefined: return "";

@@ -1,4 +1,4 @@
-"""docs/reference/mind-records.md tells the truth: its example is what an agent says, its tables are the records."""
+"""The mind on docs/reference/records.md: its example is what an agent publishes, its tables name every kind."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import msgspec
 
 from agentd.trace.input_records import KINDS, UNWRITTEN
 from schemas.wire import mind_records
-from tests.agentd.mind_format_page import PAGE, SHOWN, example, fields, part, script, shown, steady
+from tests.agentd.mind_format_page import PAGE, example, script, shown, steady
+from tests.docs.pages import part_of
 
 
 def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Path, endpoint: str) -> None:
@@ -25,23 +26,17 @@ def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Pat
         said.append(subprocess.run(command, capture_output=True, text=True, timeout=60, check=False))
 
     mind = example(endpoint, tmp_path, run)
-    assert shown(mind) == part("example"), "`python -m tests.agentd.mind_format_page` rewrites it"
+    assert shown(mind) == part_of(PAGE, "example"), "`python -m tests.agentd.mind_format_page` rewrites it"
     (ended,) = said
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.splitlines() == mind["beliefs"]
 
 
 def test_the_example_is_the_record_and_no_more() -> None:
-    said = json.loads(part("example").removeprefix("```json\n").removesuffix("```\n"))
+    said = json.loads(part_of(PAGE, "example").removeprefix("```json\n").removesuffix("```\n"))
     view = msgspec.convert(said, mind_records.MindView, strict=True)
     again = json.loads(msgspec.json.encode(view))
     assert steady(again) == said, "no field is unknown to the record"
-
-
-def test_each_field_of_a_mind_is_described_with_its_meaning() -> None:
-    assert part("fields") == fields(), "`python -m tests.agentd.mind_format_page` rewrites it"
-    for name in SHOWN:
-        assert f"### {name}\n" in part("fields")
 
 
 def test_each_kind_of_input_and_activity_event_is_in_the_tables_and_no_other() -> None:

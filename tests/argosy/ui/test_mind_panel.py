@@ -11,18 +11,19 @@ from msgspec.structs import replace
 
 from argosy.cli.operator_bus import Where
 from schemas.wire.mind_records import ActivityEvent, DropView, IntentionView, MindView, WaitView
-from tests.agentd.mind_format_page import part
+from tests.agentd.mind_format_page import PAGE
 from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
 from tests.argosy.ui.serving import served
+from tests.docs.pages import part_of
 from tests.support.buses import async_test
 
 pytestmark = pytest.mark.usefixtures("browser")
 
 
 def scout() -> MindView:
-    """The mind of docs/reference/mind-records.md, and what that has not."""
-    told: Any = json.loads(part("example").removeprefix("```json\n").removesuffix("```\n"))
+    """The mind of docs/reference/records.md, and what that has not."""
+    told: Any = json.loads(part_of(PAGE, "example").removeprefix("```json\n").removesuffix("```\n"))
     mind = msgspec.convert(told, MindView)
     deep = IntentionView(
         id=7,

@@ -45,7 +45,7 @@ def test_an_agent_answers_what_it_believes_and_what_it_does_not(endpoint: str, t
 
     where = ("--router", endpoint, "--state", str(tmp_path))
     with watched("commd", "-P", "-m", "commd", "serve", str(MISSION), *where) as commd:
-        commd.says("router board=")
+        commd.wait_for("router board=")
         with watched("agentd", "-P", "-m", "agentd", "serve", str(MISSION), "scout", *where):
             asyncio.run(asyncio.wait_for(ask(), 240))
 

@@ -130,6 +130,6 @@ def test_a_vehicle_restarts_once_at_each_time() -> None:
 
 
 def test_the_page_of_the_simulated_copter_lists_all_faults_in_their_order() -> None:
-    page = (Path(__file__).parents[4] / "docs/guides/simulated-vehicles.md").read_text()
-    table = [line for line in page.splitlines() if line.startswith("| `")]
+    page = (Path(__file__).parents[4] / "docs/guides/simulation.md").read_text()
+    table = [line for line in page.partition("## Faults of a vehicle")[2].splitlines() if line.startswith("| `")]
     assert table == [f"| `{row.form}` | {row.meaning} |" for row in TABLE.values()]

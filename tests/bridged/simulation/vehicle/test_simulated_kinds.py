@@ -105,7 +105,7 @@ def test_the_default_is_an_arducopter() -> None:
 
 
 def test_the_page_of_the_simulated_vehicles_tells_how_many_parameters_each_has() -> None:
-    page = (Path(__file__).parents[4] / "docs/guides/simulated-vehicles.md").read_text()
+    page = (Path(__file__).parents[4] / "docs/guides/simulation.md").read_text()
     count = {kind: len(AttendedVehicle(*kind).autopilot.parameters) for kind in ALL}
     plane, rover = count["plane", "ardupilot"], count["rover", "ardupilot"]
     of_px4 = "{}, {} and {}".format(*(count[kind, "px4"] for kind in ("copter", "plane", "rover")))

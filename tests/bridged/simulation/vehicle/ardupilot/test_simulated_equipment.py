@@ -320,7 +320,7 @@ def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_t
 
 
 def test_the_page_of_the_simulated_copter_tells_how_many_parameters_it_has() -> None:
-    page = (Path(__file__).parents[5] / "docs/guides/simulated-vehicles.md").read_text()
+    page = (Path(__file__).parents[5] / "docs/guides/simulation.md").read_text()
     assert f"- {len(COPTER)} parameters, not 1354" in page
 
 
