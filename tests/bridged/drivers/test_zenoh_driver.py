@@ -112,7 +112,7 @@ async def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> Non
 
 @async_test
 async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bridged.drivers.zenoh.subscriptions.PATIENCE", 0.05)
+    monkeypatch.setattr("bridged.drivers.zenoh.driver.PATIENCE", 0.05)
     async with in_a_pond(endpoint) as pond:
         await until(lambda: bool(pond.driver.notes()), "the silence is told")
         assert identities(pond.driver.notes()) == [("source_never_heard", "lamp/state")]
@@ -333,7 +333,7 @@ async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch:
     samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
     for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
         for sample in some:
-            queue.push(cast(zenoh.Sample, sample))
+            queue.push(cast("zenoh.Sample", sample))
         await until(lambda: not queue._calls, "what is kept is handled")
         assert queue.dropped == dropped
     assert told == samples[1:]

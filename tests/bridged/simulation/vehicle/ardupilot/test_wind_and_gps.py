@@ -17,8 +17,7 @@ from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo
 from bridged.simulation.vehicle.position_estimate import FOUND_S, NOTICED_S, TIMEOUT_S
-from bridged.simulation.vehicle.vehicle import Vehicle
-from bridged.simulation.vehicle.wind import Wind
+from bridged.simulation.vehicle.vehicle import Vehicle, Wind
 
 HOME = Place(-27.604033, -48.518363, 21.0)
 UP = 10.0
