@@ -14,7 +14,7 @@ from bridged.drivers.mavlink.actions.context import Files, ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
-from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links
+from bridged.drivers.mavlink.transport.shared_links import LinkClient, shared_link
 from bridged.drivers.mavlink.transport.signing import read_key
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
 from bridged.drivers.mavlink.vehicle.streams import unread
@@ -69,7 +69,7 @@ class MavlinkDriver(VehicleSession):
         self.streams.others_listen = bool(robot.forward)
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn
-        self._links = Links.of(setup.shared)
+        self._shared = setup.shared
         self.link_client.address.link_loss = self.flight.to_wall(self.link_loss)
         self.stalls = 0
         """How often so far the event loop was away for longer than `STALL`."""
@@ -78,7 +78,7 @@ class MavlinkDriver(VehicleSession):
         """Carry the vehicle's traffic until cancelled. Raises LinkError if it cannot be opened; may be run again."""
         loop = asyncio.get_running_loop()
         self.carry(False)  # so that a link that cannot be opened, also at another run, is reported down
-        async with self._links.seat(self._address, self.link_client) as link:
+        async with shared_link(self._shared, self._address, self.link_client) as link:
             self.carry(link.up)
             while True:
                 try:

@@ -91,29 +91,22 @@ class LinkClient:
             log.error("not sent: %s", error)
 
 
-class Links:
-    """The open links and ground stations of one process, by link string."""
+@asynccontextmanager
+async def shared_link(
+    shared: dict[str, Any], address: LinkAddress, link_client: LinkClient
+) -> AsyncIterator[SharedLink]:
+    """Be a client of a link while the block lasts; `shared` is what the drivers of this process share.
 
-    def __init__(self) -> None:
-        self._links: dict[str, SharedLink] = {}
-        self.stations: dict[str, GroundStation] = {}
-
-    @classmethod
-    def of(cls, shared: dict[str, Any]) -> Links:
-        """Those that the drivers of this process share."""
-        links = shared.setdefault("mavlink", cls())
-        assert isinstance(links, cls)
-        return links
-
-    @asynccontextmanager
-    async def seat(self, address: LinkAddress, link_client: LinkClient) -> AsyncIterator[SharedLink]:
-        """Be a client of a link while the block lasts. Raises LinkError if it cannot be opened, or the id is taken."""
-        link = self._links.setdefault(str(address), SharedLink(address, self.stations))
-        await link.enter(link_client)
-        try:
-            yield link
-        finally:
-            await link.leave(link_client)
+    Raises LinkError if the link cannot be opened, or the id is taken.
+    """
+    links: dict[str, SharedLink] = shared.setdefault("mavlink links", {})
+    stations: dict[str, GroundStation] = shared.setdefault("mavlink ground stations", {})
+    link = links.setdefault(str(address), SharedLink(address, stations))
+    await link.enter(link_client)
+    try:
+        yield link
+    finally:
+        await link.leave(link_client)
 
 
 class SharedLink:

@@ -47,6 +47,8 @@ class ArduPilot(Autopilot):
     """Whether SET_POSITION_TARGET messages are taken in GUIDED; else they are ignored in silence."""
     DISARMS_UNDER_WAY: ClassVar[bool] = False
     """Whether its motors may be stopped under way without force."""
+    REACHED: ClassVar[str] = "command"
+    """How it calls a waypoint that it has reached."""
     HOME_FOLLOWS: ClassVar[bool] = False
     """Whether home follows it while it is disarmed."""
     STATION: ClassVar[tuple[str, str, float]] = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.0)
@@ -300,6 +302,12 @@ class ArduPilot(Autopilot):
             self.mission.current = seq
         return True
 
+    def _fly_on(self) -> None:
+        """Fly the mission from its current item; one that is over from its first."""
+        first = 1 if self.mission.complete else max(1, self.mission.current)
+        self.mission.complete = False
+        self._fly_from(first)
+
     def _fly_from(self, seq: int) -> None:
         """Fly to the next place of the mission; DO commands before it run on the way."""
         between, item = self.mission.next_place(seq)
@@ -341,7 +349,7 @@ class ArduPilot(Autopilot):
         """Report that an item is done."""
         self.events.append(ItemReached(item.seq))
         if NAV_COMMANDS[item.command] == "WP":
-            self.send_text(f"Reached command #{item.seq}")
+            self.send_text(f"Reached {self.REACHED} #{item.seq}")
 
     def _do(self, item: Item) -> None:
         self.send_text(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")

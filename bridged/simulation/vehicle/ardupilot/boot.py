@@ -1,7 +1,7 @@
 """The boot sequence of a vehicle: milestones, their times and status texts."""
 
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, auto
 
 from bridged.simulation.vehicle.autopilot import BootKind
 from bridged.simulation.vehicle.notifications import Severity
@@ -11,22 +11,22 @@ FIRST_HEARTBEAT_S = 1.02
 
 
 class Milestone(Enum):
-    """Milestones of an autopilot's start: recorded time and time of a quick start, in seconds."""
+    """Milestones of an autopilot's start."""
 
-    BAROMETER = (0.90, 0.1)
-    READY = (1.436, 0.2)  # the arming checks run
-    MODE_SWITCH = (1.63, 0.3)  # the pilot's mode switch is read: STABILIZE, whatever was set before
-    AUX_SWITCH = (1.733, 0.3)
-    EKF_STARTED = (3.436, 0.5)
-    EKF_TILT = (4.784, 0.6)
-    EKF_YAW = (4.883, 0.7)
-    GPS_PROBE = (8.789, 0.8)
-    GPS_FIX = (8.813, 0.9)
-    ACCELS_AGREE = (14.0, 1.0)
-    HOME = (19.006, 1.4)
-    GYROS_AGREE = (22.9, 1.8)
-    PREARM_GOOD = (23.0, 1.9)  # the pre-arm bit of SYS_STATUS
-    POSITION = (40.602, 2.6)  # the EKF uses GPS: GUIDED can be armed
+    BAROMETER = auto()
+    READY = auto()  # the arming checks run
+    MODE_SWITCH = auto()  # the pilot's mode switch is read: STABILIZE, whatever was set before
+    AUX_SWITCH = auto()
+    EKF_STARTED = auto()
+    EKF_TILT = auto()
+    EKF_YAW = auto()
+    GPS_PROBE = auto()
+    GPS_FIX = auto()
+    ACCELS_AGREE = auto()
+    HOME = auto()
+    GYROS_AGREE = auto()
+    PREARM_GOOD = auto()  # the pre-arm bit of SYS_STATUS
+    POSITION = auto()  # the EKF uses GPS: GUIDED can be armed
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +44,6 @@ class Step:
 Script = tuple[Step, ...]
 """A boot sequence, in the order of time."""
 
-_COPTER_TEXTS: dict[Milestone, tuple[str, ...]] = {
-    Milestone.BAROMETER: ("Barometer 1 calibration complete", "Barometer 2 calibration complete"),
-    Milestone.READY: ("ArduPilot Ready", "AHRS: DCM active"),
-    Milestone.AUX_SWITCH: ("RC7: SaveWaypoint LOW",),
-    Milestone.EKF_STARTED: ("EKF3 IMU0 initialised", "EKF3 IMU1 initialised", "AHRS: EKF3 active"),
-    Milestone.EKF_TILT: ("EKF3 IMU0 tilt alignment complete", "EKF3 IMU1 tilt alignment complete"),
-    Milestone.EKF_YAW: (
-        "EKF3 IMU0 MAG0 initial yaw alignment complete",
-        "EKF3 IMU1 MAG0 initial yaw alignment complete",
-    ),
-    Milestone.GPS_PROBE: ("GPS 1: probing for u-blox at 230400 baud",),
-    Milestone.GPS_FIX: ("GPS 1: detected u-blox",),
-    Milestone.HOME: ("EKF3 IMU0 origin set", "Field Elevation Set: {elevation:.0f}m", "EKF3 IMU1 origin set"),
-    Milestone.POSITION: ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS"),
-}
-
-COPTER: Script = tuple(Step(milestone, *milestone.value, _COPTER_TEXTS.get(milestone, ())) for milestone in Milestone)
 _BAROMETERS = ("Barometer 1 calibration complete", "Barometer 2 calibration complete")
 _GPS = ("GPS 1: probing for u-blox at 230400 baud", "GPS 1: detected u-blox")
 
@@ -69,6 +52,29 @@ def _both(text: str) -> tuple[str, str]:
     """Return a text for both of the estimators of a kind; `#` is its number."""
     return text.replace("#", "0"), text.replace("#", "1")
 
+
+COPTER: Script = (
+    Step(Milestone.BAROMETER, 0.90, 0.1, _BAROMETERS),
+    Step(Milestone.READY, 1.436, 0.2, ("ArduPilot Ready", "AHRS: DCM active")),
+    Step(Milestone.MODE_SWITCH, 1.63, 0.3),
+    Step(Milestone.AUX_SWITCH, 1.733, 0.3, ("RC7: SaveWaypoint LOW",)),
+    Step(Milestone.EKF_STARTED, 3.436, 0.5, (*_both("EKF3 IMU# initialised"), "AHRS: EKF3 active")),
+    Step(Milestone.EKF_TILT, 4.784, 0.6, _both("EKF3 IMU# tilt alignment complete")),
+    Step(Milestone.EKF_YAW, 4.883, 0.7, _both("EKF3 IMU# MAG0 initial yaw alignment complete")),
+    Step(Milestone.GPS_PROBE, 8.789, 0.8, _GPS[:1]),
+    Step(Milestone.GPS_FIX, 8.813, 0.9, _GPS[1:]),
+    Step(Milestone.ACCELS_AGREE, 14.0, 1.0),
+    Step(
+        Milestone.HOME,
+        19.006,
+        1.4,
+        ("EKF3 IMU0 origin set", "Field Elevation Set: {elevation:.0f}m", "EKF3 IMU1 origin set"),
+    ),
+    Step(Milestone.GYROS_AGREE, 22.9, 1.8),
+    Step(Milestone.PREARM_GOOD, 23.0, 1.9),
+    Step(Milestone.POSITION, 40.602, 2.6, _both("EKF3 IMU# is using GPS")),
+)
+"""An ArduCopter, recorded."""
 
 PLANE: Script = (
     Step(Milestone.BAROMETER, 0.68, 0.1),

@@ -74,6 +74,11 @@ class Mission(StoredMission):
         """Whether there is anything that AUTO can fly."""
         return any(item.command in NAV_COMMANDS for item in self.items)
 
+    @property
+    def landing_start(self) -> int | None:
+        """Number of the item DO_LAND_START; None without one."""
+        return next((item.seq for item in self.items if item.command == dialect.MAV_CMD_DO_LAND_START), None)
+
     def start(self, item: Item, now: float) -> None:
         """Fly this item from `now` (vehicle seconds) on."""
         self.current, self.entered_at = item.seq, now

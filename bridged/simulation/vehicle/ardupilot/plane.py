@@ -33,7 +33,6 @@ _FINAL, _FINAL_HEIGHT = 400.0, 55.0
 """Metres before the place of AUTOLAND, and above it, from where it descends (AUTOLAND_WP_DIST, AUTOLAND_WP_ALT)."""
 _ROLLING = 3.0
 """m/s from which a plane on the runway counts as taking off."""
-_LAND_START = dialect.MAV_CMD_DO_LAND_START
 
 
 def _tuning(values: Parameters, speed: float | None) -> PlaneTuning:
@@ -132,9 +131,7 @@ class Plane(ArduPilot):
             case PlaneMode.TAKEOFF:
                 self._take_off()
             case PlaneMode.AUTO:
-                first = 1 if self.mission.complete else max(1, self.mission.current)
-                self.mission.complete = False
-                self._fly_from(first)
+                self._fly_on()
             case PlaneMode.RTL:
                 self._return()
             case PlaneMode.AUTOLAND:
@@ -147,8 +144,7 @@ class Plane(ArduPilot):
 
     def _return(self) -> None:
         if self.parameters["RTL_AUTOLAND"] > 0:
-            start = next((item.seq for item in self.mission.items if item.command == _LAND_START), None)
-            if start is not None:
+            if (start := self.mission.landing_start) is not None:
                 self.take_mode(PlaneMode.AUTO)
                 self._fly_from(start)
                 return
@@ -193,13 +189,13 @@ class Plane(ArduPilot):
         return problems + self._mission_problems()
 
     def _mission_problems(self) -> list[str]:
-        starts = [item.seq for item in self.mission.items if item.command == _LAND_START]
-        if not starts:
+        start = self.mission.landing_start
+        if start is None:
             return []
         problems = []
         if self.parameters["RTL_AUTOLAND"] == 0:
             problems.append("DO_LAND_START set and RTL_AUTOLAND disabled")
-        if self.mission.current > starts[0]:
+        if self.mission.current > start:
             problems.append("In landing sequence")
         return problems
 
@@ -224,7 +220,7 @@ class Plane(ArduPilot):
 
     def start_landing(self) -> Result:
         """MAV_CMD_DO_LAND_START: AUTO at the landing of the mission."""
-        start = next((item.seq for item in self.mission.items if item.command == _LAND_START), None)
+        start = self.mission.landing_start
         if start is None:
             return Result.FAILED
         if self.mode is not PlaneMode.AUTO:
@@ -274,7 +270,7 @@ class Plane(ArduPilot):
     def _fly_from(self, seq: int) -> None:
         """Fly to the next place of the mission; in the air a takeoff is over, on the ground it begins."""
         for item in self.mission.items[max(0, seq - 1) :]:
-            if item.command != _LAND_START:
+            if item.command != dialect.MAV_CMD_DO_LAND_START:
                 break
             self.send_text(f"Mission: {item.seq} LandStart")
         super()._fly_from(seq)

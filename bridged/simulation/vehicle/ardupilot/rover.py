@@ -57,6 +57,7 @@ class Rover(ArduPilot):
     DEFAULTS_S: ClassVar = UNASKED_S
     OUTSIDE_GUIDED: ClassVar = Result.FAILED
     DISARMS_UNDER_WAY: ClassVar = True
+    REACHED: ClassVar = "waypoint"
     HOME_FOLLOWS: ClassVar = True
     STATION: ClassVar = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.8)
     INITIAL: ClassVar = RoverMode.INITIALISING
@@ -104,9 +105,7 @@ class Rover(ArduPilot):
                 self._smart_at = self.now + _SMART_S
                 self.flight.begin(Stop(hard=True))
             case RoverMode.AUTO:
-                first = 1 if self.mission.complete else max(1, self.mission.current)
-                self.mission.complete = False
-                self._fly_from(first)
+                self._fly_on()
             case _:
                 self.flight.begin(Stop(hard=mode is not RoverMode.HOLD))
 
@@ -180,12 +179,6 @@ class Rover(ArduPilot):
         after = self.mission.item(item.seq + 1)
         passes = after is not None and after.command in NAV_COMMANDS and item.params[0] <= 0
         return GoTo(goal, smooth=passes)
-
-    def item_reached(self, item: Item) -> None:
-        """Report that an item is done."""
-        self.events.append(ItemReached(item.seq))
-        if NAV_COMMANDS[item.command] == "WP":
-            self.send_text(f"Reached waypoint #{item.seq}")
 
     def mission_ended(self) -> None:
         """Stop; the mode stays."""

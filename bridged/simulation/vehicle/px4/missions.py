@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.vehicle.mission_items import RELATIVE_FRAMES, Item, StoredMission
+from bridged.simulation.vehicle.mission_items import Item, StoredMission
 
 WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY = 16, 17, 19, 20, 21, 22, 31, 93
 NAV_COMMANDS = frozenset((WAYPOINT, LOITER_UNLIM, LOITER_TIME, RTL, LAND, TAKEOFF, LOITER_TO_ALT, DELAY))
@@ -68,8 +68,3 @@ class Missions(StoredMission):
         starts = [item.seq for item in self.items if item.command == LAND_START]
         lands = [item.seq for item in self.items if item.command == LAND]
         return starts[0] if starts else lands[-1] if lands else None
-
-
-def above_sea(item: Item, home: float) -> float:
-    """Return the altitude of an item in metres above mean sea level; `home`: that of home."""
-    return home + item.z if item.frame in RELATIVE_FRAMES else item.z

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from bridged.simulation.vehicle.mission_items import Item
+from bridged.simulation.vehicle.mission_items import RELATIVE_FRAMES, Item
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Task
 from bridged.simulation.vehicle.notifications import ItemReached, MissionChanged, Number
@@ -218,7 +218,7 @@ class Navigator:
     def _goal(self, item: Item) -> Vector:
         px4 = self._px4
         home = px4.home or px4.chart.origin
-        altitude = missions.above_sea(item, home.alt)
+        altitude = home.alt + item.z if item.frame in RELATIVE_FRAMES else item.z
         goal = px4.chart.at(item.x / 1e7, item.y / 1e7, altitude)
         if item.command not in missions.WITH_PLACE or (item.x == 0 and item.y == 0):
             here = px4.motion.position
