@@ -12,13 +12,15 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
+from msgspec import Meta, Struct
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.actions.mission_items import FRAMES, LAST_NAV, MAX_ITEMS, Item
-from bridged.drivers.mavlink.plan_fence import MAX_ALTITUDE, fence_items, rally_items
+from bridged.drivers.mavlink.actions.mission_items import FRAMES, LAST_NAV, MAX_ITEMS, RELATIVE, Item
 from schemas.files.text_files import read_bounded
+from schemas.files.validation import FIRST_USE
 
 QUOTES = "'\""
 MAX_BYTES = 2 * 2**20
@@ -29,6 +31,8 @@ WPL = "QGC WPL 110"
 COLUMNS = 12
 MAX_NUMBER = 3.4e38
 """Of 32 bits."""
+MAX_ALTITUDE = MAX_RADIUS = 1e5
+"""Metres; an altitude up or down."""
 MAX_TEXT = 60
 """Characters of a wrong value that an error shows."""
 MISSION_FRAME = dialect.MAV_FRAME_MISSION
@@ -170,91 +174,148 @@ def _decimal(text: str) -> float:
 # --- QGroundControl's .plan ------------------------------------------------------------------------------------------
 
 
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
+Parameter = Annotated[float, Meta(ge=-MAX_NUMBER, le=MAX_NUMBER)]
+
+
+class _Simple(Struct, tag_field="type", tag="SimpleItem", rename="camel"):
+    """One item of the mission."""
+
+    command: int
+    frame: int
+    params: Annotated[list[Parameter | None], Meta(min_length=7, max_length=7)]
+    auto_continue: bool = True
+    do_jump_id: int | None = None
+
+
+class _Generated(Struct):
+    """The items that the ground station has generated for a complex one."""
+
+    items: list[_Simple] = msgspec.field(default_factory=list, name="Items")
+
+
+class _Complex(Struct, tag_field="type", tag="ComplexItem", rename="camel"):
+    """A survey, a landing, ..."""
+
+    complex_item_type: str = ""
+    transect: _Generated = msgspec.field(default_factory=_Generated, name="TransectStyleComplexItem")
+
+
+class _Mission(Struct):
+    version: Literal[2]
+    items: list[_Simple | _Complex]
+
+
+class _Polygon(Struct):
+    inclusion: bool
+    polygon: Annotated[list[tuple[Latitude, Longitude]], Meta(min_length=3)]
+
+
+class _Disc(Struct):
+    center: tuple[Latitude, Longitude]
+    radius: Annotated[float, Meta(ge=0, le=MAX_RADIUS)]
+
+
+class _Circle(Struct):
+    inclusion: bool
+    circle: _Disc
+
+
+class _Fence(Struct, rename="camel"):
+    polygons: list[_Polygon] = []
+    circles: list[_Circle] = []
+    breach_return: Any = None
+
+
+class _Rally(Struct):
+    points: list[tuple[Latitude, Longitude, Annotated[float, Meta(ge=-MAX_ALTITUDE, le=MAX_ALTITUDE)]]] = []
+
+
+class _Plan(Struct, rename="camel"):
+    """The whole file, as far as it is read."""
+
+    file_type: Literal["Plan"]
+    version: Literal[1]
+    mission: _Mission
+    geo_fence: _Fence = msgspec.field(default_factory=_Fence)
+    rally_points: _Rally = msgspec.field(default_factory=_Rally)
+
+
+with FIRST_USE:
+    _DECODER = msgspec.json.Decoder(_Plan)
+
+
 def _read_json(text: str) -> PlanFile:
     try:
-        plan = json.loads(text, parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
-        raise BadPlan(f"expected JSON: {error}") from None
-    if plan.get("fileType") != "Plan":
-        raise BadPlan(f'expected `"fileType": "Plan"`, {_got(plan.get("fileType"))}')
-    if plan.get("version") != 1:
-        raise BadPlan(f"expected version 1 of a plan, {_got(plan.get('version'))}")
-    mission = _table(plan, "mission")
-    if mission.get("version") != 2:
-        raise BadPlan(f"mission: expected version 2, {_got(mission.get('version'))}")
+        plan = _DECODER.decode(text)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise BadPlan(f"expected a plan of QGroundControl of version 1, its mission of version 2: {error}") from None
     items, jumps = list[Item](), dict[int, int]()
-    for place, entry in _simple_items(_list(mission, "items", "mission")):
+    for place, entry in _simple_items(plan.mission.items):
+        numbers = [math.nan if value is None else value for value in entry.params]
         try:
-            item = _item_of(entry)
+            items.append(make_item(entry.command, entry.frame, numbers, int(entry.auto_continue)))
         except ValueError as error:
             raise BadPlan(f"{place}: {error}") from None
-        items.append(item)
-        if isinstance(jump := entry.get("doJumpId"), int):
-            jumps.setdefault(jump, len(items))
+        if entry.do_jump_id is not None:
+            jumps.setdefault(entry.do_jump_id, len(items))
         if len(items) > MAX_ITEMS:
             raise BadPlan(f"{place}: a mission has {MAX_ITEMS} items at most")
-    fence, rally = (part if isinstance(part := plan.get(name), dict) else {} for name in ("geoFence", "rallyPoints"))
-    try:
-        lists = tuple(fence_items(fence)), tuple(rally_items(rally))
-    except ValueError as error:
-        raise BadPlan(str(error)) from None
     return PlanFile(
-        tuple(_jumping(items, jumps)), *lists, ("the breach return point",) if fence.get("breachReturn") else ()
+        tuple(_jumping(items, jumps)),
+        tuple(_fence_items(plan.geo_fence)),
+        tuple(
+            _item(dialect.MAV_CMD_NAV_RALLY_POINT, 0.0, *place, frame=RELATIVE) for place in plan.rally_points.points
+        ),
+        ("the breach return point",) if plan.geo_fence.breach_return else (),
     )
 
 
-def _no_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number in JSON")
-
-
-def _simple_items(entries: Sequence[Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the place and fields of each simple item; complex ones hold those that were generated for them."""
+def _simple_items(entries: Sequence[_Simple | _Complex]) -> Iterator[tuple[str, _Simple]]:
+    """Yield the place of each simple item, also of those that were generated for a complex one. Raises BadPlan."""
     for index, entry in enumerate(entries, 1):
-        match entry:
-            case {"type": "SimpleItem"}:
-                yield f"item {index}", entry
-            case {"type": "ComplexItem"}:
-                name = f"item {index} ({_shown(entry.get('complexItemType')).strip(QUOTES)})"
-                for inner, generated in enumerate(_generated(name, entry), 1):
-                    yield f"{name}: item {inner}", generated
-            case _:
-                kind = entry.get("type") if isinstance(entry, dict) else entry
-                raise BadPlan(f"item {index}: expected a SimpleItem or ComplexItem, {_got(kind)}")
+        if isinstance(entry, _Simple):
+            yield f"item {index}", entry
+            continue
+        name = f"item {index} ({_shown(entry.complex_item_type).strip(QUOTES)})"
+        if not entry.transect.items:
+            raise BadPlan(
+                f"{name}: the file does not hold the items that the ground station makes of it; "
+                "upload it from there, and save what the vehicle holds: argosy plan save ROBOT FILE"
+            )
+        for inner, generated in enumerate(entry.transect.items, 1):
+            yield f"{name}: item {inner}", generated
 
 
-def _generated(name: str, entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the items that the ground station has generated for a complex one. Raises BadPlan without any."""
-    match entry:
-        case {"TransectStyleComplexItem": {"Items": [_, *_]}}:
-            items: list[Mapping[str, Any]] = entry["TransectStyleComplexItem"]["Items"]
-            if all(isinstance(item, dict) and item.get("type") == "SimpleItem" for item in items):
-                return items
-            raise BadPlan(f"{name}: expected `Items` of SimpleItems alone")
-    raise BadPlan(
-        f"{name}: the file does not hold the items that the ground station makes of it; "
-        "upload it from there, and save what the vehicle holds: argosy plan save ROBOT FILE"
-    )
+def _fence_items(fence: _Fence) -> Iterator[Item]:
+    """Yield the items of the vehicle's fence: polygons, then circles; each includes or excludes what is in it."""
+    for shape in fence.polygons:
+        for latitude, longitude in shape.polygon:
+            command = (
+                dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+                if shape.inclusion
+                else dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+            )
+            yield _item(command, float(len(shape.polygon)), latitude, longitude)
+    for circle in fence.circles:
+        command = (
+            dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+            if circle.inclusion
+            else dialect.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+        )
+        yield _item(command, circle.circle.radius, *circle.circle.center)
 
 
-def _item_of(entry: Mapping[str, Any]) -> Item:
-    values = entry.get("params")
-    if not isinstance(values, list) or len(values) != 7:
-        raise ValueError(f"expected `params`, a list of 7 numbers, {_got(values)}")
-    numbers = [math.nan if value is None else _number("params", value) for value in values]
-    command, frame = (_index(name, entry.get(name)) for name in ("command", "frame"))
-    return make_item(command, frame, numbers, int(entry.get("autoContinue") is not False))
-
-
-def _index(name: str, value: object) -> int:
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    raise ValueError(f"expected `{name}`, a whole number, {_got(value)}")
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER:
-        return float(value)
-    raise ValueError(f"expected `{name}`: numbers or null, {_got(value)}")
+def _item(
+    command: int,
+    first: float,
+    latitude: float,
+    longitude: float,
+    altitude: float = 0.0,
+    frame: int = dialect.MAV_FRAME_GLOBAL_INT,
+) -> Item:
+    return Item(command, frame, (first, 0.0, 0.0, 0.0), round(latitude * 1e7), round(longitude * 1e7), altitude)
 
 
 def _jumping(items: Sequence[Item], jumps: Mapping[int, int]) -> Iterator[Item]:
@@ -267,18 +328,6 @@ def _jumping(items: Sequence[Item], jumps: Mapping[int, int]) -> Iterator[Item]:
         if target not in jumps:
             raise BadPlan(f"item {seq} of the mission: it jumps to item {target:g}, which the file does not have")
         yield replace(item, parameters=(float(jumps[int(target)]), times, three, four))
-
-
-def _table(value: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    if isinstance(found := value.get(name), dict):
-        return found
-    raise BadPlan(f"expected `{name}`, {_got(found)}")
-
-
-def _list(value: Mapping[str, Any], name: str, where: str) -> list[object]:
-    if isinstance(found := value.get(name), list):
-        return found
-    raise BadPlan(f"{where}: expected `{name}`, a list, {_got(found)}")
 
 
 # --- items of both ---------------------------------------------------------------------------------------------------
@@ -360,10 +409,6 @@ def _entry(seq: int, item: Item) -> dict[str, object]:
         "frame": item.frame,
         "params": [None if math.isnan(value) else value for value in _values(item)],
     }
-
-
-def _got(value: object) -> str:
-    return "there is none" if value is None else f"got {_shown(value)}"
 
 
 def _shown(value: object) -> str:

@@ -136,41 +136,44 @@ def test_fence_and_rally_points_are_items_of_lists_of_their_own() -> None:
 @pytest.mark.parametrize(
     ("fence", "said"),
     [
-        ({"polygons": [{"inclusion": True, "polygon": FIELD[:2]}]}, "polygon 1 of the fence: expected `polygon`, a"),
-        ({"polygons": [{"polygon": FIELD}]}, "polygon 1 of the fence: expected `inclusion`, true or false"),
-        ({"circles": [POND, {}]}, "circle 2 of the fence: expected `circle` with `center` and `radius`"),
+        (
+            {"polygons": [{"inclusion": True, "polygon": FIELD[:2]}]},
+            ">= 3 - at `$.geoFence.polygons[0].polygon`",
+        ),
+        ({"polygons": [{"polygon": FIELD}]}, "missing required field `inclusion` - at `$.geoFence.polygons[0]`"),
+        ({"circles": [POND, {}]}, "missing required field `inclusion` - at `$.geoFence.circles[1]`"),
         (
             {"polygons": [{"inclusion": True, "polygon": [[-95, 0], *FIELD]}]},
-            "polygon 1 of the fence: a corner: expected 2 numbers, -90 to 90 and -180 to 180, got [-95, 0]",
+            "Expected `float` >= -90.0 - at `$.geoFence.polygons[0].polygon[0][0]`",
         ),
-        ({"circles": {}}, "the fence: expected `circles`, a list of objects"),
+        ({"circles": {}}, "Expected `array`, got `object` - at `$.geoFence.circles`"),
     ],
 )
 def test_a_fence_that_cannot_be_understood_is_refused_by_its_place(fence: dict[str, Any], said: str) -> None:
     with pytest.raises(BadPlan) as bad:
         parse_plan(plan(THERE, geoFence=fence))
-    assert str(bad.value).startswith(said)
+    assert str(bad.value).endswith(said)
 
 
 SCAN, LANDING = ({"type": "ComplexItem", "complexItemType": kind} for kind in ("StructureScan", "fwLandingPattern"))
 MISTAKES = {
     "neither": ("take me home", "expected a plan of QGroundControl"),
-    "no json": ('{"fileType": ', "expected JSON"),
-    "other file": (plan(THERE, fileType="Mission"), "`\"fileType\": \"Plan\"`, got 'Mission'"),
-    "newer plan": (plan(THERE, version=2), "expected version 1 of a plan, got 2"),
-    "no fields": ("{}", 'expected `"fileType": "Plan"`, there is none'),
-    "no list": (plan(mission={"version": 2}), "mission: expected `items`, a list, there is none"),
-    "no mission": (plan(THERE, mission=[]), "expected `mission`, got []"),
-    "older mission": (plan(mission={"version": 1}), "mission: expected version 2, got 1"),
+    "no json": ('{"fileType": ', "of version 1, its mission of version 2: Input data was"),
+    "other file": (plan(THERE, fileType="Mission"), "Invalid enum value 'Mission' - at `$.fileType`"),
+    "newer plan": (plan(THERE, version=2), "Invalid enum value 2 - at `$.version`"),
+    "no fields": ("{}", "missing required field `fileType`"),
+    "no list": (plan(mission={"version": 2}), "missing required field `items` - at `$.mission`"),
+    "no mission": (plan(THERE, mission=[]), "Expected `object`, got `array` - at `$.mission`"),
+    "older mission": (plan(mission={"version": 1}), "Invalid enum value 1 - at `$.mission.version`"),
     "no items": (plan(), "it has no items"),
-    "item": (plan(THERE, 5), "item 2: expected a SimpleItem or ComplexItem, got 5"),
-    "its type": (plan({"type": "Other"}), "item 1: expected a SimpleItem or ComplexItem, got 'Other'"),
+    "item": (plan(THERE, 5), "Expected `object`, got `int` - at `$.mission.items[1]`"),
+    "its type": (plan({"type": "Other"}), "Invalid value 'Other' - at `$.mission.items[0].type`"),
     "structure scan": (plan(THERE, SCAN), "item 2 (StructureScan): the file does not hold"),
     "landing": (plan(LANDING), "item 1 (fwLandingPattern): the file"),
-    "nested": (plan(survey(survey(THERE))), "item 1 (survey): expected `Items` of SimpleItems alone"),
-    "generated": (plan(survey(THERE, simple(16, 1, 2))), "item 1 (survey): item 2: expected `params`, a list of 7"),
-    "text": (plan(simple(16, 0, 0, 0, 0, "x", 0, 0)), "item 1: expected `params`: numbers or null, got 'x'"),
-    "command": (plan(TAKEOFF | {"command": "22"}), "item 1: expected `command`, a whole number, got '22'"),
+    "nested": (plan(survey(survey(THERE))), "at `$.mission.items[0].TransectStyleComplexItem.Items[0].type`"),
+    "generated": (plan(survey(THERE, simple(16, 1, 2))), "at `$.mission.items[0].TransectStyleComplexItem.Items[1].p"),
+    "text": (plan(simple(16, 0, 0, 0, 0, "x", 0, 0)), "| null`, got `str` - at `$.mission.items[0].params[4]`"),
+    "command": (plan(TAKEOFF | {"command": "22"}), "Expected `int`, got `str` - at `$.mission.items[0].command`"),
     "frame": (plan(TAKEOFF | {"frame": 7}), "item 1: frame 7 is neither above home"),
     "no place": (plan(simple(16, 0, 0, 0, 0, None, 0, 10)), "item 1: expected latitude, -90 to 90, got nan"),
     "no altitude": (plan(simple(16, 0, 0, 0, 0, 1, 2, None)), "item 1: expected altitude, -100000 to 100000, got nan"),

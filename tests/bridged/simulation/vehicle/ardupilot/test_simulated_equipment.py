@@ -237,7 +237,7 @@ KEY = key_of(b"a passphrase of the field")
 
 
 def packet(signing: Signing | None, message: dialect.MAVLink_message) -> bytes:
-    return Encoder(255, 190, signing).pack(message)
+    return Encoder(255, 190).pack(message, signing)
 
 
 def taken(vehicle: Vehicle, channel: int, data: bytes) -> tuple[int, int]:
