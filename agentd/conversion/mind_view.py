@@ -1,13 +1,17 @@
-"""The view of a mind for observers, as records: bounded, filtered as asked for, and reused where nothing changed."""
+"""The view of a mind for observers, as records: bounded, filtered as asked for, and reused where nothing changed.
+
+What is asked for are the parameters of a query, `{agent}/mind?plans=true;last=200;about=go`: a `Look`.
+"""
 
 from __future__ import annotations
 
+import re
 from itertools import islice
 from typing import Any, Final
 
+from msgspec import Struct
 from msgspec.structs import replace
 
-from agentd.conversion.introspection import EVERYTHING, MOST_BELIEFS, Look
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.format import flat_text, text
@@ -26,7 +30,6 @@ from schemas.wire.mind_records import (
     IntentionView,
     MindView,
     PlanView,
-    QuestionView,
 )
 
 MOST_PLANS: Final = 10
@@ -43,6 +46,59 @@ LONGEST_BELIEF: Final = 2_000
 """Characters shown of a belief."""
 _MOST_LOOKED_AT: Final = 2_000
 """Parts of a belief that are examined."""
+
+
+LAST_DECISIONS: Final = 20
+"""Number of last decisions and failures in a view of a mind, unless the query asks for more."""
+MOST_DECISIONS: Final = 200
+MOST_BELIEFS: Final = 500
+
+_EXPECTED: Final = "expected plans=true, last=N, beliefs=N or about=NAME"
+_NAME: Final = re.compile(r"~?[\w.:]+(/\d+)?")
+
+
+class BadParameter(ValueError):
+    """An invalid parameter of a query for a mind; the text has the parameter and what was expected."""
+
+
+class Look(Struct, frozen=True):
+    """Parameters of a query for a mind."""
+
+    plans: bool = False
+    last: int = LAST_DECISIONS
+    """Number of decisions and failures."""
+    beliefs: int = MOST_BELIEFS
+    """Number of beliefs at most."""
+    about: str = ""
+    """A functor: only beliefs, events, plans and decisions of this name."""
+
+    @staticmethod
+    def of(parameters: dict[str, str]) -> Look:
+        """Read the parameters of a query. Raises BadParameter."""
+        look = Look()
+        for name, value in parameters.items():
+            match name:
+                case "plans" if value in ("true", "false", ""):
+                    look = replace(look, plans=value != "false")
+                case "last":
+                    look = replace(look, last=_number(name, value, MOST_DECISIONS))
+                case "beliefs":
+                    look = replace(look, beliefs=_number(name, value, MOST_BELIEFS))
+                case "about" if _NAME.fullmatch(value):
+                    look = replace(look, about=value.partition("/")[0])
+                case _:
+                    parameter = f"{name}={value}" if value else name
+                    raise BadParameter(f"{parameter[:100]}: {_EXPECTED}")
+        return look
+
+
+EVERYTHING: Final = Look()
+
+
+def _number(name: str, value: str, most: int) -> int:
+    if value.isdecimal() and len(value) < 10 and int(value) <= most:
+        return int(value)
+    raise BadParameter(f"{name}={value[:20]}: expected a number from 0 to {most}")
 
 
 class MindViews:
@@ -74,7 +130,7 @@ class MindViews:
             events=events,
             events_left_out=events_left_out,
             mailbox=len(mind.mailbox),
-            questions=questions_of(mind, self._agent_boot),
+            questions=tuple(question_views(mind, self._agent_boot)[:MOST_QUESTIONS]),
             plans=self._plans.shown(look),
             plan_count=len(mind.plans.plans),
             decisions=decisions,
@@ -188,11 +244,6 @@ def events_of(mind: Mind, about: str) -> tuple[tuple[EventView, ...], int]:
     events = mind.all_events()
     shown = [event for event in events[:MOST_EVENTS] if not about or event[0].sig.functor == about]
     return tuple(map(event_view, shown)), max(0, len(events) - MOST_EVENTS)
-
-
-def questions_of(mind: Mind, agent_boot: str) -> tuple[QuestionView, ...]:
-    """Return the synchronous asks without an answer; ``agent_boot`` ends the ids of its messages on the bus."""
-    return tuple(question_views(mind, agent_boot)[:MOST_QUESTIONS])
 
 
 class Plans:

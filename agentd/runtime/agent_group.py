@@ -23,14 +23,13 @@ from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
 from agentd.mind.data.inputs import TeamReply
 from agentd.persistence.checkpoint import Synchronous
 from agentd.persistence.group_commit import GroupCommit
-from agentd.persistence.restore import RestoredState
-from agentd.persistence.state_files import forget_name, open_state
+from agentd.persistence.restore import RestoredState, forget_name, open_state
 from agentd.runtime.agent_directory import AgentDirectory, Do, NotDone, PresenceBeliefs, Services
 from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
 from agentd.trace.input_records import Included
-from agentd.trace.subscribers import TraceSubscribers
+from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus, Query, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.client.manual_percepts import HandPerceptSubscription

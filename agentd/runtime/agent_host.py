@@ -39,7 +39,7 @@ from agentd.runtime.view_server import Viewer
 from agentd.trace import Tracing
 from agentd.trace.initial_state import InitialState
 from agentd.trace.input_records import CameBack, Included, Interrupted
-from agentd.trace.subscribers import TraceSubscribers
+from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus, Token, boot_id
 from commd.client.actions import ActionRequests
 from commd.client.manual_percepts import HandPercepts, HandPerceptSubscription

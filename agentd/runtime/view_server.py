@@ -11,8 +11,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
-from agentd.conversion.mind_view import MindViews
+from agentd.conversion.mind_view import EVERYTHING, BadParameter, Look, MindViews
 from agentd.runtime.mind_runner import MindRunner
 from agentd.runtime.operator_control import OperatorControl
 from agentd.runtime.program_loader import Part
@@ -59,16 +58,12 @@ class Viewer:
         except BadParameter as bad:
             query.reply_error(str(bad))
             return
-        await query.answer(self._recent(look), self._key)
-
-    def _recent(self, look: Look) -> MindView:
-        """Return a view that is at most `SHOWN_AGAIN` old."""
         now = self._clock.wall()
         made = self._made.get(look)
         if made is None or now >= made[0] + SHOWN_AGAIN:
             self._made = {one: other for one, other in self._made.items() if now < other[0] + SHOWN_AGAIN}
             made = self._made[look] = (now, self.view(look))
-        return made[1]
+        await query.answer(made[1], self._key)
 
     def view(self, look: Look = EVERYTHING) -> MindView:
         """Return the present beliefs and intentions."""

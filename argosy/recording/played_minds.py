@@ -12,8 +12,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from agentd.conversion.introspection import BadParameter, Look
-from agentd.conversion.mind_view import MindViews
+from agentd.conversion.mind_view import BadParameter, Look, MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.recording.reader import Recorded

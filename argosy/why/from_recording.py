@@ -8,8 +8,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from agentd.conversion.introspection import MOST_BELIEFS, Look
-from agentd.conversion.mind_view import MindViews
+from agentd.conversion.mind_view import MOST_BELIEFS, Look, MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError

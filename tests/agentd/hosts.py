@@ -17,13 +17,12 @@ from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
 from agentd.persistence.group_commit import GroupCommit
-from agentd.persistence.restore import RestoredState
-from agentd.persistence.state_files import open_state
+from agentd.persistence.restore import RestoredState, open_state
 from agentd.runtime.agent_directory import AgentDirectory
 from agentd.runtime.agent_host import AgentHost
 from agentd.runtime.program_loader import Part
 from agentd.trace.initial_state import Sources
-from agentd.trace.subscribers import TraceSubscribers
+from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus
 from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock

@@ -19,8 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from agentd.conversion.introspection import EVERYTHING
-from agentd.conversion.mind_view import MindViews
+from agentd.conversion.mind_view import EVERYTHING, MindViews
 from agentd.replay.replayed_mind import ReplayedMind
 from argosy.recording.reader import Recording
 from argosy.trial.single_run import Request

@@ -8,10 +8,19 @@ from typing import Any
 
 import pytest
 
-from agentd.conversion.introspection import MOST_BELIEFS, BadParameter, Look
-from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
+from agentd.conversion.mind_view import (
+    MOST_BELIEFS,
+    BadParameter,
+    Beliefs,
+    Look,
+    Plans,
+    decisions_of,
+    events_of,
+    intentions_of,
+)
 from agentd.language.terms.format import flat_text, text
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptReplaced
+from agentd.mind.introspection.mind_snapshot import question_views
 from agentd.mind.persistence.change_tracking import Keeper
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed
@@ -131,7 +140,7 @@ def test_a_huge_belief_is_cut_short() -> None:
 def test_a_question_is_shown_until_its_answer_comes() -> None:
     world = World(mind_of("!go. +!go <- .send([ana,eva], askOne, where(home,X), A, 5000); .print(A).", has_team=True))
     world.at(2.0)
-    asked = questions_of(world.mind, "5f")
+    asked = question_views(world.mind, "5f")
     assert [(one.receiver, one.performative, one.asked, one.until) for one in asked] == [
         ("ana", "askOne", 0.0, 5.0),
         ("eva", "askOne", 0.0, 5.0),
@@ -142,7 +151,7 @@ def test_a_question_is_shown_until_its_answer_comes() -> None:
     assert (intention.since, asked[0].intention, left) == (0.0, intention.id, 0)
     assert intention.waits_for == WaitView(kind="answer", agents=("ana", "eva"))
     world.feed(Mail("ana", "tell", term("where(home,3)"), "mid1.ana", asked[0].id.removesuffix(".5f")))
-    assert [one.receiver for one in questions_of(world.mind, "5f")] == ["eva"]
+    assert [one.receiver for one in question_views(world.mind, "5f")] == ["eva"]
     assert world.at(6.0).mind.questions == {}
 
 

@@ -14,7 +14,7 @@ from agentd.mind.data.inputs import Mail as Told
 from agentd.persistence.checkpoint import CheckpointError, LifeRow, Saving
 from agentd.persistence.checkpointer import Checkpointer
 from agentd.persistence.group_commit import Batch
-from agentd.persistence.state_files import open_state
+from agentd.persistence.restore import open_state
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal

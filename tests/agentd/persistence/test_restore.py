@@ -11,8 +11,7 @@ import pytest
 from agentd.extensions.file_access import KEPT
 from agentd.mind.persistence.rows import MindChanges
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, LifeRow, Outgoing, Saving
-from agentd.persistence.restore import RestoredState
-from agentd.persistence.state_files import forget_name, open_state
+from agentd.persistence.restore import RestoredState, forget_name, open_state
 
 FRESH: tuple[str, ...] = ()
 
@@ -93,7 +92,7 @@ def test_a_move_that_was_cut_short_is_repeated_from_the_old_file(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("agentd.persistence.state_files._name", full)
+        patched.setattr("agentd.persistence.restore._name", full)
         with pytest.raises(CheckpointError, match="No space left"):
             open_state(tmp_path, "b", ["b"], [], "FULL")
     again, _ = opened(tmp_path, "a", "b")

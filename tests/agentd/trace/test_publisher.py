@@ -7,6 +7,7 @@ import signal
 import time
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from agentd.mind.data.inputs import Mail
 from agentd.replay.replay import CannotReplay, compare, replay
 from agentd.trace import input_log as courses
 from agentd.trace import publisher as tracings
+from agentd.trace.publisher import Channel, TraceSubscribers
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from tests.agentd.daemons import mission
@@ -22,7 +24,7 @@ from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder
 from tests.agentd.runtime.test_agent_group import KID, ONE
-from tests.support.buses import Connect, bus_test, session, until
+from tests.support.buses import FLEET, Connect, bus_test, session, until
 from tests.support.processes import running
 
 GREETS = """\
@@ -325,3 +327,58 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
     assert heard <= sent
     with pytest.raises(CannotReplay, match="twin cannot be replayed: it is a clone of a, and what that had become"):
         replay(recorders["twin"].inputs)
+
+
+Told = tuple[str, Channel, bool]
+
+
+def followed(subscribers: TraceSubscribers, told: list[Told], *agents: str) -> None:
+    """Add agents that note what they are told."""
+    for agent in agents:
+        subscribers.add(agent, partial(lambda who, channel, there: told.append((who, channel, there)), agent))
+
+
+@bus_test
+async def test_only_the_agent_whose_trace_has_a_subscriber_learns_of_it_and_of_its_end(connect: Connect) -> None:
+    daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
+    told: list[Told] = []
+    subscribers = TraceSubscribers(daemon)
+    followed(subscribers, told, "a", "b")
+    ear = observer.raw.subscribe(keys.trace(FLEET, "a", "inputs"), lambda _: None)
+    await until(lambda: told, "the agent learns of it")
+    assert told == [("a", "inputs", True)]
+    ear.close()
+    await until(lambda: len(told) > 1, "it learns of the end")
+    assert told == [("a", "inputs", True), ("a", "inputs", False)]
+
+
+@bus_test
+async def test_a_subscriber_to_the_traces_of_all_is_seen_by_each_agent_also_by_one_that_comes_later(
+    connect: Connect,
+) -> None:
+    daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
+    told: list[Told] = []
+    subscribers = TraceSubscribers(daemon)
+    many = [f"a{number}" for number in range(50)]
+    followed(subscribers, told, *many)
+    observer.raw.subscribe(keys.trace(FLEET, "*", "activity"), lambda _: None)
+    await until(lambda: len(told) == len(many), "each agent learns of it")
+    assert sorted(told) == sorted((agent, "activity", True) for agent in many)
+    followed(subscribers, told, "late")
+    await until(lambda: ("late", "activity", True) in told, "the late one learns of it, too")
+    subscribers.remove("late")
+
+
+@bus_test
+async def test_agents_whose_traces_nobody_listens_to_have_no_listeners_of_their_own(connect: Connect) -> None:
+    daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
+    subscribers = TraceSubscribers(daemon)
+    before = len(daemon._listened)
+    told: list[Told] = []
+    followed(subscribers, told, "a", "b")
+    assert len(daemon._listened) == before
+    ear = observer.raw.subscribe(keys.trace(FLEET, "b", "decisions"), lambda _: None)
+    await until(lambda: told, "the agent learns of it")
+    ear.close()
+    await until(lambda: len(told) > 1, "it learns of the end")
+    assert len(daemon._listened) == before

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from agentd.conversion.introspection import LAST_DECISIONS
-from agentd.conversion.mind_view import decisions_of
+from agentd.conversion.mind_view import LAST_DECISIONS, decisions_of
 from agentd.language.terms.terms import List, Literal, Var
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
