@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from commd.bus.bus import Bus, Reply, open_bus
-from commd.bus.errors import BusClosed
+from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.bus.loop_dispatch import BACKLOG
 from commd.bus.router_endpoints import endpoint_of
 from commd.bus.tls import Tls
@@ -129,6 +129,16 @@ class FleetBus(Bus):
             handler(name, sample)
 
         self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, deliver))
+
+    async def ask_one(self, key: str, ask: Record | None, answer: type[R], timeout: float) -> R:
+        """Like `Bus.ask_one`; `timeout`: wall seconds."""
+        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+        async with aclosing(self.query(key, ask, answer, timeout)) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    return reply.record
+                failed = reply.failure(timeout)
+        raise failed
 
     async def query(
         self,

@@ -65,6 +65,8 @@ class Bus(QuerySession):
         """Whether the router may deny what this session does: it is identified by its certificate or its board."""
         self.access = access_probe.Watch(self)
         """What the router denies."""
+        self.afterwards = self._dispatch.afterwards
+        """Calls a function behind all that is handed over in this pass of the loop (`LoopDispatch.afterwards`)."""
         self.raw = RawBus(session, self._dispatch, self._declare)
         """Bytes on keys that are not Argosy's."""
         self.restarts: int | None = None
@@ -97,13 +99,6 @@ class Bus(QuerySession):
     def on_router(self, handler: Callable[[bool], None]) -> None:
         """Call `handler(up)` whenever the connection to the router is made or lost."""
         self._on_router.append(handler)
-
-    def afterwards(self, handler: Callable[[], None]) -> None:
-        """Call `handler()` behind all that is handed over in this pass of the loop, or in the next if nothing is.
-
-        A pass takes 20 ms of a flood, and at least 64 items. For handlers that act on several items together.
-        """
-        self._dispatch.afterwards(handler)
 
     def header(self, stream: str, source: str = "") -> Header:
         """Return the next header of one stream of records of `source` (this daemon by default), counted from 1."""

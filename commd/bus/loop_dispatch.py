@@ -116,7 +116,10 @@ class LoopDispatch:
         return found, True
 
     def afterwards(self, handler: Callable[[], None]) -> None:
-        """Call `handler()` behind all that is handed over now, in the same pass, or in the next pass if nothing is."""
+        """Call `handler()` behind all that is handed over in this pass of the loop, or in the next if nothing is.
+
+        A pass takes `TURN` of a flood, and at least `AT_ONCE` items. For handlers that act on several items together.
+        """
         if self._running:
             self._later.append(handler)
         else:

@@ -8,9 +8,10 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
+from collections.abc import AsyncGenerator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import aclosing, contextmanager
+from contextlib import aclosing
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -43,28 +44,26 @@ STRANGER_FOR = 60.0
 MOST_STRANGERS = 20
 
 
+@dataclass(eq=False, slots=True)
 class Reply(Generic[R]):
     """One reply to a query: a record on its key, or an error."""
 
-    __slots__ = ("code", "error", "key", "other_version", "record", "timed_out")
+    key: str
+    record: R | None
+    error: str = ""
+    """For people."""
+    other_version: str = ""
+    """The major version of the replying program's records, if it is not ours."""
+    code: str = ""
+    """The error's code, if the replying program sends one."""
+    timed_out: bool = False
+    """Whether it stands for a reply that did not arrive in time."""
 
-    def __init__(
-        self,
-        key: str,
-        record: R | None,
-        error: str = "",
-        other_version: str = "",
-        *,
-        code: str = "",
-        timed_out: bool = False,
-    ) -> None:
-        self.key, self.record, self.error = key, record, error
-        self.code = code
-        """The error's code, if the replying program sends one; `error` is for people."""
-        self.other_version = other_version
-        """The major version of the replying program's records, if it is not ours."""
-        self.timed_out = timed_out
-        """Whether it stands for a reply that did not arrive in time."""
+    def failure(self, timeout: float) -> QueryFailed:
+        """Return the error of a reply without a record to a query with this timeout, in wall seconds."""
+        if self.timed_out:
+            return QueryTimeout(self.key, timeout)
+        return QueryFailed(self.key, self.error, self.other_version, code=self.code)
 
 
 class Query(Generic[R]):
@@ -76,6 +75,8 @@ class Query(Generic[R]):
         """`code`: of `BadRecord`, for a bad payload."""
         self._session, self._query, self._code = session, query, code
         self.key = str(query.key_expr)
+        self.concrete = "*" not in self.key
+        """Whether the key has no wildcard: only then may the query have an effect."""
         self.record, self.error = record, error
         self.on_thread = False
         """Whether a thread has sent a reply, and must also send the end of all replies."""
@@ -86,11 +87,6 @@ class Query(Generic[R]):
         text = str(self._query.parameters)
         pairs = (part.partition("=") for part in text.split(";") if part)
         return {name: value for name, _, value in pairs}
-
-    @property
-    def concrete(self) -> bool:
-        """Whether the key has no wildcard: only then may the query have an effect."""
-        return "*" not in self.key
 
     def required(self, expected: str) -> R:
         """Return the payload of a query on a concrete key. Raises CannotServe: its error, or what was `expected`."""
@@ -188,10 +184,9 @@ class QuerySession:
                     error, code = str(bad), bad.code
             ours = Query(self, query, found, error, code)
             try:
-                with self._errors_replied(ours):
-                    rest = handler(ours)
-            except Exception as defect:  # as of a task that fails
-                self._loop.call_exception_handler({"message": "serving a query", "exception": defect})
+                rest = handler(ours)
+            except Exception as error:
+                self._failed(ours, error)
             if rest is None:
                 query.drop()  # type: ignore[no-untyped-call]
             else:
@@ -204,8 +199,10 @@ class QuerySession:
 
     async def _serve(self, query: zenoh.Query, ours: Query[Any], rest: Coroutine[Any, Any, None]) -> None:
         with query:
-            with self._errors_replied(ours):
+            try:
                 await rest
+            except Exception as error:
+                self._failed(ours, error)
             if ours.on_thread:
                 await self.on_thread(query.drop)
 
@@ -218,16 +215,13 @@ class QuerySession:
         with query:
             Query[Any](self, query, None).reply_error(why)
 
-    @contextmanager
-    def _errors_replied(self, ours: Query[Any]) -> Iterator[None]:
-        """Reply why a query cannot be served, a record that cannot be encoded, and a defect, which is raised too."""
-        try:
-            yield
-        except (CannotServe, BadRecord) as error:
+    def _failed(self, ours: Query[Any], error: Exception) -> None:
+        """Reply why a query cannot be served, a record that cannot be encoded, or a defect, which is reported too."""
+        if isinstance(error, CannotServe | BadRecord):
             ours.reply_error(str(error))
-        except Exception as error:
+        else:
             ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
-            raise
+            self._loop.call_exception_handler({"message": "serving a query", "exception": error})
 
     async def ask_one(self, key: str, ask: Record | None, answer: type[R], timeout: float) -> R:
         """Query `key` and return the first record of a reply, within `timeout` wall seconds.
@@ -235,14 +229,26 @@ class QuerySession:
         Raises QueryTimeout if there was no reply, QueryFailed if there were only errors, BusClosed if the query could
         not be sent, BadRecord if `ask` cannot be encoded.
         """
-        failed: QueryFailed | None = None
-        async with aclosing(self.query(key, ask, answer, timeout)) as replies:
-            async for reply in replies:
-                if reply.record is not None:
-                    return reply.record
-                error = QueryFailed(reply.key, reply.error, reply.other_version, code=reply.code)
-                failed = QueryTimeout(key, timeout) if reply.timed_out else error
-        raise failed or QueryTimeout(key, timeout, nobody=True)
+        answered: asyncio.Future[R] = self._loop.create_future()
+        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+
+        def heard(reply: Reply[R] | None) -> None:
+            nonlocal failed
+            if answered.done():
+                return
+            if reply is None:
+                answered.set_exception(failed)
+            elif reply.record is not None:
+                answered.set_result(reply.record)
+            else:
+                failed = reply.failure(timeout)
+
+        close = self.ask(key, ask, answer, timeout, heard)
+        try:
+            return await answered  # the query ends by itself then: to cancel it costs more
+        except asyncio.CancelledError:
+            close()
+            raise
 
     async def ask_all(
         self, key: str, answer: type[R], timeout: float, handler: Callable[[str, R], object], *, limit: int = BACKLOG
@@ -278,18 +284,11 @@ class QuerySession:
             else:
                 replies.put_nowait(reply)
 
-        def end() -> None:
-            self.counters["queries_unended"] += 1
-            replies.put_nowait(_timed_out(key.partition("?")[0], timeout))
-            replies.put_nowait(None)
-
         close = self.ask(key, ask, answer, timeout, heard)
-        late = self._loop.call_later(timeout + LAST_WORD, end)
         try:
             while (reply := await replies.get()) is not None:
                 yield reply
         finally:
-            late.cancel()
             close()
 
     def ask(
@@ -303,33 +302,41 @@ class QuerySession:
         """Query all that serve `key`; call `heard(reply)` on the event loop on arrival, and at the end `heard(None)`.
 
         The key may have parameters, `key?a=b;c=d`. Ends when all have answered, when Zenoh ends it after `timeout` wall
-        seconds, or when the router is lost or back (the last reply says so: Zenoh may never end such a query). Returns
-        what ends it before, after which nothing is heard. Raises BusClosed if it cannot be sent, BadRecord if `ask`
-        cannot be encoded.
+        seconds, or soon after that without Zenoh, or when the router is lost or back (the last reply says so: Zenoh may
+        never end such a query). Returns what ends it before, after which nothing is heard. Raises BusClosed if it
+        cannot be sent, BadRecord if `ask` cannot be encoded.
         """
         token = zenoh.CancellationToken()
         over = False
 
-        def arrived(reply: zenoh.Reply | str | None) -> None:
+        def arrived(reply: zenoh.Reply | None) -> None:
             nonlocal over
             if over:
                 return
-            if reply is not None and not isinstance(reply, str):  # a trial has replies of its own
-                heard(self._read_reply(bare, reply, answer, timeout))
-                return
             if reply is None:
                 over = True
-                self._asked.discard(arrived)
-            else:  # Zenoh keeps it until its timeout otherwise
+                late.cancel()
+                self._asked.discard(end)
+                heard(None)
+            else:
+                heard(self._read_reply(bare, reply, answer, timeout))
+
+        def end(error: str, timed_out: bool = False) -> None:
+            if not over:  # the router may be lost and back at the same moment
                 close()
-                heard(Reply(bare, None, reply))
-            heard(None)
+                heard(Reply(bare, None, error, timed_out=timed_out))
+                heard(None)
+
+        def unended() -> None:
+            self.counters["queries_unended"] += 1
+            end(f"no answer within {timeout:g} s", timed_out=True)
 
         def close() -> None:
             nonlocal over
             if not over:
                 over = True
-                self._asked.discard(arrived)
+                late.cancel()
+                self._asked.discard(end)
                 self._dispatch.afterwards(token.cancel)  # the caller does not wait for it
 
         options: dict[str, Any] = {}
@@ -350,14 +357,15 @@ class QuerySession:
         except zenoh.ZError as error:
             over = True  # Zenoh drops the handler: that is no end of a query
             raise BusClosed(f"cannot ask {key}: {error}") from None
-        self._asked.add(arrived)
+        self._asked.add(end)
+        late = self._loop.call_later(timeout + LAST_WORD, unended)
         return close
 
     def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R], timeout: float) -> Reply[R]:
         if reply.ok is None:
             error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
             if error == ZENOH_TIMEOUT:
-                return _timed_out(key, timeout)
+                return Reply(key, None, f"no answer within {timeout:g} s", timed_out=True)
             code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
             return Reply(key, None, error.decode(errors="replace"), code=code)
         sample = reply.ok
@@ -437,7 +445,3 @@ def _stranger_text(who: str, version: str) -> str:
         f"{who}: records of version {version or '?'}, this daemon speaks version {VERSION}: they are ignored; "
         "install matching releases of Argosy (docs/guides/operations.md)"
     )
-
-
-def _timed_out(key: str, timeout: float) -> Reply[Any]:
-    return Reply(key, None, f"no answer within {timeout:g} s", timed_out=True)

@@ -11,13 +11,13 @@ import json
 import logging
 import os
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 from commd.bus.bus import Bus, Query
-from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce, is_expired
+from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce, Waiting, is_expired
 from commd.process.state_dir import replace_file
 from schemas.wire.records import Mail, Message, Refusal
 
@@ -157,13 +157,11 @@ class ProgramInbox(ReceiveOnce):
         until = float("inf") if message.ttl is None else asyncio.get_running_loop().time() + message.ttl
         self._waiting.append((message, until))
 
-    async def _until_done(self, waits: Mapping[int, tuple[Numbered, int]]) -> list[int]:
+    async def _until_done(self, waits: Sequence[Waiting]) -> list[int]:
         self._pass_answers()
         self._notify()
-        return await super()._until_done(waits)
-
-    def _is_done(self, whose: Numbered, seq: int) -> bool:
-        return (whose, seq) not in self._late and super()._is_done(whose, seq)
+        left = await super()._until_done(waits)
+        return left + [one.place for one in waits if _number(one.message) in self._late]
 
     async def _receive(self, query: Query[Mail]) -> None:
         self._answering += 1

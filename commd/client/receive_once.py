@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
@@ -53,6 +53,14 @@ class Progress:
     """It may have been refused."""
     handed: int = 0
     done: int = 0
+
+
+class Waiting(NamedTuple):
+    """A message of a batch that was handed over and may not be done with yet."""
+
+    place: int
+    progress: Progress
+    message: Message
 
 
 class ReceiveOnce:
@@ -123,10 +131,6 @@ class ReceiveOnce:
         if numbers:
             self._notify()
 
-    def _is_done(self, whose: Numbered, seq: int) -> bool:
-        numberings = self._progress.get(whose.sender)
-        return numberings is not None and whose.numbering in numberings and seq <= numberings[whose.numbering].done
-
     def _notify(self) -> None:
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
@@ -134,7 +138,7 @@ class ReceiveOnce:
     async def _receive(self, query: Query[Mail]) -> None:
         messages = query.required("expected a Mail record on a concrete key").messages
         refused, later = dict[int, Refusal](), dict[int, Refusal]()
-        waits: dict[int, tuple[Numbered, int]] = {}
+        waits: list[Waiting] = []
         full = False
         held: set[Numbered] = set()
         """Of whom a message is refused as too late: were a later one taken, it would pass for taken when it comes again
@@ -145,7 +149,7 @@ class ReceiveOnce:
             try:
                 hand_over = self._read(message)
                 if seq and seq <= progress.handed:
-                    waits[place] = whose, seq
+                    waits.append(Waiting(place, progress, message))
                     continue
                 if is_expired(message):
                     raise MessageRefused(EXPIRED)
@@ -166,7 +170,7 @@ class ReceiveOnce:
                 self.counters["received"] += 1
                 if seq:
                     progress.handed = seq
-                    waits[place] = whose, seq
+                    waits.append(Waiting(place, progress, message))
         later |= dict.fromkeys(await self._until_done(waits), self.NOT_DONE)
         self.counters["refused"] += len(refused)
         self.counters["later"] += len(later)
@@ -178,15 +182,19 @@ class ReceiveOnce:
             self._missing(whose.sender, seq - progress.arrived - 1)
         progress.arrived = max(progress.arrived, seq)
 
-    async def _until_done(self, waits: Mapping[int, tuple[Numbered, int]]) -> list[int]:
+    async def _until_done(self, waits: Sequence[Waiting]) -> list[int]:
         """Wait within bounds until messages are done with. Returns the places of those that are not."""
-        left = list(waits)
+        left = waits
         with suppress(TimeoutError):
             async with asyncio.timeout(self._patience()) as bound:
                 self._bounds.add(bound)
                 try:
-                    while (left := [one for one in left if not self._is_done(*waits[one])]) and not self._leaving:
+                    while (left := _not_done(left)) and not self._leaving:
                         await self._changed.wait()
                 finally:
                     self._bounds.discard(bound)
-        return [one for one in left if not self._is_done(*waits[one])]
+        return [one.place for one in _not_done(left)]
+
+
+def _not_done(waits: Sequence[Waiting]) -> list[Waiting]:
+    return [one for one in waits if one.message.header.seq > one.progress.done]
