@@ -19,7 +19,7 @@ from agentd.persistence.group_commit import ATOMIC_PATIENCE, BUSY_PATIENCE, Batc
 from agentd.persistence.restore import RestoredState
 from agentd.runtime.mind_runner import MindRunner
 from commd.client.receive_once import Numbered
-from commd.common.alarm import Alarm
+from commd.common.tasks import Alarm
 from schemas.wire.codec import Wire, codec
 from schemas.wire.records import Action, Note
 

@@ -19,7 +19,7 @@ from functools import partial
 from typing import Final, Protocol
 
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
-from commd.common.alarm import Alarm
+from commd.common.tasks import Alarm
 
 log = logging.getLogger("keeping")
 

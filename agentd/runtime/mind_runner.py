@@ -18,8 +18,8 @@ from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input, PerceptAdded, PerceptRemoved, PerceptReplaced
 from agentd.mind.execution.input_handling import heeds, heeds_percept
 from commd.bus.bus import Bus
-from commd.common.alarm import Alarm
 from commd.common.clock import Clock
+from commd.common.tasks import Alarm
 from schemas.wire.records import Perception
 
 log = logging.getLogger("agent")

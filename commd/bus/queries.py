@@ -21,6 +21,7 @@ from commd.bus.errors import BusClosed, CannotServe, QueryFailed, QueryTimeout
 from commd.bus.loop_dispatch import BACKLOG, LAST_WORD, LoopDispatch
 from commd.bus.raw import refuse_busy
 from commd.bus.session import Declaration, KeyCache
+from commd.common.repeated_log import is_logged
 from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import MAX_BYTES, BadRecord, OtherVersion, Wire, codec
@@ -405,7 +406,7 @@ class QuerySession:
             self.counters["bad_input"] += 1
             if isinstance(bad, OtherVersion):
                 self.strangers.heard(key, bad.version)
-            elif self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
+            elif is_logged(self.counters["bad_input"]):
                 log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
             raise
 

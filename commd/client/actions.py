@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus, Reply
 from commd.bus.errors import BusClosed, BusError
 from commd.client.percept_sync import PerceptSync
-from commd.common.alarm import Alarm
+from commd.common.tasks import Alarm
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys

@@ -14,6 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus
+from commd.common.repeated_log import is_logged
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Note, Perception
@@ -51,8 +52,7 @@ class HandPercepts:
             return []
         if problem := self._problem(name, perception) or self._no_room(replace(perception, name=name)):
             self.counters["by_hand_refused"] += 1
-            count = self.counters["by_hand_refused"]
-            if count <= 10 or count % 1000 == 0:
+            if is_logged(count := self.counters["by_hand_refused"]):
                 log.warning("agent=%s percept by hand refused count=%d: %s", self._agent, count, problem)
             return []
         given = replace(perception, name=name)

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
+from commd.common.repeated_log import is_logged
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet, differences, tells_of_none
 from schemas.wire.records import Health, Note, Perception, Perceptions
@@ -182,7 +183,7 @@ class PerceptSync:
     def _note(self, counter: str, what: str) -> None:
         """Count, and log the first ten and each thousandth."""
         self.counters[counter] += 1
-        if (count := self.counters[counter]) <= 10 or count % 1000 == 0:
+        if is_logged(count := self.counters[counter]):
             log.warning("agent=%s count=%d %s", self._agent, count, what)
 
     def _tell(self, changes: Iterable[Perception], other: PerceptSet) -> None:

@@ -1,1 +1,1 @@
-"""Small parts without a bus: the mission's clock, the loop's wake-ups, tasks that are ended, log lines that repeat."""
+"""Small parts without a bus: the mission's clock, the loop's wake-ups, tasks and timers, log lines that repeat."""

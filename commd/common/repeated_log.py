@@ -1,4 +1,4 @@
-"""Log a lasting condition again at growing intervals."""
+"""Log a lasting condition again at growing intervals, and equal events ever more seldom."""
 
 from __future__ import annotations
 
@@ -44,3 +44,8 @@ class RepeatedLog:
         if self._since is not None:
             self._log(self._loop.time() - self._since)
             self._next(count + 1)
+
+
+def is_logged(count: int) -> bool:
+    """Return whether the `count`th of like events is logged: the first ten, then each thousandth."""
+    return count <= 10 or count % 1000 == 0

@@ -18,6 +18,7 @@ from contextlib import asynccontextmanager
 
 from msgspec.structs import replace
 
+from commd.common.repeated_log import is_logged
 from commd.mail.message import undelivered
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
@@ -300,7 +301,7 @@ class Gateway(asyncio.DatagramProtocol):
     def _count(self, what: str, why: str) -> None:
         counter = f"gateway_{what}"
         self.counters[counter] += 1
-        if self.counters[counter] <= 10 or self.counters[counter] % 1000 == 0:
+        if is_logged(self.counters[counter]):
             log.warning("%s count=%d %s", what, self.counters[counter], why[:LONGEST_LOGGED])
 
     async def _find_nodes(self) -> None:
