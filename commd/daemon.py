@@ -38,7 +38,7 @@ from commd.router.link_monitor import Links
 from commd.router.link_watchdog import open_link_watchdog
 from commd.router.self_check import SelfCheck
 from commd.router.tls_rejections import hear_refusals
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Findings, did_you_mean
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note, RunningMission
@@ -83,9 +83,9 @@ def chosen(mission: Mission, asked: str | None) -> str:
     boards = mission.board_names
     if asked is None and len(boards) > 1:
         text = f"which board is this? Name it by --board: the mission has {', '.join(boards)}"
-        raise Findings([Finding(str(mission.path), 0, 0, text)])
+        raise Findings.about(mission.path, text)
     if asked is not None and asked not in boards:
-        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{asked}`{did_you_mean(asked, mission.boards)}")])
+        raise Findings.about(mission.path, f"no board `{asked}`{did_you_mean(asked, mission.boards)}")
     return asked or boards[0]
 
 

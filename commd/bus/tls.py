@@ -17,7 +17,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 
@@ -85,7 +85,7 @@ def identity_of(tls: Tls, now: float) -> Identity:
     """Return the identity in the keys. Raises Findings for keys that no machine would accept `now` (Unix seconds)."""
     identity = identity_in(tls)
     if words := out_of_date(identity, now):
-        raise _wrong(tls.certificate, words)
+        raise Findings.about(tls.certificate, words)
     return identity
 
 
@@ -94,7 +94,7 @@ def identity_in(tls: Tls) -> Identity:
     for file, what in ((tls.root, "whom to believe"), (tls.certificate, "the certificate"), (tls.key, "its key")):
         _readable(file, what)
     if stat.S_IMODE(tls.key.stat().st_mode) & 0o077:
-        raise _wrong(tls.key, f"others on this machine may read the key: `chmod 600 {tls.key}`")
+        raise Findings.about(tls.key, f"others on this machine may read the key: `chmod 600 {tls.key}`")
     return _shown(tls)
 
 
@@ -117,12 +117,12 @@ def check_board(tls: Tls, mission: Mission, board: str) -> None:
     """
     identity = identity_in(tls)
     if identity.name != board:
-        raise _wrong(tls.certificate, f"the keys are those of `{identity.name}`, and this is board `{board}`")
+        raise Findings.about(tls.certificate, f"the keys are those of `{identity.name}`, and this is board `{board}`")
     address = mission.boards[board].address if board in mission.boards else ""
     host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
     if host and not identity.is_at(host):
         text = f"the other boards reach `{board}` at {host}, and its certificate is for {', '.join(identity.addresses)}"
-        raise _wrong(tls.certificate, f"{text}: `argosy keys renew` with this mission makes it another")
+        raise Findings.about(tls.certificate, f"{text}: `argosy keys renew` with this mission makes it another")
 
 
 def day(at: float) -> str:
@@ -139,7 +139,7 @@ def _shown(tls: Tls) -> Identity:
     try:
         server.load_verify_locations(tls.root)
     except ssl.SSLError:
-        raise _wrong(tls.root, "expected certificates in PEM, such as `argosy keys` writes") from None
+        raise Findings.about(tls.root, "expected certificates in PEM, such as `argosy keys` writes") from None
     for side in (server, client):
         _show(side, tls)
     to_client, to_server = ssl.MemoryBIO(), ssl.MemoryBIO()
@@ -154,9 +154,9 @@ def _shown(tls: Tls) -> Identity:
         return _read(there.getpeercert() or {})
     except ssl.SSLCertVerificationError as error:
         text = f"the certificate is none that {tls.root} believes: the two are of different fleets, or it was revoked"
-        raise _wrong(tls.certificate, f"{text} ({error.verify_message})") from None
+        raise Findings.about(tls.certificate, f"{text} ({error.verify_message})") from None
     except (ssl.SSLError, KeyError) as error:
-        raise _wrong(tls.certificate, f"cannot be used: {error}") from None
+        raise Findings.about(tls.certificate, f"cannot be used: {error}") from None
 
 
 @contextmanager
@@ -179,10 +179,10 @@ def _show(side: ssl.SSLContext, tls: Tls) -> None:
         side.load_cert_chain(tls.certificate, tls.key, password=_no_password)
     except ssl.SSLError as error:
         if error.reason == "KEY_VALUES_MISMATCH":
-            raise _wrong(tls.certificate, f"is the certificate of another key than {tls.key}") from None
-        raise _wrong(tls.certificate, f"expected a certificate in PEM, and its key in {tls.key}") from None
+            raise Findings.about(tls.certificate, f"is the certificate of another key than {tls.key}") from None
+        raise Findings.about(tls.certificate, f"expected a certificate in PEM, and its key in {tls.key}") from None
     except ValueError as error:
-        raise _wrong(tls.key, str(error)) from None
+        raise Findings.about(tls.key, str(error)) from None
 
 
 def _read(certificate: dict[str, Any]) -> Identity:
@@ -209,15 +209,11 @@ def _readable(file: Path, what: str) -> None:
     except PermissionError as error:
         text = f"cannot be read ({what}): {error.strerror}: keys are for their owner, and this user is another one"
         do = "on a board, `sudo systemd-tmpfiles --create argosy-MISSION.conf` gives them to its commd"
-        raise _wrong(file, f"{text}; {do}") from None
+        raise Findings.about(file, f"{text}; {do}") from None
     except OSError as error:
         text = f"cannot be read ({what}): {error.strerror}"
-        raise _wrong(file, f"{text}; `argosy keys add-board` makes a machine's folder of keys") from None
+        raise Findings.about(file, f"{text}; `argosy keys add-board` makes a machine's folder of keys") from None
 
 
 def _no_password() -> str:
     raise ValueError("is protected by a password: a daemon cannot ask for it")
-
-
-def _wrong(file: Path, text: str) -> Findings:
-    return Findings([Finding(str(file), 0, 0, text)])

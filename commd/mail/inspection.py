@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from commd.mail.age_clock import MailClock
 from commd.mail.message import shown
 from commd.mail.queries import MIGRATIONS
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
@@ -71,28 +71,24 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
     Findings."""
     try:
         if not path.is_file():
-            raise _unreadable(path, "there is no such file")
+            raise Findings.about(path, "there is no such file")
         # Without a log beside it nobody writes, and no lock is needed.
         alone = not path.with_name(f"{path.name}-wal").exists()
         options = f"mode=ro{'&immutable=1' if alone else ''}"
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)) as db:
             return _read(db, path)
     except _DAMAGE as error:
-        raise _unreadable(path, f"it cannot be read as a board's mail: {error}") from None
+        raise Findings.about(path, f"it cannot be read as a board's mail: {error}") from None
 
 
 def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:
     (version,) = db.execute("PRAGMA user_version").fetchone()
     if version != len(MIGRATIONS):
         found = "no board's mail" if version == 0 else f"of version {version}, this is version {len(MIGRATIONS)}"
-        raise _unreadable(path, f"it is {found}")
+        raise Findings.about(path, f"it is {found}")
     db.execute("BEGIN")  # one state of the file for all queries
     clock = MailClock()
     clock.load(db)
     listed = list_mailboxes(db, clock.now(), lambda line: "")
     (dead,) = db.execute("SELECT count(*) FROM dead").fetchone()
     return replace(listed, board=path.stem, store=str(path), dead_count=dead)
-
-
-def _unreadable(path: Path, why: str) -> Findings:
-    return Findings([Finding(str(path), 0, 0, why)])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from commd.mail.page_checksums import ENDING
 from commd.process.state_dir import DISK_FAILS, make_private_file, make_private_folder
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 
 CACHE_KIB = 256
 """KiB of pages that each of the two connections caches."""
@@ -42,13 +42,13 @@ def alone(path: Path) -> Iterator[None]:
         make_private_folder(path.parent)
         lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, f"cannot store mail in this file: {error}")]) from None
+        raise Findings.about(path, f"cannot store mail in this file: {error}") from None
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             text = "another commd stores its mail in this file: give each its own --state"
-            raise Findings([Finding(str(path), 0, 0, text)]) from None
+            raise Findings.about(path, text) from None
         yield
     finally:
         os.close(lock)

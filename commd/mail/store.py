@@ -34,7 +34,7 @@ from commd.mail.sqlite_file import (
     set_aside,
     words_for,
 )
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 
 T = TypeVar("T")
 Transaction: TypeAlias = Callable[[sqlite3.Connection], T]
@@ -286,7 +286,7 @@ class Store:
             await asyncio.to_thread(self._open)
         except (TooNew, OSError, sqlite3.Error) as error:
             if not may_pass(self.path, error):
-                raise Findings([Finding(str(self.path), 0, 0, f"cannot store mail in this file: {error}")]) from None
+                raise Findings.about(self.path, f"cannot store mail in this file: {error}") from None
             self._failed(error)
         self._writer.start()
 

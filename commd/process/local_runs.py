@@ -14,7 +14,7 @@ import msgspec
 
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusError
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.wire import keys
 
 START_PATIENCE = 90.0
@@ -102,7 +102,7 @@ async def router_of(fleet: str, otherwise: str) -> str:
     if len(there) > 1:
         which = "name one by --router" if fleet else "name one by --fleet or --router"
         text = f"several missions run on this machine, {', '.join(there.values())}: {which}"
-        raise Findings([Finding("argosy", 0, 0, text)])
+        raise Findings.about("argosy", text)
     return next(iter(there), otherwise)
 
 

@@ -17,7 +17,7 @@ import zenoh
 from commd.bus.router_endpoints import router_of
 from commd.bus.session import BLOCKED_SEND_US, LEASE_MS, NO_SCOUTING, READ_ONLY, dialling, listening_late
 from commd.bus.tls import Tls, files_in
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.mission import access_rules
 from schemas.mission.access_rules import Rights
 from schemas.mission.model import Mission
@@ -52,7 +52,7 @@ def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | N
     """
     access_rules.check(mission)
     if board not in mission.board_names:
-        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`")])
+        raise Findings.about(mission.path, f"no board `{board}`")
     endpoint = f"unixsock-stream/{socket}"
     listen, connect = router_of(mission, board, endpoint, "tls") if keys is not None else ([], [])
     link: dict[str, Any] = {
@@ -170,20 +170,20 @@ def read(file: Path) -> RouterFile:
         mode, endpoints, control, tls, most_links = (json.loads(config.get_json(name)) for name in names)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "expected text in UTF-8"
-        raise Findings([Finding(str(file), 0, 0, f"cannot read it: {why}")]) from None
+        raise Findings.about(file, f"cannot read it: {why}") from None
     except zenoh.ZError as error:
         why = str(error).partition(" at /")[0]  # what follows are paths of Zenoh's sources
-        raise Findings([Finding(str(file), 0, 0, f"no configuration of Zenoh's: {why}")]) from None
+        raise Findings.about(file, f"no configuration of Zenoh's: {why}") from None
     listen = _endpoints(endpoints)
     if mode != "router" or not listen:
         text = 'expected a router: `mode: "router"` and endpoints to listen at, as `argosy units` writes it'
-        raise Findings([Finding(str(file), 0, 0, text)])
+        raise Findings.about(file, text)
     dialled = json.loads(config.get_json("connect/endpoints"))
     allowed = json.loads(config.get_json("transport/link/protocols"))
     for endpoint in (*listen, *_endpoints(dialled)):
         if allowed and (protocol := endpoint.partition("/")[0]) not in allowed:  # Zenoh would wait for ever
             text = f"`{endpoint}` is by {protocol}, but `transport/link/protocols` allows only {', '.join(allowed)}"
-            raise Findings([Finding(str(file), 0, 0, text)])
+            raise Findings.about(file, text)
     files = [tls.get(name) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")]
     return RouterFile(
         config,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from schemas.humanize import escape_line
@@ -37,6 +38,11 @@ class Findings(Exception):
     def __init__(self, findings: Iterable[Finding]) -> None:
         self.findings = sorted(findings)
         super().__init__("\n".join(map(str, self.findings)))
+
+    @classmethod
+    def about(cls, file: str | Path, message: str) -> Findings:
+        """Return one error that is about a file as a whole."""
+        return cls([Finding(str(file), 0, 0, message)])
 
 
 def nearest(word: str, known: Iterable[str], close: float = 0.6) -> str | None:

@@ -48,7 +48,7 @@ def read_text(path: Path) -> str:
         content = read_bounded(path, MAX_FILE)
     except OSError as error:
         what = f"{error.strerror}" if error.errno == errno.EFBIG else f"cannot be read: {error.strerror}"
-        raise Findings([Finding(str(path), 0, 0, what)]) from None
+        raise Findings.about(path, what) from None
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -83,7 +83,7 @@ def load_manifest(name: str | Path, relative_to: Path | None = None, check: Chec
     path = find_manifest(str(name), relative_to)
     if path is None:
         known = ", ".join(shipped_names("manifests", ".toml"))
-        raise Findings([Finding(str(name), 0, 0, f"no such manifest; expected a file or one of: {known}")])
+        raise Findings.about(name, f"no such manifest; expected a file or one of: {known}")
     return _read_once(read_text(path), str(path), check)
 
 
@@ -101,9 +101,9 @@ def read_manifest(text: str, file: str, check: Check | None = None) -> Manifest:
     except tomllib.TOMLDecodeError as error:
         raise Findings([_syntax_finding(str(error), text, file)]) from None
     except RecursionError:
-        raise Findings([Finding(file, 0, 0, "nested too deeply")]) from None
+        raise Findings.about(file, "nested too deeply") from None
     except ValueError as error:  # a date that there is not, an integer of 5000 digits
-        raise Findings([Finding(file, 0, 0, str(error).partition(";")[0])]) from None
+        raise Findings.about(file, str(error).partition(";")[0]) from None
     return read_document(document, file, lines, check)
 
 

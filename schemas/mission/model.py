@@ -381,9 +381,7 @@ def load_mission(path: str | Path) -> Mission:
     path = mission_file(path)
     if not path.suffix and not path.exists():
         known = ", ".join(shipped_names("missions", ".yaml"))
-        raise Findings(
-            [Finding(str(path), 0, 0, f"no such file, and no mission of that name ships: there are {known}")]
-        )
+        raise Findings.about(path, f"no such file, and no mission of that name ships: there are {known}")
     return read_mission(read_text(path), path)
 
 
