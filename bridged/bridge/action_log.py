@@ -38,6 +38,7 @@ TRY_AGAIN = 1.0
 """Wall seconds between two attempts to write a file that could not be written."""
 _STANDING = ""
 """The id of lines that say who has the robot, agent and operator. The last such line counts."""
+NOT_SYNCED = "action ids may not outlive a power loss: %s"
 log = logging.getLogger("action_log")
 
 
@@ -94,8 +95,8 @@ class ActionLog:
     A line outlives the process when it is written. A thread syncs it for power losses, at most one sync running and one
     waiting: a slow card must not delay heartbeats. The thread also rewrites the file without old lines.
 
-    While its disk is full or broken, everything is in memory alone: what records it raises OSError, and `step` rewrites
-    the file when that is possible again.
+    While its disk is full or broken, everything is in memory alone: that is logged, `begin` raises OSError, and `step`
+    rewrites the file when that is possible again.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
@@ -161,15 +162,18 @@ class ActionLog:
         self._append(Entry(action.id, self._wall(), action.agent, action.name))
 
     def keep(self) -> None:
-        """Sync soon what has been written, so that it outlives a power loss. Raises OSError."""
+        """Sync soon what has been written, so that it outlives a power loss."""
         if self._unsynced:
             self._unsynced = False
             waits = self._sync is not None and not (self._sync.running() or self._sync.done())  # one that will do that
-            if self._file is not None and not waits:
-                self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
+            try:
+                if self._file is not None and not waits:
+                    self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
+            except OSError as error:
+                log.error(NOT_SYNCED, error.strerror)
 
     def finish(self, agent: str, status: ActionStatus) -> None:
-        """Record how an id ended, as much as the answer to a repeated request needs, and sync it. Raises OSError.
+        """Record how an id ended, as much as the answer to a repeated request needs, and sync it.
 
         Lost in a power failure, it would be answered in another way: that the bridge was restarted.
         """
@@ -185,7 +189,7 @@ class ActionLog:
             status.header.boot,
             order=status.order,
         )
-        self._append(entry)
+        self._record(entry, f"how {status.id} ended")
         self.keep()
 
     def find(self, action: str) -> Entry | None:
@@ -193,8 +197,9 @@ class ActionLog:
         return self._entries.get(action) if action else None
 
     def hold(self, agent: str, free: bool) -> None:
-        """Record which agent answers for the robot, and whether another may take it. Raises OSError."""
-        self._append(replace(self._standing, at=self._wall(), boot=machine_boot(), holder=agent, free=free))
+        """Record which agent answers for the robot, and whether another may take it."""
+        standing = replace(self._standing, at=self._wall(), boot=machine_boot(), holder=agent, free=free)
+        self._record(standing, "who has it")
 
     def held(self) -> tuple[str, bool]:
         """Return what `hold` recorded in this boot of the machine or within the last hour.
@@ -218,17 +223,15 @@ class ActionLog:
         return self._standing.paused
 
     def order(self, order: Order | None) -> None:
-        """Record the operator's order, None = none. Raises OSError."""
-        self._stand(replace(self._standing, order=order))
+        """Record the operator's order, None = none: it outlives a bridge that is killed."""
+        if order != self.ordered:
+            self._record(replace(self._standing, order=order), "the operator's order")
+            self.keep()
 
     def pause(self, paused: bool) -> None:
-        """Record whether the operator has paused the robot. Raises OSError."""
-        self._stand(replace(self._standing, paused=paused))
-
-    def _stand(self, standing: Entry) -> None:
-        """Record what the operator ordered, if it is new, and sync it."""
-        if standing != self._standing:
-            self._append(standing)
+        """Record whether the operator has paused the robot."""
+        if paused != self.paused:
+            self._record(replace(self._standing, paused=paused), "the operator's pause")
             self.keep()
 
     def close(self) -> None:
@@ -238,6 +241,13 @@ class ActionLog:
             log.error("robot=%s %s ends without what could not be written", self.path.stem, self.path)
         else:
             self._file.close()
+
+    def _record(self, entry: Entry, what: str) -> None:
+        """Append an entry, `what` for people; if the disk fails it is kept in memory, and that is logged."""
+        try:
+            self._append(entry)
+        except OSError as error:
+            log.error("robot=%s %s cannot be kept on disk: %s", self.path.stem, what, error.strerror)
 
     def _append(self, entry: Entry) -> None:
         self._remember(entry)
@@ -375,6 +385,6 @@ def _sync(file: int) -> None:
     try:
         os.fsync(file)
     except OSError as error:
-        log.error("action ids may not outlive a power loss: %s", error.strerror)
+        log.error(NOT_SYNCED, error.strerror)
     finally:
         os.close(file)

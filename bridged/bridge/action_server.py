@@ -318,10 +318,7 @@ class ActionServer:
         if request.id in self._running or self._driver.active:
             self._wake.set()
         self._note(action)
-        try:
-            self._action_log.keep()
-        except OSError as error:
-            log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, request.id, error.strerror)
+        self._action_log.keep()
 
     def _perform(self, action: RunningAction) -> None:
         """Let the driver carry an action out, when it is accepted or when a pause is over."""
@@ -374,7 +371,7 @@ class ActionServer:
         status = self._statuses.ended(request, Outcome("succeeded"))
         follower(status)
         self._publish(request.agent, status)
-        self._record(request, status)
+        self._action_log.finish(request.agent, status)
 
     def _take(self, request: Action, entry: ActionEntry) -> list[RunningAction]:
         """Take the robot from an agent of lower rank: its actions fail. Returns those that moved the robot."""
@@ -403,7 +400,7 @@ class ActionServer:
         return Outcome("refused", f"busy: {MAX_RUNNING} actions are running", "busy")
 
     def _refuse(self, request: Action, refusal: Outcome, follower: Follower) -> None:
-        self._record(request, self._deny(request, refusal, follower))
+        self._action_log.finish(request.agent, self._deny(request, refusal, follower))
 
     def _deny(self, request: Action, refusal: Outcome, follower: Follower) -> ActionStatus:
         """Refuse an action without recording its id."""
@@ -427,7 +424,7 @@ class ActionServer:
         self._percepts.flush()
         status = self._statuses.ended(request, outcome, action.execution.feedback)
         self._tell(action, status)  # first: its agent waits for it
-        self._record(request, status)
+        self._action_log.finish(request.agent, status)
         self._note(action)
         log.info("robot=%s action %s %s %s %s", self.robot, request.id, request.name, status.state, status.reason)
         return status
@@ -448,12 +445,6 @@ class ActionServer:
             self._publish(action.request.agent, first)
         action.published = True
         self._publish(action.request.agent, status)
-
-    def _record(self, request: Action, status: ActionStatus) -> None:
-        try:
-            self._action_log.finish(request.agent, status)
-        except OSError as error:
-            log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
 
 
 def is_by_hand(agent: str, request: Action) -> bool:

@@ -123,10 +123,7 @@ class Bridge:
 
     def _lease_changed(self) -> None:
         log.info("robot=%s %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
-        try:
-            self.action_log.hold(self.lease.answers, self.lease.free)
-        except OSError as error:
-            log.error("robot=%s who has it cannot be kept on disk: %s", self.name, error.strerror)
+        self.action_log.hold(self.lease.answers, self.lease.free)
         self._tell_holder()
 
     def _tell_holder(self) -> None:
@@ -134,11 +131,8 @@ class Bridge:
         if len(self.percepts.sets) < 2:
             return
         holder = self.lease.holder
-        for agent in self.percepts.sets:
-            if holder:
-                self.percepts.show(agent, "holder", (Atom(holder if FUNCTOR.fullmatch(holder) else f"'{holder}'"),))
-            else:
-                self.percepts.withdraw(agent, "holder")
+        name = Atom(holder if FUNCTOR.fullmatch(holder) else f"'{holder}'")
+        self.percepts.show_all("holder", (name,) if holder else None)
 
     async def run(self) -> None:
         """Run the drivers, and let time pass, until cancelled. Raises what `CompositeDriver.run` raises."""

@@ -231,6 +231,14 @@ class PerceptPublisher:
         if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
             self._send((agent,), name, parameters, "replace", key)
 
+    def show_all(self, name: str, parameters: Parameters | None) -> None:
+        """Publish a percept of every agent, if it has changed; None: none of them has one of this name."""
+        for agent in self.sets:
+            if parameters is None:
+                self.withdraw(agent, name)
+            else:
+                self.show(agent, name, parameters)
+
     def withdraw(self, agent: str, name: str, first: Parameters = ()) -> None:
         """Remove the percepts that were shown to one agent under a name and begin with these arguments."""
         for one in self.sets[agent].present():
@@ -343,11 +351,9 @@ def _reader(field: Field, term: ToTerm) -> Reader:
 
     def read(message: Mapping[str, object]) -> Term:
         value = message[name]
-        if type(value) is not int and type(value) is not float:
+        if (type(value) is not int and type(value) is not float) or value == absent or not math.isfinite(value):
             return _argument(field, message, term)
-        if value == absent or value != value:
-            raise _Absent
-        return _finite(_converted(value, scale, offset) if converts else value)
+        return _converted(value, scale, offset) if converts else value
 
     return read
 
@@ -388,7 +394,7 @@ def _finite(value: float) -> float:
 
 
 def _converted(value: float, scale: float, offset: float) -> float:
-    return float(f"{value * scale + offset:.{DIGITS}g}")
+    return _finite(float(f"{value * scale + offset:.{DIGITS}g}"))
 
 
 def _argument(field: Field, message: object, term: ToTerm) -> Term:

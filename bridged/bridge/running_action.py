@@ -36,8 +36,8 @@ MAX_FIGURE_NAME = 100
 """Characters of a figure's name."""
 FEEDBACK = "feedback"
 """The percept of progress: `feedback(Action, Figure, Value)`."""
-PAUSED = "paused"
-"""The percept of the operator's pause: `paused(operator)`."""
+PAUSED, BY_OPERATOR = "paused", (Atom("operator"),)
+"""The percept of the operator's pause, `paused(operator)`, which every agent of the robot has while it lasts."""
 CAUSE = "cause"
 """The figure that is a text: what hinders the action."""
 NO_FIGURES: Mapping[str, float] = MappingProxyType({})
@@ -114,7 +114,7 @@ class Pause:
         """Mission seconds of the pauses that are over."""
         if action_log.paused:
             self.since = now()
-            self._show()
+            self._percepts.show_all(PAUSED, BY_OPERATOR)
 
     @property
     def elapsed(self) -> float:
@@ -135,20 +135,9 @@ class Pause:
             self._changed("not paused any longer")
 
     def _changed(self, change: str) -> None:
-        self._show()
+        self._percepts.show_all(PAUSED, None if self.since is None else BY_OPERATOR)
         log.info("robot=%s %s", self._robot, change)
-        try:
-            self._action_log.pause(self.since is not None)
-        except OSError as error:
-            log.error("robot=%s `%s` cannot be kept on disk: %s", self._robot, change, error.strerror)
-
-    def _show(self) -> None:
-        """Let every agent of the robot perceive `paused(operator)` while it lasts."""
-        for agent in self._percepts.sets:
-            if self.since is not None:
-                self._percepts.show(agent, PAUSED, (Atom("operator"),))
-            else:
-                self._percepts.withdraw(agent, PAUSED)
+        self._action_log.pause(self.since is not None)
 
 
 class Statuses:

@@ -213,7 +213,7 @@ class SafetyOrders:
         """
         asked = self._ask(order)
         if not self._stopping:
-            self._keep_order(order)
+            self._action_log.order(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
         self.call_off()
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
@@ -226,7 +226,7 @@ class SafetyOrders:
         if self._stopping:
             return Outcome("refused", "the bridge stops: it accepts no more actions")
         self._server.blocked = None
-        self._keep_order(None)
+        self._action_log.order(None)
         if not self._server.paused:
             self._ask("release")
         released = RobotReleased(robot=self._robot)
@@ -385,13 +385,6 @@ class SafetyOrders:
         self._lost = None
         self.call_off()
 
-    def _keep_order(self, order: Order | None) -> None:
-        """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
-        try:
-            self._action_log.order(order)
-        except OSError as error:
-            log.error("robot=%s the operator's order cannot be kept on disk: %s", self._robot, error.strerror)
-
     def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
         self._server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
         self._begin(partial(self._answer_loss, agent, steps))
@@ -513,7 +506,7 @@ class SafetyOrders:
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
         if self._secured or self._piloted or not self._driver.active:
-            self._keep_order(None)  # not before: a bridge that is killed on its way out has left nobody in charge
+            self._action_log.order(None)  # not before: a bridge that is killed on its way out has left nobody in charge
         return left
 
     @property
