@@ -211,8 +211,9 @@ async def open_parts(
         from commd.gateway.gateway import open_gateway
 
         gateway = await enter(open_gateway(mission, mission.gateway))
+    carries = air.carries if air is not None else None
     mail_service = await enter(
-        open_mail_service(bus, mission.mailboxes, mission.mail, folder, air, everybody_known=False)
+        open_mail_service(bus, mission.mailboxes, mission.mail, folder, carries, everybody_known=False)
     )
     parts.add("the mail", mail_service.health)
     directory = await enter(open_directory(bus, board, mission, mail_service, clock, router.secured))

@@ -231,14 +231,14 @@ class QuerySession:
         not be sent, BadRecord if `ask` cannot be encoded.
         """
         answered: asyncio.Future[R] = self._loop.create_future()
-        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+        failed: QueryFailed | None = None
 
         def heard(reply: Reply[R] | None) -> None:
             nonlocal failed
             if answered.done():
                 return
             if reply is None:
-                answered.set_exception(failed)
+                answered.set_exception(failed or QueryTimeout(key, timeout, nobody=True))
             elif reply.record is not None:
                 answered.set_result(reply.record)
             else:

@@ -13,13 +13,13 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.message import StoredMessage, adds_up
+from commd.mail.message import StoredMessage, adds_up, read, read_plain
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed
 from schemas.wire import keys
@@ -48,6 +48,9 @@ RECEIPT_SIZE = 64
 
 Deliver: TypeAlias = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
 """Hands a batch to a receiver in this process; None = no answer, to be sent again."""
+Air: TypeAlias = Callable[[str, str, int], Awaitable[bool]]
+"""A model of the radio: `air(sender, receiver, size)` lasts as one transmission of `size` bytes, and returns whether it
+arrived."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +67,12 @@ class NotTaken:
     """Whether the peer can never read some message of the batch."""
 
 
-class Air(Protocol):
-    """A model of the radio between two boards."""
-
-    async def carries(self, sender: str, receiver: str, size: int) -> bool:
-        """Wait for one transmission of `size` bytes. Returns whether it arrived."""
-        ...
-
-
 class Peers:
     """Receivers of this board and other boards: which are alive, and how a batch gets there."""
 
     def __init__(self, bus: Bus, clock: MailClock, homes: Mapping[str, str], air: Air | None) -> None:
-        self.homes, self.air = homes, air
-        """All receivers, present or away, and the boards whose commd stores their mail; a model of the radio."""
+        self.homes, self._air = homes, air
+        """All receivers, present or away, and the boards whose commd stores their mail."""
         self.attached: dict[str, Deliver] = {}
         """Receivers in this process."""
         self._bus, self._clock = bus, clock
@@ -121,13 +116,13 @@ class Peers:
         """Send a batch of a line to its peer."""
         now = self._clock.now()
         if (deliver := self.attached.get(line)) is not None:
-            receipt = await deliver(tuple(one.read(now) for one in batch))
+            receipt = await deliver(tuple(one.current(now, read) for one in batch))
             return receipt or NotTaken(f"{line} does not answer", certain=False)
-        mail, peer = Mail(messages=tuple(one.carried(now) for one in batch)), self.of(line)
+        mail, peer = Mail(messages=tuple(one.current(now, read_plain) for one in batch)), self.of(line)
         sender, remote, receiver = line.partition(">")
         size = sum(len(one.message) for one in batch) if remote else 0
-        air = self.air if remote else None
-        if air is not None and not await air.carries(sender, receiver, size):
+        air = self._air if remote else None
+        if air is not None and not await air(sender, receiver, size):
             return NotTaken("lost on the air", certain=True)
         self._in_flight[peer] += size
         if remote:
@@ -154,7 +149,7 @@ class Peers:
             return NotTaken(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)
         finally:
             self._in_flight[peer] -= size
-        if air is not None and not await air.carries(receiver, sender, RECEIPT_SIZE):
+        if air is not None and not await air(receiver, sender, RECEIPT_SIZE):
             return NotTaken("its receipt was lost on the air", certain=False)
         return receipt
 

@@ -13,11 +13,11 @@ import msgspec
 from msgspec.structs import replace
 
 from commd.mail.age_clock import MailClock
-from commd.mail.message import shown
+from commd.mail.message import read, shown
 from commd.mail.queries import MIGRATIONS
 from schemas.files.findings import Findings
-from schemas.wire.codec import BadRecord, codec
-from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal
+from schemas.wire.codec import BadRecord
+from schemas.wire.records import DeadLetter, Mailboxes, Queue, Refusal
 
 QUEUES = 1_000
 """Listed queues, those with the most messages."""
@@ -48,7 +48,6 @@ def list_mailboxes(db: Connection, now: float, state: Callable[[str], str]) -> M
 
 
 def _newest_dead(db: Connection) -> list[DeadLetter]:
-    read, encoding = codec(Message).decode, codec(Message).encodings["msgpack"]
     found: list[DeadLetter] = []
     left = DEAD_BYTES
     rows = db.execute("SELECT code, text, stamp, size, message FROM dead ORDER BY place DESC LIMIT ?", (DEAD,))
@@ -57,7 +56,7 @@ def _newest_dead(db: Connection) -> list[DeadLetter]:
         if found and left < 0:
             break
         reason = Refusal(code=code, text=text)
-        found.append(DeadLetter(message=shown(read(message, encoding)), reason=reason, stamp=stamp))
+        found.append(DeadLetter(message=shown(read(message)), reason=reason, stamp=stamp))
     rows.close()
     return found[::-1]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -46,16 +46,12 @@ class StoredMessage(msgspec.Struct, gc=False):
     place: int = 0
     """0: it gets the next place."""
 
-    def read(self, now: float) -> Message:
-        """Return the message with its content, for a receiver in this process; `now` by the mail clock."""
-        return self._current(codec(Message).decode(self.message, MSGPACK), now)
+    def current(self, now: float, decode: Callable[[bytes], Message]) -> Message:
+        """Return the message with the number of the row, and the time to live that is left at `now` of the mail clock.
 
-    def carried(self, now: float) -> Message:
-        """Return the message to send on. Its content is plain data, not read as a term: it was checked on arrival."""
-        return self._current(_UNREAD.decode(self.message), now)
-
-    def _current(self, message: Message, now: float) -> Message:
-        """Set the number of the row, and the time to live that is left at `now` of the mail clock."""
+        `decode` is `read` or `read_plain`.
+        """
+        message = decode(self.message)
         if message.header.seq != self.number or message.header.boot != self.numbering:
             header = msgspec.structs.replace(message.header, boot=self.numbering, seq=self.number)
             message = msgspec.structs.replace(message, header=header)
@@ -150,6 +146,11 @@ def named(text: str) -> Term:
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 
-MSGPACK = codec(Message).encodings["msgpack"]
-_UNREAD = msgspec.msgpack.Decoder(Message)
-"""Without the hook that makes terms."""
+def read(data: bytes) -> Message:
+    """Return a message of the file, with its content."""
+    return codec(Message).decode(data, _MSGPACK)
+
+
+_MSGPACK = codec(Message).encodings["msgpack"]
+read_plain = msgspec.msgpack.Decoder(Message).decode
+"""Returns a message to send on: its content stays plain data, no term, as it was checked on arrival."""

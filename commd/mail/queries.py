@@ -15,10 +15,9 @@ from sqlite3 import Connection
 
 import msgspec
 
-from commd.mail.message import MSGPACK, StoredMessage, stored, undelivered
+from commd.mail.message import StoredMessage, read, stored, undelivered
 from schemas.mission.model import RESERVED
-from schemas.wire.codec import codec
-from schemas.wire.records import Message, Refusal
+from schemas.wire.records import Refusal
 
 BATCH, BATCH_BYTES = 500, 256 * 1024
 """Messages of a batch at most, and bytes unless it is a single message."""
@@ -306,7 +305,7 @@ def move_to_dead_letters(
         tally.dead += 1
         tally.dead_bytes += len(message)
         if sender in lines and sender not in RESERVED:
-            notice = undelivered(codec(Message).decode(message, MSGPACK), reason)
+            notice = undelivered(read(message), reason)
             notices.append(stored(notice, lines[sender], None))
     _bound_dead(db, tally)
     put(db, tally, notices, now, None)

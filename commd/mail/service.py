@@ -31,7 +31,7 @@ from commd.mail.store import Store, StoreFailed, open_store
 from schemas.mission.model import RESERVED, MailRules
 from schemas.wire import keys
 from schemas.wire.codec import codec
-from schemas.wire.keys import check_name
+from schemas.wire.keys import is_name
 from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt, Refusal
 
 EXPECTED = "expected a Mail record on a concrete key"
@@ -207,9 +207,10 @@ class MailService:
         self.counters["received"] += len(mail.messages)
         _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
         now = self.clock.now()
+        right = is_name(sender)
         rows = [
             self._row(one, receiver, now, None, SLACK)
-            if (one.sender, one.receiver) == (sender, receiver)
+            if right and (one.sender, one.receiver) == (sender, receiver)
             else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
             for one in mail.messages
         ]
@@ -218,12 +219,11 @@ class MailService:
     def _row(
         self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0
     ) -> StoredMessage | Refusal:
-        """Return the row of a message, or why it is refused for good. `ttl`: if the message has none."""
+        """Return the row of a message, or why it is refused for good. `ttl`: wall seconds, if the message has none."""
         if line is None:
             return Refusal(code="receiver_not_found")
         ttl = message.ttl if message.ttl is not None else ttl
         try:
-            check_name(message.sender)
             row = stored(message, line, None if ttl is None else now + ttl)
         except ValueError as bad:
             return Refusal(code="not_sendable", text=str(bad))

@@ -10,7 +10,7 @@ import pytest
 
 from commd.mail import queries
 from commd.mail.inspection import list_mailboxes
-from commd.mail.message import DEEPEST, stored, undelivered
+from commd.mail.message import DEEPEST, read, read_plain, stored, undelivered
 from commd.mail.queries import migrate
 from commd.mail.sqlite_file import connect
 from schemas.wire.codec import codec
@@ -49,13 +49,13 @@ def test_what_goes_back_to_a_board_that_has_sent_it_goes_with_new_numbers_in_its
     queries.put(second, tally2, [stored(message(number), "b", None) for number in range(5, 9)], 0.0, None)
     queries.move(second, tally2, "b", home=False)
     found, _ = queries.front(second, "a>b", 0)
-    back = [one.carried(0.0) for one in found]
+    back = [one.current(0.0, read_plain) for one in found]
     assert [(one.header.boot, one.header.seq) for one in back] == [(tally2.numbering, n) for n in range(1, 5)]
-    mail = codec(Mail).decode(codec(Mail).encode(Mail(messages=tuple(one.read(0.0) for one in found))))
+    mail = codec(Mail).decode(codec(Mail).encode(Mail(messages=tuple(one.current(0.0, read) for one in found))))
     kept = [stored(one, "b", None) for one in mail.messages]
     assert queries.put(first, tally1, kept, 0.0, None) == [queries.TAKEN] * 4
     assert queries.put(first, tally1, kept, 0.0, None) == [queries.AGAIN] * 4
-    assert [one.read(0.0).content for one in queries.front(first, "b", 0)[0]] == [5, 6, 7, 8]
+    assert [one.current(0.0, read).content for one in queries.front(first, "b", 0)[0]] == [5, 6, 7, 8]
 
 
 @pytest.mark.parametrize("header", [{"number": 2**63}, {"number": 2**53 + 1}, {"number": 1, "life": "x" * 65}])
@@ -72,7 +72,7 @@ def test_the_deepest_content_that_is_taken_can_be_wrapped_listed_and_sent_on() -
     queries.put(db, tally, [deepest], 0.0, None)
     assert queries.move_to_dead_letters(db, tally, {1: Refusal(code="expired")}, {"a": "a"}, 0.0) == ["a"]
     (notice,), _ = queries.front(db, "a", 0)
-    assert isinstance(notice.read(0.0).content, Structure)
+    assert isinstance(notice.current(0.0, read).content, Structure)
     told = codec(Mailboxes).decode(codec(Mailboxes).encode(list_mailboxes(db, 0.0, lambda _: "")))
     assert isinstance(told.dead[0].message.content, (list, tuple)), "it is shown as it was"
 

@@ -98,7 +98,7 @@ class Losing:
         self.fates = list(fates)
         self.asked: list[tuple[str, str]] = []
 
-    async def carries(self, sender: str, receiver: str, size: int) -> bool:
+    async def __call__(self, sender: str, receiver: str, size: int) -> bool:
         self.asked.append((sender, receiver))
         return self.fates.pop(0) if self.fates else True
 
