@@ -110,7 +110,7 @@ def run(args: Namespace) -> int:
     """Check programs. Returns the exit code of the command's description."""
     try:
         robot = _robot(args.manifest)
-        paths = TestPaths.of(read_folders(args.include_path))
+        paths = read_folders(args.include_path, TestPaths)
     except (Findings, ValueError) as error:
         print(error, file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -18,6 +18,7 @@ from agentd.language.parse import parse_file
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors, near
 from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.syntax_tree.traversal import is_labelled
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.discovery import LIBRARY, OF_JASON
 from schemas.files.findings import Finding, Findings
@@ -107,7 +108,7 @@ def read_survey(program: nodes.Program, paths: SourcePaths) -> Surveyed:
         found.open_plans = found.open_beliefs = found.open_goals = True
     if includes.harness:
         _add_assertions(found, OF_JASON)
-    if includes.harness or any(placed.is_test for placed in found.plans):
+    if includes.harness or any(is_labelled(placed.plan, "test") for placed in found.plans):
         _add_assertions(found, LIBRARY)
     findings += _not_checked(found.late_files)
     created = tuple(_created(program.file, found, paths, findings))

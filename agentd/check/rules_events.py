@@ -9,6 +9,7 @@ from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import Mention, PlacedPlan, Survey, takes_all
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import near
+from agentd.language.syntax_tree.traversal import is_labelled
 from schemas.files.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}
@@ -141,7 +142,7 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
     planned = {placed.indicator for placed in survey.plans if placed.event == "+!"}
     lost = {goal.name for goal in survey.achieved if goal.indicator not in planned}
     for placed in () if open_goals else survey.in_families():
-        if placed.name is None or placed.is_test or placed.names_source:
+        if placed.name is None or is_labelled(placed.plan, "test") or placed.names_source:
             continue
         if placed.event == "-!" and placed.indicator not in goals | planned:
             yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)

@@ -10,6 +10,7 @@ from agentd.check.finding_kinds import Kind, warning
 from agentd.check.symbol_table import PlacedPlan, Survey, steps_of, takes_all
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.nodes import Operator
+from agentd.language.syntax_tree.traversal import is_labelled
 from schemas.files.findings import Finding
 
 _ASKS: Final = ("askOne", "askIf", "askAll", "askHow")
@@ -79,7 +80,7 @@ def _repeats(placed: PlacedPlan, survey: Survey, events: set[str | None]) -> boo
 
 def endless_asks(survey: Survey) -> Iterator[Finding]:
     """Synchronous asks of the agent itself in an atomic plan: it answers only when that plan has ended."""
-    for plan in (placed.plan for placed in survey.plans if placed.is_labelled("atomic")):
+    for plan in (placed.plan for placed in survey.plans if is_labelled(placed.plan, "atomic")):
         for step in steps_of(plan.body):
             match step.term:
                 case nodes.InternalAction(".send", (nodes.Structure("self", ()), asked, _, _), position) if (

@@ -8,6 +8,7 @@ from itertools import chain
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT, THIS_NS
+from agentd.language.syntax_tree.traversal import is_annotated
 
 ANY_ARITY = -1
 """The arity of a registered function that takes any number of arguments."""
@@ -68,18 +69,9 @@ class PlacedPlan:
         return self.plan.trigger.operator + self.plan.trigger.goal
 
     @property
-    def is_test(self) -> bool:
-        """Whether `agentd test` runs the plan: its label has the annotation ``test``."""
-        return self.is_labelled("test")
-
-    def is_labelled(self, word: str) -> bool:
-        """Return whether the plan's label has an annotation."""
-        return self.plan.label is not None and _annotated(self.plan.label, word)
-
-    @property
     def names_source(self) -> bool:
         """Whether the trigger names the source of its event: ``+!g[source(S)]``."""
-        return _annotated(self.plan.trigger.literal, "source")
+        return is_annotated(self.plan.trigger.literal, "source")
 
     @property
     def indicator(self) -> tuple[str | None, int]:
@@ -139,11 +131,6 @@ class Survey:
     def in_families(self) -> Iterator[PlacedPlan]:
         """Return the plans of the program and those nested in them, without those that are terms."""
         return chain.from_iterable(self.families)
-
-
-def _annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:
-    items = literal.annotations.items if literal.annotations is not None else ()
-    return any(isinstance(item, nodes.Structure) and item.functor == word for item in items)
 
 
 def takes_all(plan: nodes.Plan) -> bool:

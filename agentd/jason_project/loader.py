@@ -79,7 +79,7 @@ def project_paths(project: Project, paths: SourcePaths, warnings: list[Finding])
 def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
     """Add the agents of one entry. Raises Findings and `SyntaxErrors`."""
     program = _program(setup.paths, project, entry)
-    beliefs, goals = initial_items(entry)
+    items = [item for option in entry.options for item in items_of(option)]
     level = 1
     for option in entry.options:
         match option.name:
@@ -95,17 +95,12 @@ def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
                 text = f"the option {name}={option.value} of the agent {entry.name} has no effect here"
                 setup.warnings.append(_finding(option.position, text, warning=True))
     setup.warnings += _java_actions(program)
+    beliefs = [one for one in items if isinstance(one, nodes.Belief)]
+    goals = [one for one in items if isinstance(one, nodes.Goal)]
     program = replace(program, beliefs=(*program.beliefs, *beliefs), goals=(*program.goals, *goals))
     for name in _names(entry):
         setup.programs.append((name, program))
         setup.verbosity[name] = level
-
-
-def initial_items(entry: AgentEntry) -> tuple[list[nodes.Belief], list[nodes.Goal]]:
-    """Return the beliefs and goals of an agent's options. Raises Findings."""
-    items = [items_of(option) for option in entry.options]
-    beliefs = [one for several in items for one in several if isinstance(one, nodes.Belief)]
-    return beliefs, [one for several in items for one in several if isinstance(one, nodes.Goal)]
 
 
 def items_of(option: Option) -> Sequence[nodes.Belief | nodes.Goal]:

@@ -23,8 +23,8 @@ from agentd.mind.execution.dropping import fail_too_deep
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
 from agentd.mind.introspection import term_snapshot
-from agentd.mind.introspection.decision_log import Decisions
-from agentd.mind.introspection.decision_views import view_of, views_of
+from agentd.mind.introspection.decision_log import Decisions, record_of
+from agentd.mind.introspection.decision_views import Views, view_of
 from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
 from agentd.mind.plans import plan_terms
 from agentd.mind.plans.nested_plans import select
@@ -242,9 +242,9 @@ class Mind(MindState):
         """Return the present beliefs."""
         return belief_views(self)
 
-    def decision_views(self, last: int | None = None, about: str = "") -> list[DecisionView | FailureView]:
-        """Return the ``last`` decisions and failures (None: all), oldest first; none unless it remembers any.
-
-        ``about`` is the functor that their events or goals are to have.
-        """
-        return [] if self.recorder is None else views_of(self, self.recorder.records(), last, about)
+    def decision_views(self, last: int | None = None) -> list[DecisionView | FailureView]:
+        """Return the ``last`` decisions and failures (None: all), oldest first; none unless it remembers any."""
+        if self.recorder is None:
+            return []
+        records = list(map(record_of, self.recorder.entries()))
+        return list(map(Views(self, records).of, records if last is None else records[max(0, len(records) - last) :]))

@@ -10,7 +10,7 @@ import asyncio
 import logging
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -158,7 +158,10 @@ class AgentGroup:
         for host in list(self.hosts.values()):
             self._begin(host)
         for board in boards:
-            self._work.spawn(report_health(self._bus, board, self._clock, _health, partial(self._agents_of, board)))
+            agents = partial(self._agents_of, board)
+            self._work.spawn(
+                report_health(self._bus, board, self._clock, lambda: Health(drops=stdout().dropped), agents)
+            )
         self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
         watch = asyncio.create_task(stop.wait())
         watch.add_done_callback(lambda _: self._end_all())
@@ -387,24 +390,12 @@ class AgentGroup:
         self.directory.update(answer)
         return answer
 
-    async def _do_df_register(self, host: AgentHost, service: str) -> Any:
-        await self._ask(host.part.name, "register", service)
-        return EMPTY
-
-    async def _do_df_deregister(self, host: AgentHost, service: str) -> Any:
-        await self._ask(host.part.name, "deregister", service)
-        return EMPTY
-
-    async def _do_df_search(self, host: AgentHost, service: str) -> Any:
-        answer = await self._ask(host.part.name, "search", service)
+    async def _df(self, do: Do, host: AgentHost, service: str) -> Any:
+        """Carry out a request; the board sends the providers that an agent subscribes to by mail from `df`."""
+        answer = await self._ask(host.part.name, do, service)
         return make_list([atom(name) for name in answer.found])
 
-    async def _do_df_subscribe(self, host: AgentHost, service: str) -> Any:
-        """Subscribe: the board sends the providers by mail from `df`, now and later."""
-        await self._ask(host.part.name, "subscribe", service)
-        return EMPTY
-
-
-def _health() -> Health:
-    """Return what the agents of this process have in common."""
-    return Health(drops=stdout().dropped)
+    _do_df_register = partialmethod(_df, "register")
+    _do_df_deregister = partialmethod(_df, "deregister")
+    _do_df_search = partialmethod(_df, "search")
+    _do_df_subscribe = partialmethod(_df, "subscribe")

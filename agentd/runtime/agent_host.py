@@ -18,7 +18,6 @@ from agentd.mail.neighbours import Neighbours
 from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import (
-    Input,
     PerceptRemoved,
     PerceptReplaced,
     SignalRaised,
@@ -50,7 +49,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
 from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
-from schemas.wire.mind_records import InitialMind, MindView
+from schemas.wire.mind_records import InitialMind
 from schemas.wire.records import AgentHealth, Note
 
 log = logging.getLogger("agent")
@@ -140,6 +139,8 @@ class AgentHost:
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # so that the predicates in it exist before anybody queries it
         self._runner = MindRunner(bus, self._mind, self._turn)
+        self.feed = self._runner.feed
+        """Gives the mind an input that is not from the agent's own mail or robot."""
         self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing, neighbours)
         self._mind.post_office = self._mailing.send
         self._poison: PoisonInputs | None = None
@@ -170,7 +171,7 @@ class AgentHost:
             self._tasks,
         )
         self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
-        self._viewer = Viewer(bus, clock, self._runner, part, self._control, self._tracing, self._prints)
+        self.viewer = Viewer(bus, clock, self._runner, part, self._control, self._tracing, self._prints)
 
     def _restore(self, memory: RestoredState) -> None:
         """Restore the mail of a former life."""
@@ -267,11 +268,10 @@ class AgentHost:
 
     def _step(self) -> None:
         """Run the single cycles that an operator has ordered of a paused mind."""
-        while steps := self._control.take_step():
+        while step := self._control.take_step():
             self._carry_out(self._run_one())
-            for step in steps:
-                if not step.done():
-                    step.set_result("")
+            if not step.done():
+                step.set_result("")
 
     def _run_one(self) -> list[Effect]:
         first, now = self._mind.cycle + 1, self._clock.now()
@@ -306,7 +306,7 @@ class AgentHost:
     def close(self) -> None:
         """Leave the bus for good."""
         self._mailing.return_left()
-        self._viewer.withdraw()
+        self.viewer.withdraw()
         self._control.withdraw()
         self._bus.withdraw(self._token)
 
@@ -326,10 +326,6 @@ class AgentHost:
         """Trace and return the program of an `.include` with this request id."""
         self._tracing.included(request, read)
         return read.program
-
-    def feed(self, item: Input) -> None:
-        """Give the mind an input that is not from the agent's own mail or robot."""
-        self._runner.feed(item)
 
     # --- effects ---
 
@@ -397,14 +393,10 @@ class AgentHost:
     def _ordered(self, order: str) -> None:
         """Note an operator's order to the mind, as text."""
         self._tracing.ordered(order)
-        self._viewer.forget()
+        self.viewer.forget()
         self._runner.wake()
 
     # --- for observers ---
-
-    def view(self) -> MindView:
-        """Return the present beliefs and intentions of the agent."""
-        return self._viewer.view()
 
     def health(self) -> AgentHealth:
         """Return the counters and warnings of the agent."""

@@ -101,12 +101,12 @@ class OperatorControl:
             self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
         return not self.paused
 
-    def take_step(self) -> list[Step]:
-        """Return the step that is to be made now; empty if there is none."""
+    def take_step(self) -> Step | None:
+        """Return the step that is to be made now, if there is one."""
         while self._steps:
             if not (step := self._steps.pop(0)).done():  # else it has timed out
-                return [step]
-        return []
+                return step
+        return None
 
     def notes(self) -> tuple[Note, ...]:
         """Return a note of the pause, or of one that has ended by itself in the last `NOTED_FOR` seconds."""

@@ -136,7 +136,10 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
         findings.append(mission.positions.finding(where, f"agents.{agent}.program: {why}"))
     for index, text in enumerate(spec.beliefs):
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
-    _restart_goal(mission, agent, findings)
+    try:
+        restart_goal(mission, agent)
+    except Findings as wrong:
+        findings += wrong.findings
     for index, text in enumerate(spec.goals):
         items += _item(mission, ("agents", agent, "goals", index), _as_goal(text), Goal, findings)
     if findings:
@@ -190,24 +193,19 @@ def goal_of(on_restart: str) -> str:
 
 def restart_goal(mission: Mission, agent: str) -> Goal | None:
     """Return the goal of `on_restart: goal(g)`, None for other settings. Raises Findings for an invalid goal."""
-    findings: list[Finding] = []
-    goal = _restart_goal(mission, agent, findings)
-    if findings:
-        raise Findings(findings)
-    return goal
-
-
-def _restart_goal(mission: Mission, agent: str, findings: list[Finding]) -> Goal | None:
     text = mission.agents[agent].on_restart.strip()
     if not text.startswith("goal("):
         return None
     steps = ("agents", agent, "on_restart")
-    goal = goal_of(text)
-    if not goal:
+    findings: list[Finding] = []
+    items: tuple[Item, ...] = ()
+    if goal := goal_of(text):
+        items = _item(mission, steps, goal, Goal, findings)
+    else:
         findings.append(mission.positions.finding(steps, f"`{text}`: expected a goal such as `goal(recover)`"))
-        return None
-    items = _item(mission, steps, goal, Goal, findings)
-    return items[0] if items and isinstance(items[0], Goal) else None
+    if findings:
+        raise Findings(findings)
+    return items[0] if isinstance(items[0], Goal) else None
 
 
 def endings(mission: Mission, agent: str, field: Literal["done", "failed"]) -> dict[str, Formula]:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from agentd.extensions.plugins import discover
 from agentd.language.compiler.compile import CompiledProgram, compile_program
@@ -102,7 +103,10 @@ class SourcePaths:
         return compile_program(parse_file(self.find(path, beside)), parse_file, self.find, namespace)
 
 
-def read_folders(arguments: Iterable[str], project: Path | None = None) -> SourcePaths:
+P = TypeVar("P", bound=SourcePaths)
+
+
+def read_folders(arguments: Iterable[str], kind: type[P]) -> P:
     """Return the paths of ``--include-path`` arguments: ``FOLDER`` or ``[$]NAME=FOLDER``.
 
     Raises ValueError for a folder that does not exist, with a text for people.
@@ -120,7 +124,7 @@ def read_folders(arguments: Iterable[str], project: Path | None = None) -> Sourc
             names[name.removeprefix("$").removesuffix("/")] = path
         else:
             folders.append(path)
-    paths = SourcePaths(names, folders, project)
+    paths = kind(names, folders)
     paths.advice = "; give its folder by --include-path FOLDER"
     return paths
 
@@ -145,10 +149,10 @@ def compile_text(text: str, name: str = "program.asl", include_path: Iterable[st
     for a directive that cannot be carried out, ValueError for a folder that does not exist.
     """
     discover()
-    return compile_program(parse_program(text, name), parse_file, read_folders(include_path).find)
+    return compile_program(parse_program(text, name), parse_file, read_folders(include_path, SourcePaths).find)
 
 
 def compile_file(path: str | Path, include_path: Iterable[str] = ()) -> CompiledProgram:
     """Compile a program from its file. Raises as `compile_text`, and OSError if it cannot be read."""
     discover()
-    return read_folders(include_path).compiled(str(path))
+    return read_folders(include_path, SourcePaths).compiled(str(path))

@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
 def _team(args: argparse.Namespace) -> Team | None:
     """Make the team of the arguments; None, with the reason on stderr, if that fails."""
     try:
-        setup = _set_up(args, read_folders(args.include_path))
+        setup = _set_up(args, read_folders(args.include_path, SourcePaths))
     except (ProgramsRefused, ValueError) as refused:
         print(refused, file=sys.stderr)
         return None

@@ -28,9 +28,10 @@ from agentd.mind.data.effects import (
     TeamRequestRefused,
 )
 from agentd.mind.data.inputs import ActionDone, Mail, SignalRaised, TeamReply
-from agentd.mind.data.intention import PLAN, Intention, wait_text
+from agentd.mind.data.intention import Intention, wait_text
 from agentd.mind.data.registry import missing_action
 from agentd.mind.execution.control_flow import Fork
+from agentd.mind.introspection.failure_report import called_by
 from agentd.mind.introspection.failure_text import brief, code_of, event_text, goal_text, written
 from agentd.runtime.program_paths import SourcePaths
 from agentd.values import literal
@@ -455,7 +456,7 @@ def stuck_note(intention: Intention) -> Log:
     if not intention.stack and intention.held is not None:
         return Log("warning", f"{event_text(intention.held)} was suspended before it began, and nothing resumes it")
     frames = intention.stack[::-1]
-    details = [f"in the plan for {', called by '.join(_goals(intention))}{', ...' if frames[_MOST_GOALS:] else ''}"]
+    details = [called_by(list(map(goal_text, frames[:_MOST_GOALS])), frames)]
     step = intention.last
     if step is None:
         return Log("warning", "an intention does not run any more", tuple(details))
@@ -467,11 +468,3 @@ def stuck_note(intention: Intention) -> Log:
         if intention.waiting is not None and intention.waiting.kind not in ("time", "formula", "event"):
             details.insert(0, f"it waits for: {wait_text(intention.waiting)}")
     return Log("warning", text, tuple(details), step.syntax.position)
-
-
-def _goals(intention: Intention) -> list[str]:
-    found = []
-    for frame in intention.stack[: -1 - _MOST_GOALS : -1]:
-        position = frame[PLAN].syntax.position
-        found.append(f"{goal_text(frame)} ({position.file}:{position.line})")
-    return found

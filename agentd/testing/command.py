@@ -111,7 +111,7 @@ def _print_outcome(outcome: Outcome, verbose: bool) -> None:
 
 def _settings(args: Namespace) -> Settings:
     settings = Settings(
-        TestPaths.of(read_folders(args.include_path)),
+        read_folders(args.include_path, TestPaths),
         seed=args.seed,
         environment=lambda: make_environment(args.env),
         environment_arguments=tuple(args.env_arg),

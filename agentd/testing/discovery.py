@@ -17,6 +17,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.syntax_tree.traversal import is_labelled
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.results import Unread
 from schemas.files.text_files import read_bounded
@@ -46,13 +47,6 @@ class TestPaths(SourcePaths):
     """Where the files of test programs are. Jason's harness is not needed: what it does is done here."""
 
     __test__ = False  # no test of pytest's
-
-    @classmethod
-    def of(cls, paths: SourcePaths) -> TestPaths:
-        """Return the same folders as other paths."""
-        found = cls(paths.names, paths.folders, paths.project)
-        found.advice = paths.advice
-        return found
 
     def find(self, path: str, beside: str) -> str:
         """Return the path of a file that the program `beside` names. Raises OSError."""
@@ -110,7 +104,7 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
         return
     here = os.path.realpath(file)
     for plan in program.plans:
-        if not is_test(plan):
+        if not is_labelled(plan, "test"):
             continue
         standing = os.path.realpath(plan.position.file)
         if standing != here and standing in several:
@@ -118,14 +112,6 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
         case = _case(file, plan, program)
         if isinstance(case, Unread) or wanted is None or wanted in case.name or fnmatchcase(case.name, wanted):
             yield case
-
-
-def is_test(plan: nodes.Plan) -> bool:
-    """Return whether a plan's label has the annotation ``test`` (or ``test(...)``)."""
-    label = plan.label
-    if not isinstance(label, nodes.Structure) or label.annotations is None:
-        return False
-    return any(isinstance(a, nodes.Structure) and a.functor == "test" for a in label.annotations.items)
 
 
 def _case(file: str, plan: nodes.Plan, program: CompiledProgram) -> Case | Unread:
@@ -138,7 +124,7 @@ def _case(file: str, plan: nodes.Plan, program: CompiledProgram) -> Case | Unrea
     named = isinstance(label, nodes.Structure) and bool(label.functor)
     name = label.functor if named and isinstance(label, nodes.Structure) else source_text(bare)
     key = _key(plan)
-    others = [p for p in program.plans if p is plan or not (is_test(p) and _key(p) == key)]
+    others = [p for p in program.plans if p is plan or not (is_labelled(p, "test") and _key(p) == key)]
     ours = {_key(p) for p in others if p.position.file == str(OF_JASON)}
     theirs = {_key(p) for p in others if p.position.file != str(OF_JASON)}
     spaces = {space for p in program.plans if (space := _namespace(p)) is not None} | {DEFAULT}

@@ -97,11 +97,11 @@ class Hosted:
 
     @property
     def prints(self) -> list[str]:
-        return list(self.host.view().prints)
+        return list(self.host.viewer.view().prints)
 
     @property
     def beliefs(self) -> tuple[str, ...]:
-        return self.host.view().beliefs
+        return self.host.viewer.view().beliefs
 
     def tell(self, mail: Mail) -> None:
         """Hand it a message that does not come by the bus."""

@@ -72,7 +72,7 @@ def example(endpoint: str, folder: Path, meanwhile: Any = None) -> Any:
         scout = await host_on(agents, "scout", program(), folder, others=("ana",), inject=True, done=done)
         control, mind = keys.control("test", "scout"), keys.mind("test", "scout")
         await served(operator, control)
-        await until(lambda: len(scout.host.view().questions) == 1, "it asks ana")
+        await until(lambda: len(scout.host.viewer.view().questions) == 1, "it asks ana")
         scout.tell(Mail("ana", "tell", term("victim(30,40)"), "mid1.ana"))
         scout.host.feed(PerceptReplaced(term("altitude(0)")))
         await until(lambda: "ana has found somebody" in scout.prints, "it hears of the victim")

@@ -36,6 +36,17 @@ def variables(node: Any) -> dict[str, None]:
     return found
 
 
+def is_annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:
+    """Return whether a literal has an annotation of this name: ``word`` or ``word(...)``."""
+    items = literal.annotations.items if literal.annotations is not None else ()
+    return any(isinstance(item, nodes.Structure) and item.functor == word for item in items)
+
+
+def is_labelled(plan: nodes.Plan, word: str) -> bool:
+    """Return whether a plan's label has an annotation of this name: those of `agentd test` have ``test``."""
+    return plan.label is not None and is_annotated(plan.label, word)
+
+
 def children(node: Any) -> list[Any]:
     """Return the nodes directly inside a node of any kind, in the order of its fields."""
     found: list[Any] = []

@@ -28,17 +28,16 @@ Functions = Mapping[tuple[str, int], Callable[..., Any]]
 """Functions by name and arity, as ``math.max`` with 2; each takes terms and returns one, or None for no value."""
 
 
-def instantiate(node: nodes.Term, values: dict[str, Any] | None = None, functions: Functions | None = None) -> Any:
-    """Return the run-time term of a syntax node.
+def instantiate(node: nodes.Term, values: dict[str, Any] | None = None) -> Any:
+    """Return the run-time term of a syntax node; arithmetic over numbers is computed.
 
-    ``values`` gives variables their terms; a named variable without one is added to it as a free `Var`. Arithmetic
-    over numbers is computed, and so are calls of ``functions``.
+    ``values`` gives variables their terms; a named variable without one is added to it as a free `Var`.
     """
-    return Instantiation({} if values is None else values, functions or {}).term(node)
+    return Instantiation({} if values is None else values, {}).term(node)
 
 
 class Instantiation:
-    """Builds the terms of several nodes that share their variables."""
+    """Builds the terms of several nodes that share their variables; calls of ``functions`` are computed."""
 
     def __init__(self, values: dict[str, Any], functions: Functions) -> None:
         self.values, self._functions = values, functions

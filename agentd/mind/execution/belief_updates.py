@@ -51,12 +51,12 @@ def believed(
     return raise_event(mind, focus, relevant, args, new)
 
 
-def add_belief(mind: MindState, literal: Literal, last: bool = False) -> None:
+def add_belief(mind: MindState, literal: Literal) -> None:
     """Believe a literal, with its event as an intention of its own."""
     predicate = mind.beliefs.predicate(literal.sig)
     relevant = mind.plans.relevant("+", "", literal.sig)
     annots = resolve_annots(with_source(literal.annots))
-    believe(mind, None, predicate, relevant, detach(resolve_all(literal.args)), annots, last)
+    believe(mind, None, predicate, relevant, detach(resolve_all(literal.args)), annots)
 
 
 def raise_event(

@@ -138,12 +138,8 @@ class Decisions:
             mind.compiler.form = "trace"
         mind.plans.select, mind.plans.select_slowly = self.select_in_order, self.select
 
-    def records(self) -> list[Decision | Failure]:
-        """Return the records, oldest first."""
-        return list(map(record_of, self.entries()))
-
     def entries(self) -> list[Any]:
-        """Return the same as they are held: `record_of` makes records of them."""
+        """Return them, oldest first, as they are held: `record_of` makes records of them."""
         self.settle()
         return list(self._last)
 

@@ -27,16 +27,6 @@ PASSED_OVER: Final = "passed over"
 """The reason why an applicable plan was not chosen: a selection function or rule took another."""
 
 
-def views_of(
-    mind: MindState, records: Sequence[Decision | Failure], last: int | None, about: str = ""
-) -> list[DecisionView | FailureView]:
-    """Views of the last records, at most ``last`` (None: all), of those ``about`` a functor if one is given."""
-    views = Views(mind, records)
-    if about:
-        records = [record for record in records if is_about(record, about)]
-    return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
-
-
 def is_about(record: Decision | Failure, functor: str) -> bool:
     """Return whether a record is about events or goals of this name."""
     if isinstance(record, Decision):

@@ -44,17 +44,23 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
     position = failed.step.syntax.position if failed.step is not None else None
     details = list(_hints(mind, failed))
     if goals:
-        calls = []
-        for goal, frame in zip(goals, frames, strict=False):
-            begin = frame[PLAN].syntax.position
-            calls.append(f"{goal} ({place(begin) if begin.line else 'message'})")
-        details.append(f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}")
+        details.append(called_by(goals, frames))
     if because:
         details.append(f"{because}: the intention ends")
     else:
         relevant = [f[RELEVANT] for f in frames] or [failed.goal]
         details.append(_unhandled(failed, [goal for goal in relevant if goal.operator == "+" and goal.goal]))
     return Log("warning", _sentence(failed), tuple(details), position, ends=True)
+
+
+def called_by(goals: Sequence[str], frames: Sequence[Frame]) -> str:
+    """Return for what a formula was run: the texts of the first goals, innermost first, with the places of the plans.
+
+    ``frames`` are those of the plans, which may be more.
+    """
+    begins = [frame[PLAN].syntax.position for frame in frames[: len(goals)]]
+    calls = [f"{goal} ({place(at) if at.line else 'message'})" for goal, at in zip(goals, begins, strict=True)]
+    return f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}"
 
 
 def unhandled_report(mind: MindState, event: Event) -> Log:

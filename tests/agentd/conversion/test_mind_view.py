@@ -63,15 +63,15 @@ def test_a_belief_is_shown_with_its_sources_and_since_when() -> None:
 async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(connect: Connect, tmp_path: Path) -> None:
     bus = await connect()
     first = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
-    await until(lambda: any("seen" in belief for belief in first.host.view().beliefs), "it believes")
+    await until(lambda: any("seen" in belief for belief in first.host.viewer.view().beliefs), "it believes")
     await first.end()
     again = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
     again.tell(Mail("ana", "tell", term("news(1)")))
-    await until(lambda: len(again.host.view().believed) == 2, "it believes again")
-    old, new = again.host.view().believed
+    await until(lambda: len(again.host.viewer.view().believed) == 2, "it believes again")
+    old, new = again.host.viewer.view().believed
     assert (old.text, old.since) == ("seen(1)[source(self)]", None)
     assert new.since is not None
-    assert new.since <= again.host.view().time
+    assert new.since <= again.host.viewer.view().time
     await again.end()
 
 

@@ -182,7 +182,7 @@ async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_
     bridge = await died_acting(connect, FLIES, tmp_path)
     second = await a_life(connect, FLIES, tmp_path)
     await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
-    await until(lambda: "goto" in str(second.host.view().intentions), "the plan performs it again")
+    await until(lambda: "goto" in str(second.host.viewer.view().intentions), "the plan performs it again")
     await bridge.end("succeeded")
     await until(lambda: second.prints == ["there"], "the plan goes on from there")
     assert len(bridge.begun) == 1

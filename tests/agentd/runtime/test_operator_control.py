@@ -60,7 +60,7 @@ async def desk(connect: Connect, folder: Path, program: str = PROGRAM, **part: A
 async def test_a_paused_mind_stands_still_until_it_goes_on(connect: Connect, tmp_path: Path) -> None:
     bob = await desk(connect, tmp_path)
     assert (await bob.order("pause")).ok
-    view = bob.agent.host.view()
+    view = bob.agent.host.viewer.view()
     assert view.state == "paused"
     assert view.paused_for is not None
     assert 590 < view.paused_for <= 600
@@ -68,10 +68,10 @@ async def test_a_paused_mind_stands_still_until_it_goes_on(connect: Connect, tmp
     assert (note.code, note.value) == ("mind_paused", 0)
     cycle, before = view.cycle, count(bob.agent)
     await asyncio.sleep(0.3)
-    assert (bob.agent.host.view().cycle, count(bob.agent)) == (cycle, before)
+    assert (bob.agent.host.viewer.view().cycle, count(bob.agent)) == (cycle, before)
     assert (await bob.order("resume")) == Outcome(ok=True)
     await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
-    assert bob.agent.host.view().state != "paused"
+    assert bob.agent.host.viewer.view().state != "paused"
     assert bob.agent.host.health().notes == ()
     await bob.agent.end()
 
@@ -81,19 +81,19 @@ async def test_a_step_is_one_cycle(connect: Connect, tmp_path: Path) -> None:
     bob = await desk(connect, tmp_path)
     assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
     await bob.order("pause")
-    cycle = bob.agent.host.view().cycle
+    cycle = bob.agent.host.viewer.view().cycle
     for step in range(1, 4):
         outcome = await bob.order("step")
         assert outcome.ok
         assert outcome.reason.startswith(f"cycle {cycle + step}")
-    assert bob.agent.host.view().cycle == cycle + 3
+    assert bob.agent.host.viewer.view().cycle == cycle + 3
     host = bob.agent.host
     await until(lambda: host._clock.now() > (host._mind.wake_at or 0), "its timer is due")
     assert (await bob.order("step")).reason == f"cycle {cycle + 4}"
     cycle += 1
     together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
     assert all(outcome.ok for outcome in together)
-    assert bob.agent.host.view().cycle == cycle + 13
+    assert bob.agent.host.viewer.view().cycle == cycle + 13
     await bob.agent.end()
 
 
@@ -189,9 +189,9 @@ async def test_pausing_again_does_not_move_the_end(
 
     bob = await desk(connect, tmp_path)
     await bob.order("pause")
-    cycle, pauses = bob.agent.host.view().cycle, 0
+    cycle, pauses = bob.agent.host.viewer.view().cycle, 0
     async with asyncio.timeout(120):
-        while bob.agent.host.view().state == "paused" and pauses < 1000:
+        while bob.agent.host.viewer.view().state == "paused" and pauses < 1000:
             pauses += 1
             outcome = await bob.order("pause")
             await asyncio.sleep(0.02)
@@ -200,7 +200,7 @@ async def test_pausing_again_does_not_move_the_end(
             assert outcome.reason.startswith("it was paused already, and it goes on by itself in ")
     assert pauses < 1000
     await bob.order("resume")
-    await until(lambda: bob.agent.host.view().cycle > cycle, "it went on")
+    await until(lambda: bob.agent.host.viewer.view().cycle > cycle, "it went on")
     await bob.agent.end()
 
 
@@ -222,7 +222,7 @@ async def test_a_step_that_is_not_made_is_not_reported_as_made(
     await held.carry_out(MindOrder(do="pause"))
     late = await held.carry_out(MindOrder(do="step"))
     assert late == Outcome(ok=False, reason="it has not been made within 0.05 s")
-    assert held.take_step() == [], "it is not made later"
+    assert held.take_step() is None, "it is not made later"
     await bob.agent.end()
 
 
@@ -233,7 +233,7 @@ async def test_without_leave_of_the_mission_nothing_is_done(connect: Connect, tm
     await served(operator, keys.control("test", "bob"))
     for do in ("pause", "step", "resume", "goal", "belief"):
         assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
-    assert bob.host.view().state != "paused"
+    assert bob.host.viewer.view().state != "paused"
     assert bob.prints == []
     await bob.end()
 
@@ -247,7 +247,7 @@ async def test_an_order_to_everybody_is_no_order(connect: Connect, tmp_path: Pat
     assert said == ["an order is for one mind: its key must not have a wildcard"]
     said = [reply.error async for reply in bob.bus.query(keys.control("test", "bob"), None, Outcome, 5.0)]
     assert said == ["an order was expected: do=pause, step, resume, goal or belief"]
-    assert bob.agent.host.view().state != "paused"
+    assert bob.agent.host.viewer.view().state != "paused"
     await bob.agent.end()
 
 
@@ -295,7 +295,7 @@ async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(connect:
     )
     bob.agent.tell(Mail("ana", "tell", term("told(2)")))
     await asyncio.sleep(0.2)
-    assert bob.agent.host.view().mailbox == 1
+    assert bob.agent.host.viewer.view().mailbox == 1
     assert bob.agent.host.health().lag == 0.0
     await bob.order("resume")
     await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")

@@ -37,7 +37,7 @@ def test_a_file_that_is_nowhere_is_reported_with_where_it_was_looked_for(tree: P
 
 @pytest.mark.parametrize("argument", ["jasonJar=jar", "$jasonJar=jar", "$jasonJar/=jar"])
 def test_a_name_stands_for_its_folder(tree: Path, argument: str) -> None:
-    assert read_folders([argument]).find("$jasonJar/x/in.asl", "near/main.asl") == "jar/x/in.asl"
+    assert read_folders([argument], SourcePaths).find("$jasonJar/x/in.asl", "near/main.asl") == "jar/x/in.asl"
 
 
 def test_a_name_that_stands_for_nothing_is_an_error_that_says_how_to_give_it(tree: Path) -> None:
@@ -52,9 +52,9 @@ def test_a_name_that_stands_for_nothing_is_an_error_that_says_how_to_give_it(tre
 
 def test_a_folder_that_is_not_there_is_refused(tree: Path) -> None:
     with pytest.raises(ValueError, match="there is no folder nowhere"):
-        read_folders(["$jasonJar=nowhere"])
+        read_folders(["$jasonJar=nowhere"], SourcePaths)
     with pytest.raises(ValueError, match=r"there is no folder \(empty\)"):
-        read_folders(["jasonJar="])
+        read_folders(["jasonJar="], SourcePaths)
 
 
 def test_includes_of_included_files_use_the_same_names(tree: Path) -> None:
@@ -62,5 +62,5 @@ def test_includes_of_included_files_use_the_same_names(tree: Path) -> None:
     (tree / "jar/x/deep.asl").write_text('{ include("$jasonJar/x/leaf.asl") }\n')
     (tree / "jar/x/leaf.asl").write_text("leaf.\n")
     (tree / "main.asl").write_text('{ include("$jasonJar/x/in.asl") }\n')
-    program = read_folders(["$jasonJar=jar"]).compiled("main.asl")
+    program = read_folders(["$jasonJar=jar"], SourcePaths).compiled("main.asl")
     assert [belief.position.file for belief in program.beliefs] == ["jar/x/leaf.asl"]

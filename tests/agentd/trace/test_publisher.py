@@ -158,7 +158,7 @@ async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect:
         prints = [one.text for one in activity.activity if one.kind == "print"]
         assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]
         assert {one.state for one in activity.activity if one.kind == "log"} <= {"error", "warning"}
-        actions = [(one.kind, one.text or one.state) for one in agent.host.view().actions]
+        actions = [(one.kind, one.text or one.state) for one in agent.host.viewer.view().actions]
         assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
 
 
