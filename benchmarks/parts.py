@@ -32,6 +32,11 @@ def table(head: str, rows: Iterable[str] = ()) -> list[str]:
     return [head, "|" + "---|" * (head.count("|") - 1), *rows]
 
 
+def row(*cells: object) -> str:
+    """Return a row of a table."""
+    return f"| {' | '.join(map(str, cells))} |"
+
+
 @dataclass(frozen=True)
 class Goal:
     """What is asked of a figure, and whether it is met."""
@@ -92,12 +97,12 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("usage", "benchmarks.measurements.usage", 30),
     Part("scale", "benchmarks.measurements.scale", 6),
     Part("declarations", "benchmarks.measurements.declarations", 1.5),
-    Part("crowd", "benchmarks.measurements.crowd", 8),
+    Part("crowd", "benchmarks.measurements.crowd", 6),
     Part("loop", "benchmarks.measurements.loop", 4),
     Part("startup", "benchmarks.measurements.startup", 2),
     Part("footprint", "benchmarks.measurements.footprint", 1.5),
     Part("reasoner", "benchmarks.reasoner.part", 5.5),
-    Part("small-boards", "benchmarks.measurements.small_boards", 7),
+    Part("small-boards", "benchmarks.measurements.small_boards", 11),
     Part("bridge", "benchmarks.measurements.bridge", 1.2),
     Part("mail", "benchmarks.measurements.mail", 3),
     Part("looking", "benchmarks.measurements.looking", 2.5),

@@ -21,7 +21,7 @@ from typing import Final
 
 from benchmarks import spread as fits
 from benchmarks.measurements.boards import PROBE, Boards, Member, Synchronous, boards, fsync, member, until
-from benchmarks.parts import Goal, at_least, at_most, progress, table
+from benchmarks.parts import Goal, at_least, at_most, progress, row, table
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
 from benchmarks.spread import NOTHING, Spread, spread
@@ -103,8 +103,7 @@ class Crowd:
     cpu_start: float
     """Seconds of processor time for that."""
     rss: float
-    commd_rss: float
-    """MB, at rest."""
+    """MB of agentd, at rest."""
     idle: float
     commd_idle: float
     """Per cent of a core at rest."""
@@ -149,11 +148,9 @@ class Ring:
             await until(all_answered, f"all {asking} agents have their answers", ANSWERING, 0.1)
         if any(one.process.poll() is not None for one in (*self.minds, *self.commds)):
             raise BenchmarkFailed("agentd or commd ended while agents asked")
-        spent, used = (
-            time.monotonic() - begun,
-            [100 * (now - then) for now, then in zip(self._cpu(), used, strict=True)],
-        )
-        return _load(fresh(), asking, each, asked, [one / spent for one in used])
+        spent = time.monotonic() - begun
+        busy = [100 * (now - then) / spent for now, then in zip(self._cpu(), used, strict=True)]
+        return _load(fresh(), asking, each, asked, busy)
 
     def _cpu(self) -> list[float]:
         return [sum(one.cpu() for one in those) for those in (self.minds, self.commds)]
@@ -226,13 +223,13 @@ async def crowd(agents: int, quick: bool) -> Crowd:
     """Measure one crowd: at rest, then while each agent asks as fast as it can. Raises BenchmarkFailed."""
     async with ring("full", agents) as asking:
         (agentd,), (commd,) = asking.minds, asking.commds
-        found = Crowd(agents, asking.start, agentd.cpu(), 0, 0, 0, 0, 0)
+        found = Crowd(agents, asking.start, agentd.cpu(), 0, 0, 0, 0)
         await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
         used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
         await asyncio.sleep(1.0 if quick else IDLE)
         passed = time.monotonic() - since
         found.idle, found.commd_idle = (100 * (agentd.cpu() - used[0]) / passed, 100 * (commd.cpu() - used[1]) / passed)
-        found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
+        found.rss = memory(agentd.process.pid, "VmRSS")
         if agents > 1:
             found.hurried = await asking.hurried(0.3 if quick else ENOUGH)
         begun = time.monotonic()
@@ -327,15 +324,9 @@ def goals(figures: Figures) -> list[Goal]:
     """What is asked: so many messages a second at each size, and a daemon that is small and idle at rest."""
     largest = figures.crowds[-1]
     last = largest.hurried
-    found = [
-        Goal(
-            f"{largest.agents:,} agents in one agentd exchange messages: questions answered within {ANSWERING:g} s",
-            f"all {last.asked:,}" if last else "all",
-            f"{last.answered:,}" if last else "not measured",
-            last is not None and last.all_answered,
-            _ONE_CORE,
-        )
-    ]
+    title = f"{largest.agents:,} agents in one agentd exchange messages: questions answered within {ANSWERING:g} s"
+    wanted, answered = (f"all {last.asked:,}", f"{last.answered:,}") if last else ("all", "not measured")
+    found = [Goal(title, wanted, answered, last is not None and last.all_answered, _ONE_CORE)]
     for how, what in (("hurried", "full"), ("normal", "normal")):
         loads = {one.agents: load for one in figures.crowds if (load := getattr(one, how)) is not None}
         for agents in (agents for agents in COMPARED if agents in loads):
@@ -370,12 +361,12 @@ def goals(figures: Figures) -> list[Goal]:
 
 
 _ONE_CORE: Final = (
-    "One core thinks for all agents, and is used up: two thirds of it by minds, which take as long with few others as "
-    "with many, a tenth by commits among 1,000, which grow with the agents that each holds (samples of a profile). A "
-    "third went into looks for garbage among 1,000 agents, and a fifth among 100. Tried: one commit for all agents, "
-    "ten a second at most and in a tenth of the time, mail that is not encoded, code that agents of one program share, "
-    "looks for garbage that leave out what is loaded, timers of answered questions that end with them, "
-    "names that are not copied for each message"
+    "One core runs all agents and is used up: two thirds of it by minds, whose time does not depend on the number of "
+    "agents, a tenth by commits among 1,000, which grow with the agents in each (samples of a profile). Garbage "
+    "collection took a third among 1,000 agents, and a fifth among 100. Tried: one commit for all agents, ten a second "
+    "at most and in a tenth of the time, mail that is not encoded, code that agents of one program share, garbage "
+    "collection without loaded modules, timers of answered questions that end with them, names that are not copied for "
+    "each message"
 )
 _FOUR_COMMITS: Final = (
     "four commits and three queries follow one another, and take a processor most of the time: in a profile about "
@@ -399,78 +390,56 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"An fsync of this disk takes {figures.fsync:.2f} ms. Per cent are of one core.",
         _at_rest(figures.crowds),
         _grows(figures.crowds),
-        f"At once ({figures.counted}):",
-        _talking([(one, one.hurried) for one in figures.crowds if one.hurried]),
-        _normal(figures),
-        _alone(figures),
+        f"As fast as they can ({figures.counted}):",
+        _talking([(one.agents, one.hurried) for one in figures.crowds]),
+        "The same with `mail: {synchronous: normal}`:",
+        _talking([(one.agents, one.normal) for one in figures.crowds]),
     ]
+    if figures.alone.count:
+        parts.append(
+            "Two agents of which one asks while nothing else happens, question to answer (p50 / p99): in one daemon "
+            f"{figures.alone} ms, on two boards {figures.across} ms."
+        )
     return {"crowd": "\n\n".join(part for part in parts if part)}
 
 
 def _at_rest(crowds: list[Crowd]) -> str:
-    rows = [
-        *table(
-            "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
-            "| at rest: agentd, commd | ends in |"
-        )
-    ]
-    first = crowds[0]
+    head = (
+        "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
+        "| at rest: agentd, commd | ends in |"
+    )
+    first, rows = crowds[0], []
     for one in crowds:
         more = one.agents - first.agents
         each = f"{(one.rss - first.rss) / more:.2f} MB" if more else ""
-        rows.append(
-            f"| {one.agents:,} | {one.start:.1f} s | {one.cpu_start:.1f} s | {one.rss:.0f} MB | {each} "
-            f"| {one.idle:.1f} %, {one.commd_idle:.1f} % | {one.stop:.1f} s |"
-        )
-    return "\n".join(rows)
+        start = f"{one.start:.1f} s", f"{one.cpu_start:.1f} s"
+        rest = f"{one.idle:.1f} %, {one.commd_idle:.1f} %"
+        rows.append(row(f"{one.agents:,}", *start, f"{one.rss:.0f} MB", each, rest, f"{one.stop:.1f} s"))
+    return "\n".join(table(head, rows))
 
 
 def _grows(crowds: list[Crowd]) -> str:
     if len(crowds) < fits.SIZES:
         return ""
-    grown = []
-    for what, points in (
-        ("memory", _points(crowds, "rss")),
-        ("the processor time of the start", _points(crowds, "cpu_start")),
-        ("agentd at rest", _points(crowds, "idle")),
-        ("commd at rest", _points(crowds, "commd_idle")),
-    ):
-        growth = fits.power(points)
-        grown.append(f"{what}: {growth}, off by {growth.off:.0%} at worst")
-    return f"How it grows, by least squares (size ^ 1 = in proportion): {'; '.join(grown)}."
+    names = {"memory": "rss", "start": "cpu_start", "agentd at rest": "idle", "commd at rest": "commd_idle"}
+    growths = {what: fits.power(_points(crowds, name)) for what, name in names.items()}
+    grown = "; ".join(f"{what}: {one}, off by {one.off:.0%} at worst" for what, one in growths.items())
+    return f"How it grows, by least squares (size ^ 1 = in proportion; processor time of the start): {grown}."
 
 
 def _points(crowds: list[Crowd], what: str) -> list[tuple[float, float]]:
     return [(float(one.agents), getattr(one, what)) for one in crowds]
 
 
-def _talking(rows: list[tuple[Crowd, Loaded]]) -> str:
-    head = [
-        *table(
-            "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
-            "| slowest agent against the median one | agentd | commd |"
-        )
-    ]
-    return "\n".join(
-        head
-        + [
-            f"| {one.agents:,} | {load.asked:,} | {load.answered:,} | {load.rate:.0f} | {load.took.p50:.0f} ms "
-            f"| {load.took.p99:.0f} ms | {load.took.max:.0f} ms | x {load.fairness:.1f} "
-            f"| {load.agentd:.0f} % | {load.commd:.0f} % |"
-            for one, load in rows
-        ]
+def _talking(loads: list[tuple[int, Loaded | None]]) -> str:
+    head = (
+        "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
+        "| slowest agent against the median one | agentd | commd |"
     )
-
-
-def _normal(figures: Figures) -> str:
-    rows = [(one, one.normal) for one in figures.crowds if one.normal]
-    return f"The same with `mail: {{synchronous: normal}}`:\n\n{_talking(rows)}" if rows else ""
-
-
-def _alone(figures: Figures) -> str:
-    if not figures.alone.count:
-        return ""
-    return (
-        f"Two agents of which one asks while nothing else happens, question to answer (p50 / p99): in one daemon "
-        f"{figures.alone} ms, on two boards {figures.across} ms."
-    )
+    rows = []
+    for agents, load in loads:
+        if load is not None:
+            took = (f"{one:.0f} ms" for one in (load.took.p50, load.took.p99, load.took.max))
+            busy = f"x {load.fairness:.1f}", f"{load.agentd:.0f} %", f"{load.commd:.0f} %"
+            rows.append(row(f"{agents:,}", f"{load.asked:,}", f"{load.answered:,}", f"{load.rate:.0f}", *took, *busy))
+    return "\n".join(table(head, rows))

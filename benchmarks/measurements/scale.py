@@ -16,7 +16,7 @@ from benchmarks import spread as fits
 from benchmarks.health import DAEMONS
 from benchmarks.measurements.fleet import ASK_EVERY, BEAT_LATE, IN_TIME, LATE, PATIENCE, Run, run
 from benchmarks.measurements.vehicles import POSITIONS, RATES
-from benchmarks.parts import Goal, at_most, progress, table
+from benchmarks.parts import Goal, at_most, progress, row, table
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 
@@ -264,21 +264,20 @@ def _sizes(row: list[Run]) -> str:
     )
 
 
-def _costs(row: list[Run]) -> str:
+def _costs(runs: list[Run]) -> str:
     head = (
         "| UAVs | bridges | messages/s | percepts/s of a UAV | commd | bridged | agentd | daemons "
         "| vehicles | cores busy | PSS of the daemons, MB | of it commd, bridged, agentd | ready after |"
     )
-    lines = table(head)
-    for one in row:
-        each = " | ".join(f"{one.use[kind].cpu:.1f} %" for kind in DAEMONS)
+    rows = []
+    for one in runs:
+        rates = f"{one.messages:.0f}", f"{one.percepts / one.size:.1f}"
+        busy = (one.use[kind].cpu for kind in DAEMONS)
+        daemons = (f"{cpu:.1f} %" for cpu in (*busy, one.cpu()))
+        rest = f"{one.use['talkers'].cpu:.0f} %", f"{one.busy:.0f} %", f"{one.pss():.0f}"
         pss = ", ".join(f"{one.use[kind].pss:.0f}" for kind in DAEMONS)
-        lines.append(
-            f"| {one.size} | {one.use['bridged'].processes} | {one.messages:.0f} | {one.percepts / one.size:.1f} "
-            f"| {each} | {one.cpu():.1f} % | {one.use['talkers'].cpu:.0f} % | {one.busy:.0f} % | {one.pss():.0f} "
-            f"| {pss} | {one.ready:.1f} s |"
-        )
-    return "\n".join(lines)
+        rows.append(row(one.size, one.use["bridged"].processes, *rates, *daemons, *rest, pss, f"{one.ready:.1f} s"))
+    return "\n".join(table(head, rows))
 
 
 def _lateness(runs: list[Run]) -> str:
@@ -286,14 +285,14 @@ def _lateness(runs: list[Run]) -> str:
         "| UAVs | position to belief: p50 | p99 | worst | positions, of them no belief | in time "
         "| action to its success: p50 | p99 | worst | actions |"
     )
-    lines = table(head)
+    rows = []
     for one in runs:
-        lines.append(
-            f"| {_what(one)} | {one.percept.p50:.1f} ms | {one.percept.p99:.1f} ms "
-            f"| {one.percept.max:.0f} ms | {one.percept.count + one.unseen}, {one.unseen} | {one.in_time:.1%} "
-            f"| {one.asked.p50:.1f} ms | {one.asked.p99:.1f} ms | {one.asked.max:.0f} ms | {one.asked.count} |"
+        percept, asked = (
+            (f"{took.p50:.1f} ms", f"{took.p99:.1f} ms", f"{took.max:.0f} ms") for took in (one.percept, one.asked)
         )
-    return "\n".join(lines)
+        positions = f"{one.percept.count + one.unseen}, {one.unseen}", f"{one.in_time:.1%}"
+        rows.append(row(_what(one), *percept, *positions, *asked, one.asked.count))
+    return "\n".join(table(head, rows))
 
 
 def _what(one: Run) -> str:
@@ -306,11 +305,9 @@ def _missed(runs: list[Run]) -> str:
     never = [what for what in runs[0].missed if what not in kinds]
     lines = []
     if kinds:
-        lines += table(f"| UAVs | {' | '.join(kinds)} |")
-        for one in runs:
-            if any(one.missed[what] for what in kinds):
-                lines.append(f"| {_what(one)} | {' | '.join(str(one.missed[what]) for what in kinds)} |")
-        lines.append("")
+        late = [one for one in runs if any(one.missed[what] for what in kinds)]
+        rows = (row(_what(one), *(one.missed[what] for what in kinds)) for one in late)
+        lines += [*table(row("UAVs", *kinds), rows), ""]
         clean = [_what(one) for one in runs if not any(one.missed.values())]
         lines += [f"Nothing at all was missed with so many UAVs: {'; '.join(clean)}.", ""] if clean else []
     if never:

@@ -1,16 +1,15 @@
 """The paper's first mission with its board kept within the limits of a small one.
 
 All daemons of the board are in one control group; the simulator, on another computer in the paper (section 5.1), is
-outside. Some flights are flown side by side; those without limits are the first, and show what that costs.
+outside. The flights without limits are the first, and show that the machine is quiet enough.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from benchmarks.health import listening
 from benchmarks.measurements.control_groups import ControlGroup, Limits, limited
 from benchmarks.parts import Goal, progress, table
 from benchmarks.processes import BenchmarkFailed, Watched, alone
-from benchmarks.results import Origin, busy_seconds
+from benchmarks.results import Origin
 from benchmarks.serving import READY
 
 SYSTEM: Final = 128.0
@@ -66,16 +65,6 @@ BOARDS: Final = (BEAGLEBONE, PI_3)
 
 THREE, ONE = "three daemons", "`argosy board`"
 FORMS: Final = (THREE, ONE)
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """A flight to be flown."""
-
-    form: str
-    limits: Limits
-    speed: float
-    board: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,10 +113,6 @@ class Figures:
     """With the limits of boards."""
     free: list[Flown]
     """Without limits, one of each form."""
-    side_by_side: int
-    """Flights at once, at most."""
-    busy: float
-    """Cores of the machine that were busy meanwhile, in the mean."""
 
 
 SPEED: Final = 1.0
@@ -141,28 +126,16 @@ SETTLED: Final = 3.0
 LATE: Final = 0.1
 """Wall seconds: when a daemon's loop without limits was later than this, the machine was too busy for any row."""
 QUICK_SPEED: Final = 5.0
-APART: Final = 2.5
-"""Wall seconds between the starts of two flights."""
 
 
-def on_ground(form: str) -> Flown:
-    """Start a board without limits, and see what it holds on the ground."""
-    with limited(Limits()) as group, ExitStack() as stack:
-        progress(f"{form}, on the ground")
-        flight = _started(stack, form, group, SPEED)
-        time.sleep(SETTLED)
-        elsewhere = _elsewhere(_ours(flight), group)
-        return Flown("", form, None, None, 1, group.kind, charged=group.usage().peak, elsewhere=elsewhere)
-
-
-def fly(wanted: Wanted) -> Flown:
-    """Fly the mission once."""
-    limits = wanted.limits
+def fly(board: str, form: str, limits: Limits, speed: float) -> Flown:
+    """Fly the mission once within the limits of a board."""
+    progress(f"{board}, {form}")
     with limited(limits) as group, ExitStack() as stack:
-        flown = Flown(wanted.board, wanted.form, limits.memory, limits.share, limits.cores, group.kind)
+        flown = Flown(board, form, limits.memory, limits.share, limits.cores, group.kind)
         flight = None
         try:
-            flight = _started(stack, wanted.form, group, wanted.speed)
+            flight = _started(stack, form, group, speed)
             flown = replace(flown, ready=flight.up - flight.begun)
             return _in_flight(stack, flight, group, flown)
         except BenchmarkFailed as failed:
@@ -239,39 +212,19 @@ def _elsewhere(ours: Sequence[Watched], group: ControlGroup) -> float:
 def measure(quick: bool) -> Figures:
     """Fly everything; a flight that a limit ends is a figure. Raises BenchmarkFailed when one without limits fails."""
     speed = QUICK_SPEED if quick else SPEED
-    found = {form: on_ground(form) for form in FORMS}
-    boards = [
-        Wanted(form, replace(board.limits, memory=board.memory - SYSTEM - found[form].elsewhere), speed, board.title)
-        for board in BOARDS
-        for form in FORMS
-    ]
-    if quick:  # few, and with so much of a core that this speed is kept up
-        boards = [replace(one, limits=replace(one.limits, share=0.9)) for one in boards[:2]]
-    begun, busy = time.monotonic(), busy_seconds()
-    fresh = _side_by_side(
-        [Wanted(form, Limits(), speed, "no limits") for form in FORMS]
-    )  # what others are held against
-    small = _side_by_side(boards)
-    figures = Figures(small, fresh, len(boards), (busy_seconds() - busy) / (time.monotonic() - begun))
-    if failed := [one for one in fresh if not one.completed]:
-        raise BenchmarkFailed(f"small boards: {failed[0].form}, without limits: {failed[0].why}")
-    if not quick and (late := [one for one in fresh if one.lag > LATE]):
-        raise BenchmarkFailed(
-            f"small boards: {late[0].form}, without limits, was late by {late[0].lag:.2f} s: the machine is too busy"
-        )
-    return figures
-
-
-def _side_by_side(flights: Sequence[Wanted]) -> list[Flown]:
-    """Fly some at once, each from a process of its own, so that they share nothing but the machine."""
-    progress(f"{len(flights)} flights, side by side")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(flights), context, max_tasks_per_child=1) as pool:
-        flown = []
-        for wanted in flights:
-            flown.append(pool.submit(fly, wanted))
-            time.sleep(APART)
-        return [one.result() for one in flown]
+    free = {form: fly("no limits", form, Limits(), speed) for form in FORMS}
+    for one in free.values():
+        if not one.completed:
+            raise BenchmarkFailed(f"small boards: {one.form}, without limits: {one.why}")
+        if not quick and one.lag > LATE:
+            raise BenchmarkFailed(f"small boards: {one.form} was late by {one.lag:.2f} s: the machine is too busy")
+    small = []
+    for board in BOARDS[:1] if quick else BOARDS:
+        for form in FORMS:
+            limits = replace(board.limits, memory=board.memory - SYSTEM - free[form].elsewhere)
+            # with so much of a core the speed of a try is kept up
+            small.append(fly(board.title, form, replace(limits, share=0.9) if quick else limits, speed))
+    return Figures(small, list(free.values()))
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -285,11 +238,9 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"{OUR_DMIPS:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it "
         "has.",
         "\n".join(_given()),
-        f"At most {figures.side_by_side} flights were flown side by side, and their simulators; {figures.busy:.1f} "
-        "cores of the machine were busy meanwhile. The two without limits were flown before them, side by side, and "
-        f"were late by {max(one.lag for one in figures.free):.2f} s at worst. Only memory and the share of a "
-        "core are limited. **Not modelled**: a small board's caches and memory bandwidth, its SD card, a processor of "
-        "32 bits with a build of Python and libraries of its own.",
+        f"Daemons without limits were late by {max(one.lag for one in figures.free):.2f} s at worst. Only memory and "
+        "the share of a core are limited. **Not modelled**: a small board's caches and memory bandwidth, its SD card, "
+        "a processor of 32 bits with a build of Python and libraries of its own.",
         "\n".join(_flights([*figures.free, *figures.boards])),
         "*Ready*: seconds from the start until all daemons were there. *Held*: at most, and each page once, as if "
         "nobody else on the machine had read the same libraries. *Held back*: seconds for which processes that had "

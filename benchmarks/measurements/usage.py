@@ -13,7 +13,7 @@ from typing import Final
 
 from benchmarks import peers
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, Flight, flying
-from benchmarks.parts import Goal, progress, table
+from benchmarks.parts import Goal, progress, row, table
 from benchmarks.processes import BenchmarkFailed, Sample, Sampler
 from benchmarks.results import Origin
 
@@ -365,137 +365,127 @@ PI_CORES: Final = 4
 
 
 def in_short(figures: Figures) -> list[str]:
-    """Return rows for a table of what Argosy is beside others: what the BDI approach costs a board, at speed 1."""
+    """Return rows for a table of Argosy beside others: the cost of the BDI approach to a board, at speed 1."""
     theirs = {title.removeprefix("the paper, "): ratios for title, ratios, _ in paper_ratios()}
     rows = []
     for mission, speed in figures.missions():
-        if speed != 1:
-            continue
-        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
-        cpu, memory = theirs[TITLES[mission]]
-        one = ONE_PAIR if len(figures.pairs(mission, speed)) == 1 else ""
-        rows.append(
-            f"| agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory "
-            f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x{one} "
-            f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x "
-            f"([measured](docs/measurements/benchmarks.md#processor-and-memory)) |"
-        )
+        if speed == 1:
+            mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in OURS)
+            cpu, memory = theirs[TITLES[mission]]
+            one = ONE_PAIR if len(figures.pairs(mission, speed)) == 1 else ""
+            what = f"agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory"
+            ours = f"{mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x{one}"
+            source = "([measured](docs/measurements/benchmarks.md#processor-and-memory))"
+            rows.append(row(what, ours, f"Jason in the paper {cpu:.2f}x, {memory:.2f}x {source}"))
     return rows
 
 
 def in_comparison(figures: Figures) -> list[str]:
-    """Return the row of boards' memory in docs/measurements/benchmarks.md: what, memory, of which machine, source."""
-    flown = [
-        one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE)
-    ]
-    return [
-        f"| Argosy with an imperative program in agentd's place, in flight | {one.row(BOARD).pss.mean:.0f} MB (PSS)"
-        + (
-            f"; {sum(one.alone.values()):.0f} MB if nothing else on the machine shares their libraries"
-            if one.alone
-            else ""
-        )
-        + " | a computer | [processor and memory](#processor-and-memory) |"
-        for one in flown
-    ]
+    """Return the row of the table of boards' memory in docs/measurements/benchmarks.md."""
+    rows = []
+    for one in figures.usages:
+        if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE):
+            held = f"{one.row(BOARD).pss.mean:.0f} MB (PSS)"
+            if one.alone:
+                held += f"; {sum(one.alone.values()):.0f} MB if nothing else on the machine shares their libraries"
+            what = "Argosy with an imperative program in agentd's place, in flight"
+            rows.append(row(what, held, "a computer", "[processor and memory](#processor-and-memory)"))
+    return rows
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the tables and where the plots stand."""
+    """Return the tables."""
     lines = [origin.line(), ""]
     for mission, title in TITLES.items():
         if any(one.mission == mission for one in figures.usages):
             lines += [f"### {'Table 3' if mission == SINGLE.mission else 'Table 5'}: {title}", ""]
-            lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
-            lines.append("")
-    lines += ["### The two approaches", "", *_approaches(figures), ""]
-    return {"paper-usage": "\n".join(lines)}
+            lines += [
+                *_paper_table(figures, mission),
+                "",
+                *_daemons(figures, mission),
+                "",
+                _again(figures, mission),
+                "",
+            ]
+    return {"paper-usage": "\n".join([*lines, "### The two approaches", "", *_approaches(figures)])}
 
 
 _PAPER_HEAD: Final = (
     "| board | approach | speed | CPU, % of a core: mean | std | max | memory, % of a Pi 3: mean | std | max | "
     "RSS, MB | PSS, MB | alone, MB |"
 )
+_DAEMONS_HEAD: Final = (
+    "| process | approach | speed | CPU, % of a core: mean | std | max | RSS, MB: mean | std | max | PSS, MB |"
+)
 
 
 def _paper_table(figures: Figures, mission: str) -> list[str]:
-    """The paper's rows, and ours: a board's processes together."""
-    lines = table(_PAPER_HEAD)
+    """Return the paper's rows, and ours: a board's processes together."""
+    rows = []
     for board in _boards(figures, mission):
+        name = "the only one" if mission == SINGLE.mission else BOARDS[board]
         for approach, theirs in THEIRS.items():
-            row = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
-            cpu = peers.Usage(*(PI_CORES * one for one in (row.cpu.mean, row.cpu.std, row.cpu.max)))
-            lines.append(
-                f"| {_name(mission, board)} | the paper's {theirs} | unknown | {_cells(cpu)} "
-                f"| {_cells(row.memory)} | | | |"
-            )
+            paper = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
+            cpu = peers.Usage(*(PI_CORES * one for one in (paper.cpu.mean, paper.cpu.std, paper.cpu.max)))
+            rows.append(row(name, f"the paper's {theirs}", "unknown", _cells(cpu), _cells(paper.memory), "", "", ""))
             for one in _usages(figures, mission, approach):
-                lines.append(_our_row(one, board))
-    return lines
-
-
-def _our_row(one: Usage, board: str) -> str:
-    row = one.row(BOARD, board)
-    percent = MeanStdMax(*(100 * value / peers.PI_MB for value in (row.rss.mean, row.rss.std, row.rss.max)))
-    found = [value for where, value in one.alone.items() if board in (ALL, where)]
-    held = f"{sum(found) / len(found):.1f}" if found else "unknown"
-    return (
-        f"| {_name(one.mission, board)} | **{OURS[one.approach]}** | {one.speed:g} | {_cells(row.cpu)} "
-        f"| {_cells(percent)} | {row.rss.mean:.1f} | {row.pss.mean:.1f} | {held} |"
-    )
+                used = one.row(BOARD, board)
+                percent = MeanStdMax(
+                    *(100 * value / peers.PI_MB for value in (used.rss.mean, used.rss.std, used.rss.max))
+                )
+                held = [value for where, value in one.alone.items() if board in (ALL, where)]
+                alone_mb = f"{sum(held) / len(held):.1f}" if held else "unknown"
+                memory = (_cells(percent), f"{used.rss.mean:.1f}", f"{used.pss.mean:.1f}", alone_mb)
+                rows.append(row(name, f"**{OURS[one.approach]}**", f"{one.speed:g}", _cells(used.cpu), *memory))
+    return table(_PAPER_HEAD, rows)
 
 
 def _daemons(figures: Figures, mission: str) -> list[str]:
-    lines = [
-        *table(
-            "| process | approach | speed | CPU, % of a core: mean | std | max | RSS, MB: mean | std | max | PSS, MB |"
-        )
-    ]
+    rows = []
     for who in dict.fromkeys(ROLES.values()):
         for approach, title in OURS.items():
             for one in _usages(figures, mission, approach):
-                row = one.row(who)
-                lines.append(
-                    f"| {who} | {title} | {one.speed:g} | {_cells(row.cpu)} | {_cells(row.rss)} | {row.pss.mean:.1f} |"
-                )
-    return lines
+                used = one.row(who)
+                memory = _cells(used.rss), f"{used.pss.mean:.1f}"
+                rows.append(row(who, title, f"{one.speed:g}", _cells(used.cpu), *memory))
+    return table(_DAEMONS_HEAD, rows)
 
 
-def _flights(figures: Figures, mission: str) -> list[str]:
-    """Return the flights that were flown again."""
+def _again(figures: Figures, mission: str) -> str:
+    """Return which flights were flown again."""
     again = []
     for speed in (speed for flown, speed in figures.missions() if flown == mission):
         for approach, title in OURS.items():
             one = figures.of(mission, speed, approach)
             whys = f" ({'; '.join(one.again)})" if one.again else ""
             again.append(f"{title} at speed {speed:g} {len(one.again)} of {len(one.again) + len(one.flights)}{whys}")
-    return [f"Flights that were not done and were flown again: {', '.join(again)}."]
+    return f"Flights that were not done and were flown again: {', '.join(again)}."
 
 
 def _approaches(figures: Figures) -> list[str]:
-    lines = table("| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |")
-    for title, board, agent in paper_ratios():
-        lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
+    rows = [row(title, f"{board[0]:.2f}x", f"{board[1]:.2f}x", "", "", agent) for title, board, agent in paper_ratios()]
     for mission, speed in figures.missions():
         bdi, other = figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE)
-        found = []
-        for who in (BOARD, AGENT):
-            mine, its = bdi.row(who), other.row(who)
-            found += [f"{getattr(mine, what).mean / getattr(its, what).mean:.2f}x" for what in ("cpu", "rss", "pss")]
-            if who == BOARD:
-                held = alone(bdi, other)
-                found.append("unknown" if held is None else f"{held:.2f}x")
-        lines.append(f"| {TITLES[mission]}, speed {speed:g} | {' | '.join(found)} |")
-    return lines
+        cells = {
+            who: [
+                f"{getattr(bdi.row(who), what).mean / getattr(other.row(who), what).mean:.2f}x"
+                for what in ("cpu", "rss", "pss")
+            ]
+            for who in (BOARD, AGENT)
+        }
+        held = alone(bdi, other)
+        whole = "unknown" if held is None else f"{held:.2f}x"
+        rows.append(row(f"{TITLES[mission]}, speed {speed:g}", *cells[BOARD], whole, *cells[AGENT]))
+    return table(
+        "| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |", rows
+    )
 
 
 def paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
     """By mission: a board's CPU and memory in Jason beside Python; the agent's process from its own measurements."""
-    found = []
     jason, python = peers.PROCESSES["Jason agent"], peers.PROCESSES["Python agent"]
-    agent = (
-        f"{_middle(jason.cpu) / _middle(python.cpu):.1f}x | {_middle(jason.memory) / _middle(python.memory):.1f}x | "
-    )
+    agent = f"{sum(jason.cpu) / sum(python.cpu):.1f}x | {sum(jason.memory) / sum(python.memory):.1f}x | "
+    found = []
     for title, by in ((SINGLE.title, peers.TABLE_3), (RESCUE.title, {k: v[ALL] for k, v in peers.TABLE_5.items()})):
         mine, its = by["Jason"], by["Python"]
         ratios = mine.cpu.mean / its.cpu.mean, mine.memory.mean / its.memory.mean
@@ -510,17 +500,9 @@ def _usages(figures: Figures, mission: str, approach: str) -> list[Usage]:
 def _boards(figures: Figures, mission: str) -> list[str]:
     if mission == SINGLE.mission:
         return [ALL]
-    boards = [row.board for one in figures.usages if one.mission == mission for row in one.rows]
+    boards = [used.board for one in figures.usages if one.mission == mission for used in one.rows]
     return [*(board for board in dict.fromkeys(boards) if board != ALL), ALL]
-
-
-def _name(mission: str, board: str) -> str:
-    return "the only one" if mission == SINGLE.mission else BOARDS[board]
 
 
 def _cells(spread: MeanStdMax | peers.Usage) -> str:
     return f"{spread.mean:.2f} | {spread.std:.2f} | {spread.max:.2f}"
-
-
-def _middle(ends: tuple[float, float]) -> float:
-    return sum(ends) / 2

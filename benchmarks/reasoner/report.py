@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import Final
 
 from benchmarks import plots
-from benchmarks.parts import table
+from benchmarks.parts import row, table
 from benchmarks.processes import Speeds
 from benchmarks.reasoner.instructions import GENERATED, Counted
 from benchmarks.reasoner.rows import ELSEWHERE, FOOTPRINTS, ROWS, Row, row_called
@@ -86,77 +86,55 @@ def ahead(results: list[Result]) -> tuple[int, int, str]:
 
 
 def _speed_table(results: list[Result]) -> str:
-    lines = [
-        "### Speed and memory beside python-agentspeak",
-        "",
-        *table(
-            "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm "
-            "| target | peak RSS MB, agentd | python-agentspeak |"
-        ),
-    ]
+    head = (
+        "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm "
+        "| target | peak RSS MB, agentd | python-agentspeak |"
+    )
+    rows = []
     for result in results:
-        row, ratio = result.of, result.ratio("agentd", warm)
-        verdict = "" if ratio is None else " met" if ratio >= row.target else " **missed**"
-        cells = [
-            f"{row.key} {row.bench.split('_', 1)[1].replace('_', ' ')}",
-            row.operation,
-            cell(result.median("agentd", cold)),
-            cell(result.median("agentd", warm)),
-            cell(result.median("agentspeak", cold)),
-            cell(result.median("agentspeak", warm)),
-            cell(result.ratio("agentd", cold), "x"),
-            cell(ratio, "x"),
-            f"{row.target:g}x{verdict}",
-            cell(result.median("agentd", resident)),
-            cell(result.median("agentspeak", resident)),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        of, ratio = result.of, result.ratio("agentd", warm)
+        verdict = "" if ratio is None else " met" if ratio >= of.target else " **missed**"
+        speeds = [cell(result.median(key, figure)) for key in ("agentd", "agentspeak") for figure in (cold, warm)]
+        ratios = cell(result.ratio("agentd", cold), "x"), cell(ratio, "x"), f"{of.target:g}x{verdict}"
+        memory = (cell(result.median(key, resident)) for key in ("agentd", "agentspeak"))
+        name = f"{of.key} {of.bench.split('_', 1)[1].replace('_', ' ')}"
+        rows.append(row(name, of.operation, *speeds, *ratios, *memory))
+    return "\n".join(["### Speed and memory beside python-agentspeak", "", *table(head, rows)])
 
 
 def _jason_table(results: list[Result]) -> str:
-    lines = [
-        "### Beside Jason",
-        "",
-        f"{ELSEWHERE.origin.line()} Its column is the ratio to python-agentspeak that was found there, so that",
-        "machines roughly cancel: what a compiler at run time gains over an interpreter differs from processor to",
-        "processor. Cold ratios here are first rounds over python-agentspeak's warm speed, which is what is known of",
-        "Jason.",
-        f"Memory there: {ELSEWHERE.origin.memory}.",
-        "",
-        *table("| row | warm: agentd | Jason | | cold: agentd | Jason | | peak RSS: agentd / Jason | |"),
-    ]
-    ahead = {"warm": 0, "cold": 0, "memory": 0}
-    for result in results:
-        jason = result.of.jason
-        if jason is None:
-            continue
+    rows, wins = [], {"warm": 0, "cold": 0, "memory": 0}
+    known = [(result, jason) for result in results if (jason := result.of.jason) is not None]
+    for result, jason in known:
         warm_ratio, cold_ratio = result.ratio("agentd", warm), result.ratio("agentd", cold, warm)
         held = result.median("agentd", resident)
         share = held / jason.rss if held else None
-        wins = (
-            _ahead(warm_ratio, jason.warm_ratio),
-            _ahead(cold_ratio, jason.cold_ratio),
-            "" if share is None else "under a quarter" if share <= 0.25 else "**over a quarter**",
+        verdicts = {
+            "warm": _ahead(warm_ratio, jason.warm_ratio),
+            "cold": _ahead(cold_ratio, jason.cold_ratio),
+            "memory": "" if share is None else "under a quarter" if share <= 0.25 else "**over a quarter**",
+        }
+        for what, verdict in verdicts.items():
+            wins[what] += verdict in ("ahead", "under a quarter")
+        ratios = (
+            *(cell(warm_ratio, "x"), cell(jason.warm_ratio, "x"), verdicts["warm"]),
+            *(cell(cold_ratio, "x"), cell(jason.cold_ratio, "x"), verdicts["cold"]),
         )
-        ahead["warm"] += wins[0] == "ahead"
-        ahead["cold"] += wins[1] == "ahead"
-        ahead["memory"] += wins[2] == "under a quarter"
-        cells = [
-            f"{result.of.key} {result.of.operation}",
-            *(cell(warm_ratio, "x"), cell(jason.warm_ratio, "x"), wins[0]),
-            *(cell(cold_ratio, "x"), cell(jason.cold_ratio, "x"), wins[1]),
-            *("-" if share is None else f"{share:.0%}", wins[2]),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    known = sum(r.of.jason is not None for r in results)
-    cold_known = sum(r.of.jason is not None and r.of.jason.cold is not None for r in results)
-    lines += [
-        "",
-        f"Ahead of Jason's warm JVM on {ahead['warm']} of {known} rows, of its first round on {ahead['cold']} of "
-        f"{cold_known}, within a quarter of its memory on {ahead['memory']} of {known}.",
-    ]
-    return "\n".join(lines)
+        name = f"{result.of.key} {result.of.operation}"
+        rows.append(row(name, *ratios, cell(share, "%"), verdicts["memory"]))
+    head = "| row | warm: agentd | Jason | | cold: agentd | Jason | | peak RSS: agentd / Jason | |"
+    cold_known = sum(jason.cold is not None for _, jason in known)
+    about = (
+        f"{ELSEWHERE.origin.line()} Its column is the ratio to python-agentspeak that was found there: machines "
+        "roughly cancel, but the gain of a compiler at run time over an interpreter differs from processor to "
+        "processor. Cold ratios here are first rounds over python-agentspeak's warm speed, as for Jason. Memory there: "
+        f"{ELSEWHERE.origin.memory}."
+    )
+    result_line = (
+        f"Ahead of Jason's warm JVM on {wins['warm']} of {len(known)} rows, of its first round on {wins['cold']} of "
+        f"{cold_known}, within a quarter of its memory on {wins['memory']} of {len(known)}."
+    )
+    return "\n".join(["### Beside Jason", "", about, "", *table(head, rows), "", result_line])
 
 
 def _ahead(ours: float | None, theirs: float | None) -> str:
@@ -166,22 +144,14 @@ def _ahead(ours: float | None, theirs: float | None) -> str:
 
 
 def _records_table(results: list[Result]) -> str:
-    lines = [
-        "### What decision records cost",
-        "",
-        *table("| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |"),
-    ]
+    head = "| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |"
+    rows = []
     for result in results:
         kept = result.ratio("agentd --decisions", warm, to="agentd")
-        cells = [
-            f"{result.of.key} {result.of.operation}",
-            cell(result.median("agentd", warm)),
-            cell(result.median("agentd --decisions", warm)),
-            "-" if kept is None else f"{1 - kept:.0%}",
-            cell(result.ratio("agentd --decisions", warm), "x"),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        off, on = (cell(result.median(key, warm)) for key in ("agentd", "agentd --decisions"))
+        cost, ratio = cell(None if kept is None else 1 - kept, "%"), result.ratio("agentd --decisions", warm)
+        rows.append(row(f"{result.of.key} {result.of.operation}", off, on, cost, cell(ratio, "x")))
+    return "\n".join(["### What decision records cost", "", *table(head, rows)])
 
 
 def footprint_table(footprints: dict[str, dict[str, float]]) -> str:

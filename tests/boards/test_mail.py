@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.boards.fleet import Fleet
-from tests.boards.letters import Post
 from tests.boards.network import Network
+from tests.boards.numbered_mail import Post
 from tests.boards.troubles import Trouble, plan
 from tests.soak.mail import AGENTS, BOARDS, control, run
 from tests.support.amount import some_of

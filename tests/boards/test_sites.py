@@ -17,8 +17,8 @@ from typing import Literal
 import pytest
 
 from tests.boards.fleet import Fleet
-from tests.boards.letters import Post, judge
 from tests.boards.network import Network
+from tests.boards.numbered_mail import Post, judge
 from tests.support.processes import ROOT
 
 SITES = ("n1", "n2", "s1", "s2")

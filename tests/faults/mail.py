@@ -13,7 +13,18 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.records import Mail, Message, Receipt
-from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, in_office, read, row_of, waits
+from tests.faults.mail_boards import (
+    FLEET,
+    MISSION,
+    MailBoards,
+    expect_all,
+    grown,
+    held,
+    on_mail_boards,
+    read,
+    row_of,
+    waits,
+)
 from tests.faults.real import resident
 from tests.faults.rows import Maker, Row
 from tests.support.buses import until
@@ -43,10 +54,10 @@ def datagrams(state: Path) -> Row:
         "malformed datagrams", f"real UDP: {DATAGRAMS} at the gateway, {RATE:g} a second, a good one after each 20"
     )
 
-    async def body(office: Office) -> None:
-        daemon = await office.start("pi1")
+    async def body(boards: MailBoards) -> None:
+        daemon = await boards.start("pi1")
         before, chance = resident(daemon), random.Random(5)
-        async with office.bus() as bus, office.program("ann") as ann:
+        async with boards.bus() as bus, boards.program("ann") as ann:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as old:
                 old.bind(("127.0.0.1", node))
                 for number in range(DATAGRAMS):
@@ -55,7 +66,7 @@ def datagrams(state: Path) -> Row:
                         await asyncio.sleep(20 / RATE)
                         old.sendto(f"<o{number},old,tell,ann,{number}>".encode(), ("127.0.0.1", listen))
                 expect_all(row, await read(ann, DATAGRAMS // 20), list(range(0, DATAGRAMS, 20)))
-            health = await office.told("pi1", lambda it: it.bad_input > DATAGRAMS * 0.9, "they are counted")
+            health = await boards.told("pi1", lambda it: it.bad_input > DATAGRAMS * 0.9, "they are counted")
             row.seen.append(f"{health.bad_input} counted as bad input, {health.drops} dropped unread")
             assert bus.router_up
         held(daemon)
@@ -81,16 +92,16 @@ def _malformed(chance: random.Random) -> bytes:
             return b"<m1,o<d,te>l,ann,\xff\xfe" + chance.randbytes(9) + b">"
 
 
-@in_office(
+@on_mail_boards(
     "malformed mail records", f"real Zenoh: {RECORDS} queries with broken payloads on outbox, mail and inbox keys"
 )
-async def records(row: Row, office: Office) -> None:
+async def records(row: Row, boards: MailBoards) -> None:
     """Payloads that are no mail come on every key of the mail, with good ones among them."""
     for board in ("pi1", "pi2"):
-        await office.start(board)
-    daemon = office.daemons["pi1"]
+        await boards.start(board)
+    daemon = boards.daemons["pi1"]
     before, chance = resident(daemon), random.Random(7)
-    async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+    async with boards.bus() as bus, boards.program("ann") as ann, boards.program("bob") as bob:
         refused = 0
         targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
         for key in targets:
@@ -148,17 +159,17 @@ async def _answered(bus: Bus, key: str) -> None:
     await until(answered, f"{key} is answered")
 
 
-@in_office(
+@on_mail_boards(
     "a peer with another schema version",
     "real Zenoh: it asks with Mail of version 2, and answers ann's mail to bob with receipts of version 2",
 )
-async def other_version(row: Row, office: Office) -> None:
+async def other_version(row: Row, boards: MailBoards) -> None:
     """A board with another major version of the records stands where bob's should be, until the right one comes."""
-    daemon = await office.start("pi1")
+    daemon = await boards.start("pi1")
     foreign = codec(Mail).encodings["json"].replace("/1", "/2")
     receipts = codec(Receipt).encodings["json"].replace("/1", "/2")
     row.expect("/2" in foreign and "/2" in receipts, "the encoding carries a version")
-    async with office.bus() as bus, office.program("ann") as ann:
+    async with boards.bus() as bus, boards.program("ann") as ann:
         errors = await _ask(bus, keys.outbox(FLEET, "ann"), (b'{"messages":[]}', foreign))
         row.expect(errors and "version" in errors[0], f"the answer names the version, it is {errors}")
         row.seen.append(f"its question is answered: `{errors[0]}`" if errors else "no answer")
@@ -178,41 +189,41 @@ async def other_version(row: Row, office: Office) -> None:
         row.seen.append(f"its receipts are not believed: 20 messages wait, `{kept.queues[0].state}`")
         queryable.undeclare()  # type: ignore[no-untyped-call]
         bus.withdraw(token)
-        await office.start("pi2")
-        async with office.program("bob") as bob:
+        await boards.start("pi2")
+        async with boards.program("bob") as bob:
             expect_all(row, await read(bob, 20), list(range(20)))
     held(daemon)
     row.bound = "-"
 
 
-@in_office(
+@on_mail_boards(
     "clock jumps", "real processes: `time.time` of pi2's commd is a year behind, then, after kill -9, a year ahead"
 )
-async def clock_jumps(row: Row, office: Office) -> None:
+async def clock_jumps(row: Row, boards: MailBoards) -> None:
     """The wall clocks of a board's daemon are a year behind, and in its next life a year ahead."""
-    await office.start("pi1")
-    command = office.command("pi2")
+    await boards.start("pi1")
+    command = boards.command("pi2")
 
     async def shifted(shift: float) -> Daemon:
-        script = office.folder / "shifted.py"
+        script = boards.folder / "shifted.py"
         script.write_text(_SHIFTED.format(shift=shift, arguments=list(command), module=command[0]))
-        return await office.start("pi2", "tests.faults.script", str(script))
+        return await boards.start("pi2", "tests.faults.script", str(script))
 
     await shifted(-YEAR)
-    async with office.program("ann") as ann:
+    async with boards.program("ann") as ann:
         for number in range(10):
             await ann.send("bob", "tell", number, ttl=60.0)
-        async with office.bus() as bus:
+        async with boards.bus() as bus:
             await waits(bus, "pi2", 10)
-        office.daemons["pi2"].kill()
+        boards.daemons["pi2"].kill()
         for number in range(10, 20):
             await ann.send("bob", "tell", number, ttl=60.0)
         late = await shifted(+YEAR)
-        async with office.bus() as bus:
+        async with boards.bus() as bus:
             await waits(bus, "pi2", 20)
         await ann.send("bob", "tell", "too late", ttl=0.5)
         await asyncio.sleep(1.5)
-        async with office.program("bob") as bob:
+        async with boards.program("bob") as bob:
             expect_all(row, await read(bob, 20), list(range(20)))
         told = await read(ann, 1)
         row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")

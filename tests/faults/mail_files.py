@@ -17,7 +17,7 @@ from schemas.wire import keys
 from schemas.wire.health import each_health
 from schemas.wire.records import BoardServices, Health, MailSeen
 from tests.boards.disk import Disk
-from tests.faults.office import FLEET, Office, expect_all, grown, held, in_office, read, row_of, waits
+from tests.faults.mail_boards import FLEET, MailBoards, expect_all, grown, held, on_mail_boards, read, row_of, waits
 from tests.faults.real import resident
 from tests.faults.rows import Maker, Row
 from tests.support.buses import until
@@ -37,29 +37,29 @@ _AGENT = """\
 """
 
 
-@in_office("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
-async def corrupt_mail(row: Row, office: Office) -> None:
+@on_mail_boards("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
+async def corrupt_mail(row: Row, boards: MailBoards) -> None:
     """A board's mail file is overwritten with noise while its commd is dead."""
     for board in ("pi1", "pi2"):
-        await office.start(board)
-    async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+        await boards.start(board)
+    async with boards.bus("pi2") as bus, boards.program("ann") as ann, boards.program("bob") as bob:
         for number in range(5):
             await ann.send("cid", "tell", number)  # these wait at pi1, where the file will be lost
             await bob.send("cid", "tell", number)
         await waits(bus, "pi1", 10)
-        await asyncio.to_thread(office.daemons["pi1"].kill)
+        await asyncio.to_thread(boards.daemons["pi1"].kill)
         for number in range(5, 10):
             await bob.send("cid", "tell", number)  # these wait at pi2
-        _noise(office.file("pi1"))
-        daemon = await office.start("pi1")
-        aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
+        _noise(boards.file("pi1"))
+        daemon = await boards.start("pi1")
+        aside = sorted(one.name for one in boards.file("pi1").parent.glob("*.corrupt-1"))
         row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
         row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
-        health = await office.told(
+        health = await boards.told(
             "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
         )
         row.seen.append(f"set aside, and reported: `{health.notes[0].text}`")
-        async with office.program("cid") as cid:
+        async with boards.program("cid") as cid:
             expect_all(row, await read(cid, 5), list(range(5, 10)))
             await ann.send("cid", "tell", "after")
             row.expect(await read(cid, 1) == ["after"], "mail goes on")
@@ -94,41 +94,41 @@ def _noise(path: Path) -> None:
             one.write_bytes(bytes(data))
 
 
-@in_office("mail file that goes back in time", "real files: a copy of the board's folder put back after kill -9")
-async def mail_restored(row: Row, office: Office) -> None:
+@on_mail_boards("mail file that goes back in time", "real files: a copy of the board's folder put back after kill -9")
+async def mail_restored(row: Row, boards: MailBoards) -> None:
     """A board's folder is put back to a copy of before it has taken and sent more mail."""
-    folder, copy = office.file("pi1").parent, office.folder / "copy"
+    folder, copy = boards.file("pi1").parent, boards.folder / "copy"
     for board in ("pi1", "pi2"):
-        await office.start(board)
-    async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+        await boards.start(board)
+    async with boards.bus("pi2") as bus, boards.program("ann") as ann, boards.program("bob") as bob:
         for number in range(3):
             await ann.send("bob", "tell", number)
         expect_all(row, await read(bob, 3), [0, 1, 2])
         await ann.send("cid", "tell", "before")
-        await asyncio.to_thread(office.daemons["pi1"].kill)
+        await asyncio.to_thread(boards.daemons["pi1"].kill)
         shutil.copytree(folder, copy)
-        await office.start("pi1")
+        await boards.start("pi1")
         await _seen(bus, "pi1")
         for number in range(3, 6):
             await ann.send("bob", "tell", number)
         expect_all(row, await read(bob, 3), [3, 4, 5])
         await ann.send("cid", "tell", "after")
-        await asyncio.to_thread(office.daemons["pi1"].kill)
+        await asyncio.to_thread(boards.daemons["pi1"].kill)
         shutil.rmtree(folder)
         shutil.copytree(copy, folder)
-        daemon = await office.start("pi1")
-        health = await office.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
+        daemon = await boards.start("pi1")
+        health = await boards.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
         row.seen.append(f"reported in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
         row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
         for number in range(6, 8):
             await ann.send("bob", "tell", number)
         expect_all(row, await read(bob, 2), [6, 7])
-        async with office.program("cid") as cid:
+        async with boards.program("cid") as cid:
             found = await read(cid, 1)
             row.expect(found == ["before"], f"what the copy holds is delivered, got {found}")
         row.seen.append("mail for cid: 1 of before the copy arrives, 1 of after it is lost")
         await asyncio.to_thread(daemon.kill)
-        daemon = await office.start("pi1")
+        daemon = await boards.start("pi1")
         await _seen(bus, "pi1")
         row.expect(f"event={WENT_BACK}" not in daemon.text, "the next life does not tell it again")
     held(daemon)
@@ -211,12 +211,12 @@ def full_disk(state: Path) -> Row:
     """The disk that holds a board's mail has no byte left for a while."""
     row = Row("full disk", "real file system (tmpfs) filled to its last byte while programs send")
 
-    async def body(office: Office) -> None:
+    async def body(boards: MailBoards) -> None:
         for board in ("pi1", "pi2"):
-            await office.start(board)
-        daemon = office.daemons["pi1"]
+            await boards.start(board)
+        daemon = boards.daemons["pi1"]
         before = resident(daemon)
-        async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+        async with boards.bus() as bus, boards.program("ann") as ann, boards.program("bob") as bob:
             for number in range(10):
                 await ann.send("bob", "tell", number)
             disk.fill()
@@ -230,7 +230,7 @@ def full_disk(state: Path) -> Row:
                     failed = error
             assert failed is not None
             row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
-            health = await office.told("pi1", lambda it: bool(it.notes), "a note in the health record")
+            health = await boards.told("pi1", lambda it: bool(it.notes), "a note in the health record")
             row.seen.append(f"reported: `{health.notes[0].text.replace(str(state), 'DIR')}`")
             disk.free()
             await ann.send_again(failed)
@@ -248,8 +248,8 @@ def full_disk(state: Path) -> Row:
 
 def _team(folder: Path) -> str:
     (folder / "agent.asl").write_text(_AGENT)
-    (folder / "office.yaml").write_text(_TEAM)
-    return str(folder / "office.yaml")
+    (folder / "boards.yaml").write_text(_TEAM)
+    return str(folder / "boards.yaml")
 
 
 MAIL_FILES: tuple[Maker, ...] = (corrupt_mail, mail_restored, corrupt_checkpoint, newer_version)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from agentd.persistence.poison_inputs import DEATHS, FILE, KEPT
 from commd.client import join, parse
-from tests.faults.office import read
+from tests.faults.mail_boards import read
 from tests.faults.rows import Maker, Row
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
@@ -56,8 +56,8 @@ def poison_message(state: Path) -> Row:
         "poison message", f"real processes: an action that never returns, SIGABRT as of a watchdog, {DEATHS} starts"
     )
     (state / "agent.asl").write_text(_AGENT)
-    (state / "office.yaml").write_text(_MISSION)
-    mission, endpoint = str(state / "office.yaml"), f"tcp/127.0.0.1:{free_port()}"
+    (state / "boards.yaml").write_text(_MISSION)
+    mission, endpoint = str(state / "boards.yaml"), f"tcp/127.0.0.1:{free_port()}"
     arguments = ("serve", mission, "--router", endpoint, "--state", str(state / "minds"))
     script = state / "hanging.py"
     script.write_text(_HANGING.format(arguments=list(arguments)))
@@ -99,8 +99,8 @@ def backup_restored(state: Path) -> Row:
     """The checkpoint of an agent is put back to a copy of before it has sent more mail."""
     row = Row("checkpoint that goes back in time", "real files: a copy of the agents' folder put back after kill -9")
     (state / "agent.asl").write_text(_COUNTING)
-    (state / "office.yaml").write_text(_MISSION)
-    mission, endpoint = str(state / "office.yaml"), f"tcp/127.0.0.1:{free_port()}"
+    (state / "boards.yaml").write_text(_MISSION)
+    mission, endpoint = str(state / "boards.yaml"), f"tcp/127.0.0.1:{free_port()}"
     agentd = ("agentd", "serve", mission, "--router", endpoint, "--state", str(state / "minds"))
 
     async def talk(words: list[int]) -> list[object]:

@@ -19,8 +19,8 @@ from pathlib import Path
 
 from tests.boards.disk import Disk
 from tests.boards.fleet import Fleet, Look
-from tests.boards.letters import Post, Verdict, judge
 from tests.boards.network import Network, NoNamespaces, possible
+from tests.boards.numbered_mail import Post, Verdict, judge
 from tests.boards.troubles import Course, Trouble, plan
 from tests.soak.report import write_section
 

@@ -33,12 +33,12 @@ clients: {ann: {board: pi1}, bob: {board: pi2}, cid: {board: pi1}}
 """
 
 
-class Office:
+class MailBoards:
     """The boards pi1 and pi2; ann and cid live on pi1, bob on pi2."""
 
     def __init__(self, folder: Path, stack: AsyncExitStack, mission: str = MISSION) -> None:
         self.folder, self._stack = folder, stack
-        self.mission = folder / "office.yaml"
+        self.mission = folder / "boards.yaml"
         self.mission.write_text(mission)
         self.endpoints = {board: f"tcp/127.0.0.1:{free_port()}" for board in ("pi1", "pi2")}
         self._between = f"tcp/127.0.0.1:{free_port()}"
@@ -147,23 +147,25 @@ def held(daemon: Daemon) -> None:
     assert not re.search("Traceback|defect|panicked", daemon.text), daemon.text
 
 
-def row_of(body: Callable[[Office], Coroutine[Any, Any, None]], folder: Path, mission: str = MISSION) -> None:
+def row_of(body: Callable[[MailBoards], Coroutine[Any, Any, None]], folder: Path, mission: str = MISSION) -> None:
     """Run a row with an office that ends with it."""
 
     async def run() -> None:
         async with asyncio.timeout(PATIENCE), AsyncExitStack() as stack:
-            await body(Office(folder, stack, mission))
+            await body(MailBoards(folder, stack, mission))
 
     asyncio.run(run())
 
 
-def in_office(fault: str, injected: str) -> Callable[[Callable[[Row, Office], Coroutine[Any, Any, None]]], Maker]:
+def on_mail_boards(
+    fault: str, injected: str
+) -> Callable[[Callable[[Row, MailBoards], Coroutine[Any, Any, None]]], Maker]:
     """Make a row of what is done in an office of its own."""
 
-    def decorate(body: Callable[[Row, Office], Coroutine[Any, Any, None]]) -> Maker:
+    def decorate(body: Callable[[Row, MailBoards], Coroutine[Any, Any, None]]) -> Maker:
         def make(state: Path) -> Row:
             row = Row(fault, injected)
-            row_of(lambda office: body(row, office), state)
+            row_of(lambda boards: body(row, boards), state)
             return row
 
         make.__name__, make.__doc__ = body.__name__, body.__doc__
