@@ -425,8 +425,8 @@ class Team:
 
 
 def _provider(agent: str, service: str) -> Mail:
-    """Return the message to a subscriber: ``provider(Agent, Service)``."""
-    return Mail("df", "tell", literal("provider", atom(agent), atom(service)))
+    """Return the message to a subscriber: ``provider(Agent, "Service")``."""
+    return Mail("df", "tell", literal("provider", atom(agent), service))
 
 
 def _enter(environment: Environment, clock: WallClock, arguments: Sequence[str]) -> EnvironmentHost:

@@ -96,7 +96,8 @@ _with_directory(
 _with_directory("df_deregister", "``.df_deregister(Service[, Type])``: withdraws the service.")
 _with_directory(
     "df_subscribe",
-    "``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for present and future providers.",
+    "``.df_subscribe(Service)``: beliefs ``provider(Agent, S)`` for present and future providers, S the service as a "
+    "string.",
 )
 
 

@@ -282,7 +282,7 @@ class Client:
         return (await self.ask_directory("search", service)).found
 
     async def subscribe(self, service: str) -> tuple[str, ...]:
-        """As `search`; later providers are reported by mail from `df`: `provider(Agent, Service)`."""
+        """As `search`; later providers are reported by mail from `df`: `provider(Agent, "Service")`."""
         return (await self.ask_directory("subscribe", service)).found
 
     async def ask_directory(self, do: Any, service: str = "", stays: bool = False) -> BoardServices:

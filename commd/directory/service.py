@@ -259,7 +259,7 @@ class Directory:
 
     def _notice(self, subscriber: str, agent: str, service: str) -> Message:
         self._noticed += 1
-        content = Structure("provider", (named(agent), named(service)))
+        content = Structure("provider", (named(agent), service))
         number = f"df.{self._bus.boot}.{self._noticed}"
         return Message(id=number, sender=SENDER, performative="tell", receiver=subscriber, content=content)
 

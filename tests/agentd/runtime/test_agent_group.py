@@ -153,7 +153,7 @@ def test_services_are_found_within_one_daemon(tmp_path: Path, endpoint: str) -> 
 def test_services_of_another_daemon_are_found_and_reported(tmp_path: Path, endpoint: str) -> None:
     a = """\
 !go.
-+!go <- .df_subscribe(cook); .wait(provider(b, cook)[source(df)]); .df_search(cook, L); .print(L);
++!go <- .df_subscribe(cook); .wait(provider(b, "cook")[source(df)]); .df_search(cook, L); .print(L);
    .send(b, tell, enough); .wait(stopped[source(b)]); .df_search(cook, L2); .print(L2); .print("end").
 """
     b = "!go. +!go <- .df_register(cook). +enough[source(S)] <- .df_deregister(cook); .send(S, tell, stopped).\n"

@@ -98,7 +98,7 @@ class Agent:
 
 
 def provider(agent: str, service: str) -> tuple[str, object]:
-    return "df", Structure("provider", (Atom(agent), Atom(service)))
+    return "df", Structure("provider", (Atom(agent), service))
 
 
 @pytest.fixture
