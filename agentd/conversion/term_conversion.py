@@ -35,6 +35,8 @@ MAX_DEPTH = 100
 """Nesting of terms that are sent: JSON readers have limits of their own."""
 MOST_NAMES = 1024
 """Names of percepts in the cache."""
+_FLAT = frozenset((float, str))
+"""What percepts mostly consist of."""
 
 
 class BadTerm(ValueError):
@@ -43,6 +45,9 @@ class BadTerm(ValueError):
 
 def to_wire(term: Any) -> wire.Term:
     """Return the wire form of a run-time term. Raises BadTerm for one that is nested too deeply (or without end)."""
+    kind = type(term)
+    if kind is float or kind is str:  # most arguments of actions
+        return wire.number(term) if kind is float else term
     try:
         return _ToWire().term(term, 0)
     except NoSyntax as bad:
@@ -62,7 +67,7 @@ def from_wire(term: wire.Term) -> Any:
 def perceived(perception: Perception) -> Literal:
     """Return the belief of a perception, with source(percept). Raises BadTerm for an invalid name."""
     arguments = tuple(map(from_wire, perception.parameters))
-    return Literal(_belief(perception.name, len(arguments)), arguments, PERCEPT)
+    return Literal(_belief(perception.name, len(arguments)), arguments, PERCEPT, _FLAT.issuperset(map(type, arguments)))
 
 
 @lru_cache(MOST_NAMES)

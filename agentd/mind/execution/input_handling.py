@@ -138,7 +138,9 @@ def _change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> No
 def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
     """As `_change`, for the percepts that a literal and a key describe."""
     literal = item.literal
-    place, args = perceived(mind, literal.sig), _arguments(literal)
+    place, args = mind.percepts.get(literal.sig), literal.args if literal.ground else _arguments(literal)
+    if place is None:
+        place = perceived(mind, literal.sig)
     match item:
         case PerceptReplaced(key=key):
             for old in place.agreeing(args, key):
@@ -155,8 +157,6 @@ def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemov
 
 
 def _arguments(literal: Literal) -> tuple[Term, ...]:
-    if literal.ground:
-        return literal.args
     for arg in literal.args:
         if type(arg) is not float and type(arg) is not str:
             return detach(resolve_all(literal.args))
@@ -165,7 +165,7 @@ def _arguments(literal: Literal) -> tuple[Term, ...]:
 
 def _of_percept(annots: tuple[Term, ...]) -> tuple[Term, ...]:
     """Annotations with source(percept): `PERCEPT` itself if there are no others, as beliefs compare by identity."""
-    if annots is PERCEPT or not annots or annots == PERCEPT:
+    if not annots or annots == PERCEPT:
         return PERCEPT
     return sorted_annots((*annots, *PERCEPT))
 
@@ -174,7 +174,8 @@ def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Term, 
     """Believe a percept that is new."""
     predicate = place.predicate
     add = predicate.add_ground if literal.ground else predicate.add
-    new = add(args, _of_percept(literal.annots) if literal.annots else PERCEPT)
+    annots = literal.annots
+    new = add(args, annots if annots is PERCEPT else _of_percept(annots))
     if new is not None:
         mind.changes += 1
         added.append((place, args, new))

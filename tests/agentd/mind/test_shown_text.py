@@ -40,10 +40,12 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
 
     host = AgentHost.__new__(AgentHost)
     host._tracing = SimpleNamespace(activity=Told())  # type: ignore[assignment]
-    host._mind, host.part, host._prints = SimpleNamespace(cycle=0), Told(), []  # type: ignore[assignment]
+    beliefs = SimpleNamespace(mark=lambda now: None)
+    host._mind = SimpleNamespace(cycle=0, now=0.0, beliefs=beliefs)  # type: ignore[assignment]
+    host.part, host._prints = Told(), []  # type: ignore[assignment]
     monkeypatch.setattr("agentd.runtime.agent_host.stdout", Out)
     for plain in (False, True):
-        host._carry_out(Print(HOSTILE, plain=plain))
+        host._carry_out([Print(HOSTILE, plain=plain)])
     assert written == 2 * [
         ("bob", "\\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR"),
         ("bob", "ERROR bridged orders robot=uav1 lost"),
