@@ -15,9 +15,8 @@ from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.transport.address import LinkAddressError
 from schemas.files.findings import Finding, Findings, did_you_mean
-from schemas.files.units import host_and_port
 from schemas.mission.access_rules import MailRights
-from schemas.mission.model import DEFAULT_PORT, Mission
+from schemas.mission.model import Mission
 from schemas.wire.keys import is_name
 from schemas.wire.records import Message
 
@@ -65,9 +64,8 @@ def check_boards(mission: Mission) -> list[Finding]:
     for name, robot in mission.robots.items():
         if (link := address_of(robot)) is None or not vehicle_of(robot) or machine_of(robot) == robot.board:
             continue
-        address = mission.boards[robot.board].address if robot.board in mission.boards else ""
         try:
-            peer_of(link, host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else "")
+            peer_of(link, mission.host_of(robot.board))
         except (LinkAddressError, ValueError) as error:
             text = f"simulated on `{machine_of(robot)}`: {error}"
             findings.append(mission.positions.finding(("robots", name, "link"), text))

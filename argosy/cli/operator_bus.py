@@ -187,8 +187,8 @@ async def names_there(bus: Bus, fleet: str, daemon: str = "*") -> dict[tuple[str
     """Return the daemons that hold each name on the bus, by fleet and name. `fleet` may be `ANY`."""
     found: dict[tuple[str, str], set[str]] = {}
     for token in await bus.tokens(keys.alive(fleet, "*", daemon, "*")):
-        if (parsed := keys.parse(token)) is not None and len(parsed[2]) == 3:
-            found.setdefault((parsed[0], parsed[1]), set()).add(parsed[2][1])
+        if (parsed := keys.parse_alive(token)) is not None:
+            found.setdefault(parsed[:2], set()).add(parsed[2])
     return found
 
 

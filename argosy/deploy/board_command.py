@@ -81,9 +81,9 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
     if given.config is not None and given.router is None:  # agents and bridges use the router's own socket
         given.router = config.read(given.config).listen[0]
     daemons: dict[str, Serve] = {"commd": commd.daemon.serve}
-    if any(robot.board == board for robot in mission.robots.values()):
+    if mission.robots_on(board):
         daemons["bridged"] = bridged.daemon.serve
-    if any(agent.board == board for agent in mission.agents.values()):
+    if mission.agents_on(board):
         daemons["agentd"] = agentd.daemon.serve
     parts = Parts(mission, given, daemons, Unit.of_environment())
     log.info("board=%s in one process: %s", board, ", ".join(daemons))

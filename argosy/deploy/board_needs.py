@@ -47,23 +47,14 @@ class Reach:
     """Robots with unknown needs: their driver is not ours, or runs code of the user."""
 
 
-def robots_of(mission: Mission, board: str) -> dict[str, Robot]:
-    """Return the robots that a board serves."""
-    return {name: robot for name, robot in mission.robots.items() if robot.board == board}
-
-
-def agents_of(mission: Mission, board: str) -> list[str]:
-    """Return the agents of a board."""
-    return [name for name, agent in mission.agents.items() if agent.board == board]
-
-
 def reach_of_robots(mission: Mission, board: str) -> Reach:
     """Return what the bridge of a board uses. Raises Findings for a manifest that cannot be read."""
     devices: list[str] = []
     hosts: list[str] = []
     unknown: list[str] = []
     anybody = False
-    for name, robot in robots_of(mission, board).items():
+    for name in mission.robots_on(board):
+        robot = mission.robots[name]
         drivers = load_robot_manifest(robot.manifest, mission.path.parent).drivers()
         if any(driver not in OURS or driver == "python" for driver in drivers):
             unknown.append(name)
@@ -148,12 +139,12 @@ def outside(mission: Mission, board: str) -> list[Finding]:
 
 def secrets_of(mission: Mission, board: str) -> list[str]:
     """Return the files with passphrases that the robots of a board need, as the mission names them."""
-    robots = (robot for robot in mission.robots.values() if robot.board == board)
+    robots = map(mission.robots.__getitem__, mission.robots_on(board))
     return [robot.signing.passphrase_file for robot in robots if robot.signing is not None]
 
 
 def _named(mission: Mission, board: str) -> Iterator[tuple[Steps, Path]]:
-    for agent in agents_of(mission, board):
+    for agent in mission.agents_on(board):
         where = ("agents", agent, "program")
         for source in _sources(mission, agent):
             yield where, source

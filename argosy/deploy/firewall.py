@@ -125,10 +125,9 @@ def table(mission: Mission) -> str:
 
 def _first(mission: Mission) -> tuple[list[IPv4Address | IPv6Address], list[str]]:
     """Return the boards' IP addresses, and their host names: nft would resolve those only once."""
-    hosts = [host_and_port(one.address, DEFAULT_PORT)[0].strip("[]") for one in mission.boards.values() if one.address]
     numbers: list[IPv4Address | IPv6Address] = []
     names: list[str] = []
-    for host in dict.fromkeys(hosts):
+    for host in dict.fromkeys(one.host for one in mission.boards.values() if one.address):
         try:
             numbers.append(ip_address(host.partition("%")[0]))
         except ValueError:

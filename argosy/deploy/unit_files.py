@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from argosy.deploy.board_needs import Reach, agents_of, reach_of_robots, reaches_machines, robots_of
+from argosy.deploy.board_needs import Reach, reach_of_robots, reaches_machines
 from schemas.files.shipped_files import shipped
 from schemas.mission.model import Mission
 
@@ -63,8 +63,8 @@ class Board:
         """Names of the templates that run there."""
         if self.one_process:
             return ("board",)
-        robots = ("bridged",) if robots_of(self.mission, self.name) else ()
-        return ("commd", *robots, *(("agentd",) if agents_of(self.mission, self.name) else ()))
+        robots = ("bridged",) if self.mission.robots_on(self.name) else ()
+        return ("commd", *robots, *(("agentd",) if self.mission.agents_on(self.name) else ()))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def _added(board: Board, daemon: str) -> str:
 
 def _patience(board: Board) -> str:
     """Return a watchdog period longer than the `agent_silence` that the mission allows."""
-    agents = (board.mission.agents[name].robot for name in agents_of(board.mission, board.name))
+    agents = (board.mission.agents[name].robot for name in board.mission.agents_on(board.name))
     silences = [float(board.mission.robots[robot].agent_silence) for robot in agents if robot is not None]
     wanted = 2 * max(silences, default=0.0)
     return f"WatchdogSec={wanted:g}\n" if wanted > WATCHDOG else ""

@@ -20,7 +20,7 @@ from argosy.doctor.findings import Check, Diagnosis, Facts, RobotFacts
 from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
 from argosy.doctor.security_checks import certificates
 from argosy.doctor.security_checks import findings as access
-from argosy.status.command import call_the_roll, settled
+from argosy.fleet_model.fleet_status import FleetStatus
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryFailed
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -86,8 +86,8 @@ async def examine(mission: Mission, place: Where) -> list[Diagnosis]:
 async def gather(bus: Bus, mission: Mission) -> Facts:
     """Query all daemons, each with a timeout; a missing answer is a fact, too."""
     loop = asyncio.get_running_loop()
-    fleet_status = call_the_roll(bus, bus.fleet, mission)
-    await settled(fleet_status, SILENT_AFTER + 0.5)
+    fleet_status = FleetStatus.of_bus(bus, bus.fleet, mission)
+    await fleet_status.settle(SILENT_AFTER + 0.5)
     earlier, began = fleet_status.rows(), loop.time()
     boards: dict[str, BoardReport | str] = {}
     for board in mission.board_names:

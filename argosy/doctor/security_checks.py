@@ -159,7 +159,7 @@ def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str])
     fleet = mission.fleet
     for board in mission.board_names:
         senders = [name for name, home in mission.mailboxes.items() if home == board][:1]
-        robots = [name for name, robot in mission.robots.items() if robot.board == board][:1]
+        robots = mission.robots_on(board)[:1]
         perceivers = [agent for robot in robots for agent in mission.agents_of(robot)][:1]
         receivers = [name for name, home in mission.mailboxes.items() if f"{home}/commd" in present][:1]
         for agent in perceivers:

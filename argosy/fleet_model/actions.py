@@ -11,11 +11,11 @@ from argosy.cli.journal import Level
 from argosy.fleet_model.lives import Lives
 from argosy.fleet_model.members import Roster
 from argosy.fleet_model.robots import Tell
-from argosy.fleet_model.term_values import written
 from schemas.humanize import LONGEST, printable, shortened
 from schemas.liveness import ACTION_ASKED_AGAIN, ACTION_GIVEN_UP
 from schemas.wire.records import ActionStatus, State
-from schemas.wire.terms import Term
+from schemas.wire.term_text import write
+from schemas.wire.terms import Structure, Term
 
 KEPT_ACTIONS = 2_000
 """Actions kept; older ones are only counted."""
@@ -83,7 +83,7 @@ class ActionsSeen:
         id = shortened(status.id)
         seen = self.by_id.get(id)
         if seen is None:
-            text = shortened(written(status.name, status.parameters))
+            text = shortened(write(Structure(status.name, status.parameters)))
             parameters = status.parameters if len(text) < LONGEST else ()  # too long to keep
             seen = ActionSeen(id, agent, text, shortened(status.name), parameters, now, status.state)
             self._keep(seen)

@@ -28,7 +28,7 @@ def activity(model: FleetModel, agent: FleetAgent) -> Activity:
     mind = agent.mind
     if mind is not None and mind.state == "paused":
         return Activity("paused")
-    actions = [one for one in model.open_actions(agent.name) if one.silent(model.as_of) is None]
+    actions = [one for one in model.actions.open(agent.name) if one.silent(model.as_of) is None]
     if actions and agent.there:
         robot = model.robots.get(agent.robot)
         airborne = robot is not None and robot.seen.armed and (robot.seen.altitude or 0.0) > AIRBORNE

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from argosy.cli.operator_bus import ANY
+from commd.bus.bus import Bus
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission
 from schemas.wire import keys
@@ -17,6 +20,8 @@ UNDER_WAY = 0.5
 """Wall seconds for which a record of a daemon may arrive after its token has vanished."""
 MOST = 5_000
 """Daemons that are observed; further ones are only counted."""
+LOOK = 0.05
+"""Wall seconds between two checks of whether every daemon has reported."""
 FORGET = 60.0
 """Wall seconds without a record after which a daemon that left, and is not in the mission, is forgotten."""
 
@@ -94,12 +99,30 @@ class FleetStatus:
         """When a name became free."""
         self._health: dict[Who, tuple[Health, float]] = {}
 
+    @classmethod
+    def of_bus(cls, bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
+        """Return the status of a fleet, which may be `ANY`, that takes its tokens and health records from the bus."""
+        status = cls(mission, asyncio.get_running_loop().time, several=fleet == ANY)
+
+        def heard(key: str, health: Health) -> None:
+            status.heard(key, health)
+
+        bus.watch(keys.alive(fleet, "*", "*", "*"), status.token)
+        bus.subscribe(keys.health(fleet, "*", "*"), Health, heard)
+        return status
+
+    async def settle(self, wait: float) -> None:
+        """Wait until every daemon is up, at most `wait` wall seconds."""
+        until = self._now() + wait
+        while not self.settled and self._now() < until:  # noqa: ASYNC110 - time alone changes it, too
+            await asyncio.sleep(LOOK)
+
     def token(self, key: str, alive: bool) -> None:
         """Take a liveliness token that appeared or vanished."""
-        parsed = keys.parse(key)
-        if parsed is None or len(parsed[2]) != 3:
+        parsed = keys.parse_alive(key)
+        if parsed is None:
             return
-        who, boot = (parsed[0], parsed[1], parsed[2][1]), parsed[2][2]
+        who, boot = parsed[:3], parsed[3]
         if not alive:
             boots = self._boots.get(who, set())
             boots.discard(boot)
@@ -199,6 +222,6 @@ def expected_of(mission: Mission) -> dict[Who, str]:
     fleet = mission.fleet
     for board in mission.board_names:
         found[fleet, board, "commd"] = board
-        found |= {(fleet, name, "bridged"): board for name, robot in mission.robots.items() if robot.board == board}
-        found |= {(fleet, name, "agentd"): board for name, agent in mission.agents.items() if agent.board == board}
+        found |= {(fleet, name, "bridged"): board for name in mission.robots_on(board)}
+        found |= {(fleet, name, "agentd"): board for name in mission.agents_on(board)}
     return found

@@ -266,6 +266,15 @@ class Roster:
             members[name] = members.pop(name)
 
 
+def notes_of(members: Iterable[Member]) -> dict[Note, list[str]]:
+    """Return the notes of some members, each with the names of the members that have it."""
+    named: dict[Note, list[str]] = {}
+    for member in members:
+        for note in member.notes:
+            named.setdefault(note, []).append(member.name)
+    return named
+
+
 def _numbered(name: str) -> list[tuple[int, str]]:
     """Return a sort key of a name that compares its numbers as numbers."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in _NUMBERS.split(name)]

@@ -27,7 +27,7 @@ from argosy.fleet_model.message_log import MessageLog
 from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.places import Places
 from argosy.fleet_model.robots import UNATTENDED
-from argosy.fleet_model.term_values import Position, written
+from argosy.fleet_model.term_values import Position
 from argosy.fleet_model.timeline import Reporter, Timeline
 from schemas.files.findings import Findings
 from schemas.humanize import shortened
@@ -51,6 +51,8 @@ from schemas.wire.records import (
     RunState,
     State,
 )
+from schemas.wire.term_text import write
+from schemas.wire.terms import Structure
 
 ENDS: frozenset[RunPhase] = frozenset({"bringing_home", "done", "failed"})
 """Phases of a run in which its daemons leave."""
@@ -95,12 +97,12 @@ class FleetModel:
         """Empty until one is known."""
         self.other_fleets: set[str] = set()
         """Further fleets at the same router."""
-        self._roster = roster = Roster(mission, track_points)
+        self.roster = roster = Roster(mission, track_points)
         self.agents, self.robots, self.boards = roster.agents, roster.robots, roster.boards
         self.clients = roster.clients
         """Programs that act as agents, and other holders of names on the bus."""
         self.timeline, self.messages, self.places = Timeline(), MessageLog() if messages is None else messages, Places()
-        self._actions = ActionsSeen()
+        self.actions = ActionsSeen()
         self.counts: Counter[str] = Counter()
         """Percepts and statuses that were heard."""
         self.clock = MissionClock(mission)
@@ -120,18 +122,8 @@ class FleetModel:
         self.defect = ""
         """The error of the last `tick`; empty: none."""
         self._fleet_status = FleetStatus(mission, now)
-        self._tell = Reporter(self.timeline, self.messages, now, rate)
-        self._lives = Lives()
-
-    @property
-    def robot_seen_by(self) -> dict[str, str]:
-        """For each robot the agent or client whose percepts show it, as key, and the robot."""
-        return self._roster.robot_seen_by
-
-    @property
-    def run(self) -> int:
-        """The number of the present run."""
-        return self._lives.run
+        self.reporter = Reporter(self.timeline, self.messages, now, rate)
+        self.lives = Lives()
 
     @property
     def over(self) -> bool:
@@ -151,38 +143,9 @@ class FleetModel:
         age = self.now() - max(self.run_heard, self.router_since or 0.0)
         return age if age > SILENT_AFTER else None
 
-    @property
-    def forgotten(self) -> int:
-        """Number of members that are no longer kept."""
-        return self._roster.forgotten
-
-    @property
-    def actions(self) -> dict[str, ActionSeen]:
-        """The actions by id, the oldest first."""
-        return self._actions.by_id
-
-    @property
-    def actions_forgotten(self) -> int:
-        """Number of older actions that are no longer kept."""
-        return self._actions.forgotten
-
-    def open_actions(self, agent: str | None = None) -> list[ActionSeen]:
-        """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
-        return self._actions.open(agent)
-
     def mail_for(self, agent: str) -> int:
         """Return how many messages wait for an agent at the boards, besides those in its mind's mailbox."""
         return sum(board.waiting((agent,)) for board in self.boards.values())
-
-    @property
-    def activity_left_out(self) -> int:
-        """Number of activity events that agents had no room to publish."""
-        return self._tell.left_out
-
-    def assign(self, robot: str, agents: tuple[str, ...]) -> None:
-        """Set the agents that act with a robot, where neither a mission nor a bridge says so."""
-        self._roster.member(robot, "bridged")
-        self._roster.set_agents(robot, agents)
 
     def holders(self, daemon: str) -> set[str]:
         """Return the names that daemons of this kind hold on the bus."""
@@ -205,7 +168,7 @@ class FleetModel:
         held.robots = {name: changed(robot, seen=copy(robot.seen)) for name, robot in self.robots.items()}
         held.timeline = copy(self.timeline)
         held.timeline.entries = self.timeline.entries.copy()
-        held._actions = self._actions.held()
+        held.actions = self.actions.held()
         return held
 
     def take(self, key: str, record: Record) -> None:
@@ -237,7 +200,7 @@ class FleetModel:
             return
         self._fleet_status.token(key, alive)
         name, (_, daemon, boot) = parsed[1], parsed[2]
-        restarted = self._lives.token((name, daemon, boot), alive, self.now())
+        restarted = self.lives.token((name, daemon, boot), alive, self.now())
         if restarted and daemon == "agentd" and name in self.agents:
             self.agents[name].forget()
             self.clock.restarted(name)
@@ -252,17 +215,17 @@ class FleetModel:
                 self._health_of(name, daemon, its)
 
     def _health_of(self, name: str, daemon: str, health: Health) -> None:
-        member = self._roster.member(name, daemon)
+        member = self.roster.member(name, daemon)
         before = member.health
         same_life = before is not None and before.header.boot == health.header.boot
         known = {note.identity for note in before.notes} if before is not None and same_life else set()
         for note in health.notes:
             if note.identity not in known:
-                self._tell(name, note.text, level_of(note))
+                self.reporter(name, note.text, level_of(note))
         member.health, member.health_at = health, self.now()
         if isinstance(member, FleetRobot):
             if health.percepts:
-                self._roster.set_agents(name, tuple(health.percepts))
+                self.roster.set_agents(name, tuple(health.percepts))
             seen = member.seen
             seen.unattended = seen.unattended or any(
                 note.code == UNATTENDED and note.identity not in known for note in health.notes
@@ -285,10 +248,10 @@ class FleetModel:
             percept = replace(percept, name=key.rpartition("/")[2])
         self.places.percept(name, percept, self._positions, self.now())
         if "/percept_by_hand/" in key:
-            text = f"{percept.update} {written(percept.name, percept.parameters)}"
+            text = f"{percept.update} {write(Structure(percept.name, percept.parameters))}"
             self.timeline.add(self.now(), name, "operator", f"a percept by hand: {text}", "warning")
-        elif name in self.robot_seen_by:
-            self.robots[self.robot_seen_by[name]].seen.percept(percept, self.now(), self._tell)
+        elif name in self.roster.robot_seen_by:
+            self.robots[self.roster.robot_seen_by[name]].seen.percept(percept, self.now(), self.reporter)
 
     def status(self, key: str, status: ActionStatus) -> None:
         """Take the status of an action."""
@@ -296,12 +259,12 @@ class FleetModel:
         name = self._name(key)
         if name is None:
             return
-        tell = partial(self._tell.action, status)
-        action = self._actions.status(name, status, self.now(), tell, self.clock.speed)
+        tell = partial(self.reporter.action, status)
+        action = self.actions.status(name, status, self.now(), tell, self.clock.speed)
         if action is None:
             return
         self.places.action(action, self._positions, self.now())
-        robot = self.robots.get(self._roster.robot_of(name))
+        robot = self.robots.get(self.roster.robot_of(name))
         if robot is not None and not status.final:
             robot.seen.unattended = False
         elif robot is not None and status.cause == "operator" and status.order is not None:
@@ -313,16 +276,12 @@ class FleetModel:
         if seen.operator != order:
             seen.operator = order
             gives_back = f"; `argosy stop release {robot}` gives it back to its agents" if order == "hold" else ""
-            self._tell(robot, f"the operator orders {order}{gives_back}", "warning")
+            self.reporter(robot, f"the operator orders {order}{gives_back}", "warning")
 
     def released(self, robot: str) -> None:
         """Take that an operator has given a robot back to its agents."""
         self.robots[robot].seen.operator = ""
-        self._tell(robot, "released by the operator: its agents act again", "warning")
-
-    def agent_died(self, agent: str) -> None:
-        """Take that the process of an agent has died: its next life has another mind."""
-        self.agents[agent].forget()
+        self.reporter(robot, "released by the operator: its agents act again", "warning")
 
     def bridge_died(self, robot: str) -> None:
         """Take that the bridge of a robot has died: its vehicle is lost, and its actions have failed.
@@ -332,23 +291,23 @@ class FleetModel:
         """
         member = self.robots[robot]
         member.seen.heard, member.seen.connected = member.heard, False
-        for action in self.open_actions():
+        for action in self.actions.open():
             if action.agent in member.agents:
                 self._ends(action, "failed", "its bridge died")
 
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
         """Take a view of an agent's mind; `detailed`: with its plans and all decisions that it keeps."""
-        member = self._roster.member(agent, "agentd")
+        member = self.roster.member(agent, "agentd")
         assert isinstance(member, FleetAgent)
         if member.silent is not None:
-            self._tell(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
+            self.reporter(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
         self.clock.look(agent, view.time, self.now())
         if not math.isfinite(view.time):
             view = replace(view, time=0.0)
         done = {} if member.mind is None else member.mind.done
         for formula, holds in view.done.items():
             if holds and not done.get(formula):
-                self._tell(agent, f"done: {formula}", "good")
+                self.reporter(agent, f"done: {formula}", "good")
         member.mind, member.heard, member.silent, member.why_silent = view, self.now(), None, ""
         if view.believed or not view.beliefs_left_out:
             member.believed = view.believed
@@ -364,7 +323,7 @@ class FleetModel:
         member.why_silent = why
         if member.silent is None and self.now() - last > SILENT_AFTER:
             member.silent = last
-            self._tell(
+            self.reporter(
                 agent, f"its mind has not answered for {SILENT_AFTER:.0f} s{': ' if why else ''}{why}", "warning"
             )
 
@@ -373,11 +332,11 @@ class FleetModel:
         name = self._name(key)
         if name is None:
             return
-        self._tell.activity(name, activity)
+        self.reporter.activity(name, activity)
         for event in activity.events:
             if event.kind == "print" and name in self.agents:
                 self.agents[name].prints.append(shortened(event.text))
-            action = self.actions.get(shortened(event.id)) if event.kind == "outcome" else None
+            action = self.actions.by_id.get(shortened(event.id)) if event.kind == "outcome" else None
             if action is not None and action.agent == name and action.state not in FINAL_STATES:
                 state = next((one for one in FINAL_STATES if one == event.state), None)
                 self._ends(action, state or "unknown", event.reason)
@@ -396,7 +355,7 @@ class FleetModel:
         """Take the agents of a board."""
         name = self._name(key)
         if name is not None:
-            self._roster.live_on(name, services.agents)
+            self.roster.live_on(name, services.agents)
 
     def mission_published(self, key: str, mission_file: RunningMission) -> None:
         """Take the mission file that a board runs; it replaces the file that the observer was started with."""
@@ -412,7 +371,7 @@ class FleetModel:
             self.mission_problem = f"the mission of the fleet cannot be read here: {findings.findings[0].message}"
             return
         self.mission, self.mission_problem = mission, ""
-        self._roster.expect(mission)
+        self.roster.expect(mission)
         self._fleet_status.expected = expected_of(mission)
         self.clock.expect(mission)
 
@@ -431,7 +390,7 @@ class FleetModel:
         if self.over:
             self._run_ended = self.now()
         level: Level = "good" if state.phase == "done" else "error" if state.phase == "failed" else "info"
-        self._tell(self.fleet, f"{PHASES[state.phase]}{': ' if state.why else ''}{state.why}", level)
+        self.reporter(self.fleet, f"{PHASES[state.phase]}{': ' if state.why else ''}{state.why}", level)
 
     def router(self, up: bool) -> None:
         """Take the loss or the return of the router."""
@@ -439,11 +398,11 @@ class FleetModel:
             return
         before, self.router_since, self.router_up = self.router_since, self.now(), up
         if up:
-            self._tell("router", f"answers again, after {self.now() - (before or self.now()):.1f} s", "good")
+            self.reporter("router", f"answers again, after {self.now() - (before or self.now()):.1f} s", "good")
         elif self.over:
-            self._tell("router", "has ended with the run; the view shows the end of the run")
+            self.reporter("router", "has ended with the run; the view shows the end of the run")
         else:
-            self._tell("router", "does not answer; the view shows the last known state", "error")
+            self.reporter("router", "does not answer; the view shows the last known state", "error")
 
     def tick(self) -> None:
         """Update who is there. Call it several times a second, as time alone changes that."""
@@ -455,17 +414,17 @@ class FleetModel:
         rows = {(row.name, row.daemon): row for row in self._fleet_status.rows()}
         for (name, daemon), row in rows.items():
             if not (coming_back and row.standing == "missing"):
-                self._stands(self._roster.member(name, daemon), row)
+                self._stands(self.roster.member(name, daemon), row)
         if not coming_back:
             for members in (self.agents, self.robots, self.boards, self.clients):
                 for member in members.values():
                     if (member.name, member.daemon) not in rows:
                         self._stands(member, None)
-            for action in self._actions.open():
-                why = why_unknown(action, self._roster, self._lives, self.now())
+            for action in self.actions.open():
+                why = why_unknown(action, self.roster, self.lives, self.now())
                 if why:
                     self._ends(action, "unknown", f"not known how it ended: {why}")
-                    self._tell(action.agent, f"{action.text}: {action.reason}", "warning")
+                    self.reporter(action.agent, f"{action.text}: {action.reason}", "warning")
 
     def _coming_back(self) -> bool:
         """Whether the router came back within `ROUTER_GRACE`, so that some members may not have been heard again."""
@@ -473,20 +432,20 @@ class FleetModel:
 
     def _see_run(self) -> None:
         """Forget the state of an earlier run, if another one has begun; the timeline keeps its events."""
-        before = self._lives.new_run() if self._sees_runs else None
+        before = self.lives.new_run() if self._sees_runs else None
         if before is None:
             return
-        self._roster.forget(before)
+        self.roster.forget(before)
         self.places.forget(before)
-        self._actions.forget(before)
+        self.actions.forget(before)
         self.messages.give_up(before, OVER)
         if self.run_heard < before:
             self.run_state = None
             self.clock.begin()
-        self._tell(self.fleet, "a new run begins: all daemons of the one before had gone")
+        self.reporter(self.fleet, "a new run begins: all daemons of the one before had gone")
 
     def _ends(self, action: ActionSeen, state: State | Literal["unknown"], reason: str) -> None:
-        self._actions.end(action, state, reason, self.now())
+        self.actions.end(action, state, reason, self.now())
         self.places.action(action, self._positions, self.now())
 
     def _stands(self, member: Member, row: Row | None) -> None:

@@ -126,9 +126,9 @@ class FleetObserver:
             subscribe(keys.run(fleet, "*"), RunState, model.run_published)
 
     def _health(self, key: str, health: Health) -> None:
-        robot_seen_by = self.model.robot_seen_by
+        robot_seen_by = self.model.roster.robot_seen_by
         self.model.health(key, health)
-        if self.model.robot_seen_by != robot_seen_by:
+        if self.model.roster.robot_seen_by != robot_seen_by:
             self._news.set()
 
     async def _tick(self) -> None:

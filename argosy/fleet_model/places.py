@@ -12,11 +12,12 @@ from itertools import pairwise
 from typing import Literal
 
 from argosy.fleet_model.actions import ActionSeen
-from argosy.fleet_model.term_values import Position, position_of, written
+from argosy.fleet_model.term_values import Position, position_of
 from schemas.geo import distance
 from schemas.humanize import shortened
 from schemas.wire.records import Perception
-from schemas.wire.terms import Term
+from schemas.wire.term_text import write
+from schemas.wire.terms import Structure, Term
 
 MOST = 1_000
 """Places that are kept."""
@@ -73,7 +74,7 @@ class Places:
         if percept.update == "replace" and not percept.key:
             for one in self._of(agent, percept):
                 one.present = False
-        text = shortened(written(percept.name, percept.parameters))
+        text = shortened(write(Structure(percept.name, percept.parameters)))
         self._keep(Place(id, "percept", shortened(percept.name), text, agent, position, now))
 
     def action(self, action: ActionSeen, robots: Callable[[], Iterable[Position]], now: float) -> None:

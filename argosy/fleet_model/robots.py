@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from argosy.cli.journal import Level
-from argosy.fleet_model.term_values import Position, finite, is_true, plain, position_of, written
+from argosy.fleet_model.term_values import Position, finite, is_true, plain, position_of
 from bridged.drivers.mavlink.vehicle.flight_modes import COMING_HOME
 from schemas.geo import distance
 from schemas.humanize import printable, shortened
 from schemas.wire.records import Perception
-from schemas.wire.terms import Term
+from schemas.wire.term_text import write
+from schemas.wire.terms import Structure, Term
 
 UNATTENDED = "robot_unattended"
 """Code of the note of a bridge whose vehicle is in the air without an agent in charge (docs/guides/monitoring.md)."""
@@ -166,7 +167,7 @@ class RobotSeen:
                     tell(self.name, "goes on: it is not paused any longer", "warning")
             return
         if not self.mode and (percept.name, len(percept.parameters)) != ("state", 3):
-            text = printable(written(percept.name, percept.parameters))
+            text = printable(write(Structure(percept.name, percept.parameters)))
             if percept.name in self.reported or len(self.reported) < MOST_REPORTED:
                 short = text if len(text) <= LONGEST_REPORT else f"{text[: LONGEST_REPORT - 2]}…)"
                 self.reported[percept.name] = short

@@ -11,11 +11,6 @@ Position = tuple[float, float]
 """Latitude and longitude in degrees."""
 
 
-def written(name: str, parameters: tuple[Term, ...]) -> str:
-    """Return a percept or an action as a program would write it."""
-    return name + (f"({','.join(map(write, parameters))})" if parameters else "")
-
-
 def plain(term: Term) -> str:
     """Return a term for people: strings without quotes."""
     return term if isinstance(term, str) else write(term)

@@ -32,8 +32,7 @@ from argosy.keys.key_index import (
 from commd.bus.tls import CERTIFICATE, KEY, ROOT, day, files_in, identity_of
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
-from schemas.files.units import host_and_port
-from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
+from schemas.mission.model import Mission, load_mission
 
 if TYPE_CHECKING:
     from argosy.keys.key_store import KeyStore  # imports cryptography
@@ -223,11 +222,10 @@ def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
     """Return the hosts of a board: its address in the mission, NAME and NAME.local."""
     from argosy.keys.certificate_authority import is_host
 
-    board = mission.boards.get(name)
-    if board is None:
+    if name not in mission.boards:
         return ()
-    address = (host_and_port(board.address, DEFAULT_PORT)[0].strip("[]"),) if board.address else ()
-    return tuple(dict.fromkeys((*address, *(host for host in (name, f"{name}.local") if is_host(host)))))
+    own = [host for host in (name, f"{name}.local") if is_host(host)]
+    return tuple(dict.fromkeys(filter(None, (mission.host_of(name), *own))))
 
 
 @contextmanager
@@ -391,8 +389,7 @@ def _problem(mission: Mission, record: Record, name: str, member: Member) -> str
         return "EXPIRED: every machine refuses it; replace it with `argosy keys renew`"
     if left < timedelta(days=SOON_DAYS):
         return "ends soon: replace it with `argosy keys renew`"
-    address = mission.boards[name].address if name in mission.boards else ""
-    host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
+    host = mission.host_of(name)
     if host and host not in member.hosts:
         return f"its address in the mission is {host}: replace the certificate with `argosy keys renew`"
     return ""

@@ -126,7 +126,9 @@ class SceneReader:
             sees_runs=False,
         )
         for robot in dict.fromkeys(self._robot_of.values()):
-            self._model.assign(robot, tuple(agent for agent, its in self._robot_of.items() if its == robot))
+            self._model.roster.member(robot, "bridged")
+            agents = tuple(agent for agent, its in self._robot_of.items() if its == robot)
+            self._model.roster.set_agents(robot, agents)  # where neither a mission nor a bridge says so
         self._places: dict[tuple[str, str], Place] = {}
         self._first: float | None = None
         self._has_activity = False
@@ -142,8 +144,8 @@ class SceneReader:
             parsed = keys.parse(heard.key)
             agent = parsed[1] if parsed else ""
             match heard.record:
-                case Perception() as percept if agent in self._model.robot_seen_by:
-                    self._sight(self._model.robots[self._model.robot_seen_by[agent]].seen, percept)
+                case Perception() as percept if agent in self._model.roster.robot_seen_by:
+                    self._sight(self._model.robots[self._model.roster.robot_seen_by[agent]].seen, percept)
                 case ActionStatus() as status if agent in self._robot_of:
                     self._target(self._model.robots[self._robot_of[agent]].seen, status)
                 case MindActivity():
@@ -179,13 +181,13 @@ class SceneReader:
         robots = {name: model.robots[name].seen for name in dict.fromkeys(self._robot_of.values())}
         messages = sorted(model.messages.since(0), key=lambda message: message.at)
         met = {name for one in messages for name in (one.sender, one.receiver)}
-        met |= {action.agent for action in model.actions.values()}
+        met |= {action.agent for action in model.actions.by_id.values()}
         scene = Scene(
             title=self._title,
             robots=robots,
             agents=list(dict.fromkeys([*self._agents, *self._robot_of, *sorted(met)])),
             robot_of=self._robot_of,
-            actions=list(model.actions.values()),
+            actions=list(model.actions.by_id.values()),
             messages=messages,
             places=list(self._places.values()),
             begin=self._first or 0.0,
@@ -193,13 +195,13 @@ class SceneReader:
             has_activity=self._has_activity,
             modes=list(dict.fromkeys(mode for robot in robots.values() for _, mode in robot.track.modes)),
         )
-        if model.actions_forgotten:
-            scene.notes.append(f"{model.actions_forgotten} actions are left out, the first ones")
+        if model.actions.forgotten:
+            scene.notes.append(f"{model.actions.forgotten} actions are left out, the first ones")
         if model.messages.forgotten:
             scene.notes.append(f"{model.messages.forgotten} messages are left out, the first ones")
-        if model.activity_left_out:
+        if model.reporter.left_out:
             scene.notes.append(
-                f"{model.activity_left_out} activity events are missing: the agents had no room to publish them"
+                f"{model.reporter.left_out} activity events are missing: the agents had no room to publish them"
             )
         return scene
 

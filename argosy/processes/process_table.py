@@ -132,13 +132,6 @@ class Setup:
         groups = together(self.mission)
         return next((group for group in groups if 0 < len(self.real.intersection(group)) < len(group)), [])
 
-    def agents_by_board(self) -> dict[str, list[str]]:
-        """Return the agents of each board: those of one board share a daemon."""
-        boards: dict[str, list[str]] = {}
-        for name, agent in self.mission.agents.items():
-            boards.setdefault(agent.board, []).append(name)
-        return boards
-
 
 @dataclass(frozen=True)
 class Kind:
@@ -248,7 +241,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         "agentd",
-        lambda s: [" ".join(agents) for agents in s.agents_by_board().values()],
+        lambda s: [" ".join(s.mission.agents_on(board)) for board in s.mission.boards_with_agents],
         _agents,
         _board_of_agents,
     ),

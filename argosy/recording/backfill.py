@@ -43,10 +43,9 @@ log = logging.getLogger("recorder")
 
 def token_seen(key: str, alive: bool, at: int) -> Heard | None:
     """Return what is recorded of a daemon's token that appears or ends, at Unix nanoseconds; None for another key."""
-    parsed = keys.parse(key)
-    if parsed is None or len(parsed[2]) != 3:
+    if (parsed := keys.parse_alive(key)) is None:
         return None
-    fleet, name, (_, daemon, _) = parsed
+    fleet, name, daemon, _ = parsed
     payload = msgspec.json.encode(TokenSeen(key=key, alive=alive))
     return Heard(at, f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}", payload, codec(TokenSeen).encodings["json"], "token")
 
@@ -88,10 +87,9 @@ class Backfill:
 
     def _token(self, key: str, alive: bool) -> None:
         self.tokens += 1 if alive else -1
-        parsed = keys.parse(key)
-        if parsed is None or len(parsed[2]) != 3:
+        if (parsed := keys.parse_alive(key)) is None:
             return
-        fleet, name, (_, daemon, _) = parsed
+        fleet, name, daemon, _ = parsed
         seen = token_seen(key, alive, self._write_queue.now())
         if seen is not None and self._wants(keys.alive(fleet, name, daemon, "*")):
             self._write_queue.put(seen)

@@ -160,8 +160,8 @@ class Player:
         if not isinstance(seen, TokenSeen):
             self.figures.unreadable += 1
             return
-        parsed, key = keys.parse(seen.key), self._renamed(seen.key)
-        if key is None or parsed is None or len(parsed[2]) != 3 or parsed[2][0] != "alive":
+        key = self._renamed(seen.key)
+        if key is None or keys.parse_alive(key) is None:
             self.figures.not_ours += 1
         elif seen.alive and key not in self.tokens:
             self.declared.add(key)
@@ -180,5 +180,5 @@ class Player:
 
 def foreign(tokens: Iterable[str], own: Iterable[str]) -> list[str]:
     """Return the daemons, as `bridged uav1`, whose tokens are not the replay's own."""
-    parsed = (keys.parse(token) for token in sorted(set(tokens) - set(own)))
-    return [f"{one[2][1]} {one[1]}" for one in parsed if one is not None and len(one[2]) == 3]
+    parsed = map(keys.parse_alive, sorted(set(tokens) - set(own)))
+    return [f"{one[2]} {one[1]}" for one in parsed if one is not None]

@@ -100,9 +100,8 @@ class Filter:
     def _token(self, heard: Heard) -> None:
         """Note an agent that has lost its token."""
         seen = codec(TokenSeen).decode(heard.payload)
-        parsed = keys.parse(seen.key)
-        if parsed is not None and not seen.alive and parsed[2][:2] == ["alive", "agentd"]:
-            self._minds.agent_left(Whose(parsed[0], parsed[1], parsed[2][-1]))
+        if not seen.alive and (parsed := keys.parse_alive(seen.key)) is not None and parsed[2] == "agentd":
+            self._minds.agent_left(Whose(parsed[0], parsed[1], parsed[3]))
 
 
 class Recorder:

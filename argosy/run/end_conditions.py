@@ -180,7 +180,7 @@ class EndConditions:
             for agent in self._status.agents.values()
         )
         heard = model.router_up and not self._silent()
-        return heard and idle and not model.open_actions() and not model.holders("client")
+        return heard and idle and not model.actions.open() and not model.holders("client")
 
     def _brought_home(self) -> list[str]:
         """Return the robots that their bridges have brought home since no agent was in charge of them."""

@@ -244,7 +244,7 @@ class MissionRunner:
 
     async def _rest(self) -> None:
         """Leave the daemons in peace for a moment to measure what they use when idle."""
-        if self.status.flying() or self.status.model.open_actions():
+        if self.status.flying() or self.status.model.actions.open():
             return
         self.status.waiting_for = "idle use to be measured"
         if self._observer is not None:
@@ -382,12 +382,13 @@ class MissionRunner:
     def _ended(self, child: Child) -> None:
         if child.dead:
             self._restarts.died(child)
-            kind, subjects = child.process.kind.name, child.process.subject.split()
-            for name in subjects if kind in ("agentd", "bridged") else ():
-                (self.status.model.agent_died if kind == "agentd" else self.status.model.bridge_died)(name)
-        if child.dead:
-            needed = child.process.kind.needed
-            without = "" if needed else "; the run goes on, and is not recorded any more"
+            for name in child.process.subject.split():
+                if child.process.kind.name == "agentd":
+                    self.status.model.agents[name].forget()
+                elif child.process.kind.name == "bridged":
+                    self.status.model.bridge_died(name)
+        if child.dead:  # and is not restarted
+            without = "" if child.process.kind.needed else "; the run goes on, and is not recorded any more"
             self._journal.add(child.name, child.how_it_ended() + without, "error")
         if child.process.kind.name == "recorder":
             self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())

@@ -123,7 +123,7 @@ class Screen:
         table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
         table.expand = True
         name = agent.name
-        actions = model.open_actions(agent.name)
+        actions = model.actions.open(agent.name)
         for intention in () if agent.mind is None else agent.mind.intentions:
             stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
             waits = awaited(intention.waits_for, " for ")

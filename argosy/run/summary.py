@@ -49,12 +49,12 @@ def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
     speed = status.setup.speed
     first, *rest = phases
     rows = [_row(first[0], "", first[1], speed)]
-    actions, now = list(status.model.actions.values()), status.model.now()
+    actions, now = list(status.model.actions.by_id.values()), status.model.now()
     rows += [_action(action, status.mission_seconds(action.age(now)), speed) for action in actions[-MOST_ACTIONS:]]
     rows += [_row(name, "", seconds, speed) for name, seconds in rest]
     table = [("", "mission", "wall", ""), *((name, mission, wall, state) for name, state, mission, wall in rows)]
     lines = [f"  {line}" for line in columns(table, right=(1, 2))]
-    forgotten = status.model.actions_forgotten + len(actions[:-MOST_ACTIONS])
+    forgotten = status.model.actions.forgotten + len(actions[:-MOST_ACTIONS])
     return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
 
 

@@ -84,16 +84,13 @@ def _processes(mission: Mission, args: Namespace) -> list[Process]:
     for name, robot in simulated.items():
         if machine_of(robot) != machine:
             continue
-        board = mission.boards.get(robot.board)
-        address = board.address if board is not None else ""
-        host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
         try:
-            apart = host if machine != robot.board else None
+            apart = mission.host_of(robot.board) if machine != robot.board else None
             if (link := address_of(robot)) is not None:
                 end = peer_of(link, apart)
                 if end.kind in MEETING and end.port and (why := link_in_use(end)):
                     raise ValueError(f"{end} {why}")
-            argv = command(mission, name, args.router or _router(mission, address, apart), apart, args.report)
+            argv = command(mission, name, args.router or _router(mission, robot.board, apart), apart, args.report)
         except (LinkAddressError, ValueError) as error:
             findings.append(mission.positions.finding(("robots", name, "link"), f"{name}: {error}"))
             continue
@@ -121,11 +118,11 @@ def _finding(mission: Mission, text: str) -> Finding:
     return Finding(str(mission.path), 0, 0, text)
 
 
-def _router(mission: Mission, address: str, apart: str | None) -> str:
+def _router(mission: Mission, board: str, apart: str | None) -> str:
     """Return the router of a robot's board as this machine reaches it."""
     if not apart:
         return mission.router.endpoint
-    host, port = host_and_port(address, DEFAULT_PORT)
+    host, port = host_and_port(mission.boards[board].address, DEFAULT_PORT)
     return f"tcp/{host}:{port}"
 
 

@@ -13,25 +13,20 @@ from typing import Any
 import msgspec
 
 from argosy.cli.errors import BadInput
-from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
+from argosy.cli.operator_bus import ANY, Where, add_router_argument, note_unreached, on_the_bus
 from argosy.fleet_model.fleet_status import FleetStatus, Row
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import json_lines, printable
 from schemas.liveness import SILENT_AFTER
-from schemas.mission.model import Mission
-from schemas.wire import keys
-from schemas.wire.records import Health
 
 WATCH_EVERY = 1.0
 """Wall seconds between two updates of `--watch`."""
-LOOK = 0.05
-"""Wall seconds between two checks of whether every daemon has reported."""
 ANY_FLEET = "any"
 """Name for all fleets on the router."""
 
 
-def add_roll_arguments(parser: ArgumentParser) -> None:
+def add_mission_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments for the fleet and its router."""
     parser.add_argument("mission", nargs="?", help="mission file: expected daemons, and the router")
     parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
@@ -40,7 +35,7 @@ def add_roll_arguments(parser: ArgumentParser) -> None:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy status`."""
-    add_roll_arguments(parser)
+    add_mission_arguments(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="as JSON")
     form.add_argument("--plain", action="store_true", help="one line for each daemon, as in a pipe")
@@ -55,37 +50,17 @@ def run(args: Namespace) -> int:
         raise BadInput("argosy status: the mission names its fleet: leave out --fleet")
 
     async def ask(bus: Bus, where: Where) -> int:
-        fleet_status = call_the_roll(bus, where.fleet, where.mission)
-        await settled(fleet_status, args.wait)
+        fleet_status = FleetStatus.of_bus(bus, where.fleet, where.mission)
+        await fleet_status.settle(args.wait)
         fleet = where.fleet if where.fleet != ANY else ANY_FLEET
         if args.watch:
             return await _watch(fleet_status, bus, fleet, args)
         rows = fleet_status.rows()
         _view(fleet, args)(rows)
-        for one in await unreached(bus):
-            print(f"note: {one}", file=sys.stderr)
+        await note_unreached(bus)
         return EXIT_DONE if well(rows) else EXIT_FAILED
 
     return on_the_bus(args, ask)
-
-
-def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
-    """Subscribe to tokens and health of a fleet."""
-    fleet_status = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
-    bus.watch(keys.alive(fleet, "*", "*", "*"), fleet_status.token)
-
-    def heard(key: str, health: Health) -> None:
-        fleet_status.heard(key, health)
-
-    bus.subscribe(keys.health(fleet, "*", "*"), Health, heard)
-    return fleet_status
-
-
-async def settled(fleet_status: FleetStatus, wait: float) -> None:
-    """Wait until every daemon is up, at most `wait` wall seconds."""
-    until = asyncio.get_running_loop().time() + wait
-    while not fleet_status.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
-        await asyncio.sleep(LOOK)
 
 
 def well(rows: list[Row]) -> bool:

@@ -16,8 +16,8 @@ from prometheus_client.registry import Collector
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import ANY, Where, on_the_bus
 from argosy.cli.port_check import is_loopback
-from argosy.fleet_model.fleet_status import Row
-from argosy.status.command import add_roll_arguments, call_the_roll
+from argosy.fleet_model.fleet_status import FleetStatus, Row
+from argosy.status.command import add_mission_arguments
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_FAILED
 from schemas.files.units import host_and_port
@@ -47,7 +47,7 @@ FIGURES: tuple[tuple[str, str, Callable[[Health], float | None]], ...] = (
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy metrics`."""
-    add_roll_arguments(parser)
+    add_mission_arguments(parser)
     text = f"address of /metrics (default {LISTEN}); every machine that reaches it can read it"
     parser.add_argument("--listen", type=_address, metavar="HOST:PORT", default=LISTEN, help=text)
 
@@ -59,7 +59,7 @@ def run(args: Namespace) -> int:
     host, port = host_and_port(args.listen)
 
     async def serve(bus: Bus, where: Where) -> int:
-        fleet_status = call_the_roll(bus, where.fleet, where.mission)
+        fleet_status = FleetStatus.of_bus(bus, where.fleet, where.mission)
         fleet = "" if where.fleet == ANY else where.fleet
         page = Page(lambda: Fleet(fleet, fleet_status.rows(), bus.router_up, fleet_status.dropped).page())
         try:

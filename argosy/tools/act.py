@@ -14,7 +14,7 @@ from argosy.cli.arguments import duration, name
 from argosy.cli.errors import BadInput, complain
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus, put_out, replies
-from argosy.tools.record_text import called, read_action, unknown
+from argosy.tools.record_text import read_action, status_text
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -25,8 +25,8 @@ from schemas.manifest.loader import ActionDescription
 from schemas.mission.model import Agent, Client
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Perception
-from schemas.wire.term_text import BadTerm
-from schemas.wire.terms import Term
+from schemas.wire.term_text import BadTerm, write
+from schemas.wire.terms import Structure, Term
 
 AT_MOST = 3600.0
 """Wall seconds of one query; after that it is repeated with the same id."""
@@ -106,7 +106,8 @@ def run(args: Namespace) -> int:
             put_out("\n".join(printable(one.signature) for one in there))
             return EXIT_DONE
         if wanted not in {one.name for one in there}:
-            raise BadInput(f"{args.agent}: {unknown('action', wanted, [one.name for one in there])}")
+            known = did_you_mean(wanted, [one.name for one in there])
+            raise BadInput(f"{args.agent}: there is no action `{wanted}`{known}")
         return await _perform(session, fleet, args.agent, wanted, parameters, args.deadline and float(args.deadline))
 
     return on_the_bus(args, act)
@@ -147,16 +148,15 @@ async def actions(bus: Bus, where: Where, agent: str) -> tuple[str, list[ActionD
 
 async def _nobody(bus: Bus, where: Where, agent: str) -> str:
     """Return why no bridge answers for an agent's robot, by the tokens on the bus."""
-    tokens = await Bus.tokens(bus, keys.alive(where.fleet, "*", "*", "*"))
-    parsed = [found for token in tokens if (found := keys.parse(token)) is not None]
-    there = {name for _, name, rest in parsed if rest[1] in ("agentd", "client")}
+    tokens = map(keys.parse_alive, await Bus.tokens(bus, keys.alive(where.fleet, "*", "*", "*")))
+    there = {parsed[1] for parsed in tokens if parsed is not None and parsed[2] in ("agentd", "client")}
     rules = "; where access is controlled, only operators may ask, and only if the mission says `inject: true`"
     guarded = rules if bus.guarded else ""
     if agent in there:
         return f"agent `{agent}` is there, and no bridge answers for a robot of it{guarded}"
     of = f" of {where.whose}" if where.fleet != ANY else ""
     its = where.boards is None or agent not in where.boards.mailboxes
-    why = f": {unknown('agent', agent, sorted(there))}" if its else ""
+    why = f": there is no agent `{agent}`{did_you_mean(agent, there)}" if its else ""
     return f"no bridge{of} at {where.router} answers for `{agent}`{why}{guarded}"
 
 
@@ -164,7 +164,7 @@ async def _perform(
     bus: Bus, fleet: str, agent: str, name: str, parameters: tuple[Term, ...], deadline: float | None
 ) -> int:
     """Request the action and print each status. Ctrl-C, SIGTERM and SIGHUP cancel it and print the outcome."""
-    identity, head = f"{bus.name}:{bus.boot}:1", f"{agent}: {called(name, parameters)}"
+    identity, head = f"{bus.name}:{bus.boot}:1", f"{agent}: {write(Structure(name, parameters))}"
     known_as = f"; its id is {identity}"
     action = Action(
         header=bus.header("action"), id=identity, agent=agent, name=name, parameters=parameters, deadline=deadline
@@ -200,7 +200,7 @@ async def _perform(
 
 
 async def _asked_for(bus: Bus, fleet: str, agent: str, parameters: tuple[Term, ...]) -> list[str]:
-    """Return the percepts that an action by name has brought, such as `parameter("RTL_ALT", 1500)` of `get_param`.
+    """Return the percepts that an action by name leads to, such as `parameter("RTL_ALT", 1500)` of `get_param`.
 
     They begin with the arguments of the action, the first of which is a text.
     """
@@ -212,9 +212,9 @@ async def _asked_for(bus: Bus, fleet: str, agent: str, parameters: tuple[Term, .
         async with aclosing(Bus.query(bus, key, None, Perception, LOOK)) as answers:
             async for answer in answers:
                 if (percept := answer.record) is not None and percept.parameters[:size] == parameters:
-                    found.append(called(percept.name, percept.parameters))
+                    found.append(write(Structure(percept.name, percept.parameters)))
     except BusClosed as closed:
-        complain(f"note: what it has brought is not known: {closed}")
+        complain(f"note: its result is not known: {closed}")
     return found
 
 
@@ -239,18 +239,6 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
     finally:
         for number in taken:
             loop.remove_signal_handler(number)
-
-
-def status_text(status: ActionStatus) -> str:
-    """Return a status as text: `running, altitude 3.2`, `refused: busy: goto is running`."""
-    text = status.state.replace("_", " ")
-    if status.state == "accepted" and status.deadline is not None:
-        text += f", {status.deadline:g} s at most"
-    if status.feedback and not status.final:
-        text += "".join(f", {what} {value:.4g}" for what, value in status.feedback.items())
-    if status.reason:
-        text += f": {status.reason}" if status.final else f", waits for {status.reason}"
-    return text
 
 
 def print_line(line: str) -> None:

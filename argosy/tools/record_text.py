@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 
-from schemas.files.findings import nearest
 from schemas.humanize import shortened
 from schemas.liveness import LAG_LATE
 from schemas.manifest.loader import ActionDescription
@@ -72,14 +71,14 @@ def record_text(record: Record) -> str:
     """Return a record as text."""
     match record:
         case Perception():
-            return f"{SIGNS[record.update]}{called(record.name or '?', record.parameters)}"
+            return f"{SIGNS[record.update]}{write(Structure(record.name or '?', record.parameters))}"
         case Perceptions():
             return "; ".join(map(record_text, record.changes))
         case ActionStatus():
-            return _status(record)
+            return f"{write(Structure(record.name or '?', record.parameters))} {status_text(record)}"
         case Action():
             again = f", attempt {record.attempt}" if record.attempt > 1 else ""
-            return f"{called(record.name or '?', record.parameters)}{again}"
+            return f"{write(Structure(record.name or '?', record.parameters))}{again}"
         case ActionDescription():
             objection = f"; {record.problem}" if record.problem else ""
             return f"{record.signature} by {record.confirm or 'result'} within {record.deadline:g} s{objection}"
@@ -143,11 +142,16 @@ def _small(record: Record) -> str:
     return f"{type(record).__name__} {_json(msgspec.to_builtins(record))}"
 
 
-def _status(status: ActionStatus) -> str:
-    progress = {} if status.final else status.feedback
-    figures = "".join(f" {what}={value:.4g}" for what, value in progress.items())
-    reason = f": {status.reason}" if status.reason else ""
-    return f"{called(status.name or '?', status.parameters)} {status.state.replace('_', ' ')}{figures}{reason}"
+def status_text(status: ActionStatus) -> str:
+    """Return a status as text: `running, altitude 3.2`, `refused: busy: goto is running`."""
+    text = status.state.replace("_", " ")
+    if status.state == "accepted" and status.deadline is not None:
+        text += f", {status.deadline:g} s at most"
+    if status.feedback and not status.final:
+        text += "".join(f", {what} {value:.4g}" for what, value in status.feedback.items())
+    if status.reason:
+        text += f": {status.reason}" if status.final else f", waits for {status.reason}"
+    return text
 
 
 def _health(health: Health) -> str:
@@ -296,7 +300,7 @@ def read_action(text: str, words: Sequence[str]) -> tuple[str, tuple[Term, ...]]
     if "(" not in text:
         return text, tuple(read_argument(word, f"argument {place}") for place, word in enumerate(words, 1))
     if words:
-        raise BadTerm(f"expected the arguments in the brackets of `{text}` or behind it, got `{words[0]}` besides")
+        raise BadTerm(f"`{text}` has its arguments in brackets: leave out `{words[0]}`")
     try:
         called = read(text)
     except BadTerm:
@@ -317,11 +321,6 @@ def read_argument(word: str, what: str) -> Term:
     return _value(term, what)
 
 
-def called(name: str, parameters: Sequence[Term]) -> str:
-    """Return an action or a percept as a program writes it: `takeoff(5)`, `land`."""
-    return f"{name}({', '.join(map(write, parameters))})" if parameters else name
-
-
 def _value(term: Term, what: str) -> Term:
     match term:
         case Variable(name=name, annotations=(), negated=False, namespace=""):
@@ -335,11 +334,3 @@ def _value(term: Term, what: str) -> Term:
                 if isinstance(item, Variable | Source):
                     raise BadTerm(f"{what}: expected a value, got `{write(term)}`")
     return term
-
-
-def unknown(what: str, name: str, there: Sequence[str]) -> str:
-    """Return the error for an unknown name, with the most similar of the known names and all of them."""
-    known = ", ".join(sorted(there))
-    if (near := nearest(name, there)) is not None:
-        return f"there is no {what} `{name}`, did you mean `{near}`? Known are {known}"
-    return f"there is no {what} `{name}`{f'; known are {known}' if known else ''}"

@@ -177,7 +177,7 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
     daemons = [f"commd {board}" if len(boards) > 1 else "commd" for board in boards]
     for at in times():
         found.append(Kill(at=at, daemon=dice.choice(daemons)))
-    for kind, subjects in (("bridged", robots), ("agentd", boards_with_agents(mission))):
+    for kind, subjects in (("bridged", robots), ("agentd", mission.boards_with_agents)):
         for at in times() if subjects else ():
             found.append(Kill(at=at, daemon=f"{kind}:{dice.choice(subjects)}"))
     for at in times():
@@ -236,11 +236,6 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
         if simulate is not None and simulate.camera is not None and dice.random() < SHARE / 2:
             found.append(Vehicle(robot=robot, fault=f"camera={dice.uniform(0.5, 1):.2f}"))
     return sorted(found, key=lambda one: one.at)
-
-
-def boards_with_agents(mission: Mission) -> list[str]:
-    """Return the boards that run agents."""
-    return list(dict.fromkeys(agent.board for agent in mission.agents.values()))
 
 
 def read(path: Path, mission: Mission) -> list[Fault]:

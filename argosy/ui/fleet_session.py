@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import chain
 from typing import Literal
 
 from msgspec.structs import replace
@@ -10,6 +11,7 @@ from msgspec.structs import replace
 from argosy.cli.operator_bus import Where
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.link import FleetLink
+from argosy.fleet_model.members import notes_of
 from argosy.fleet_model.observer import Wanted
 from argosy.ui.map_markers import marks
 from argosy.ui.page_requests import ControlRequests, ControlWish, FleetWish, StopWish, WhyWish, explained
@@ -20,7 +22,6 @@ from argosy.ui.view_builders import (
     formulas,
     message_view,
     note_view,
-    notes_of_all,
     robot_view,
     run_view,
 )
@@ -28,7 +29,7 @@ from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
 from argosy.ui.view_structs import DefectView, HeadView, MessageView, OrderedView, SeenMind
 from commd.process.log_handler import one_line
 from schemas.version import RELEASE
-from schemas.wire.records import Header, Outcome
+from schemas.wire.records import Header, Note, Outcome
 
 FRESH = 0.2
 """Seconds for which the views are not made again."""
@@ -51,7 +52,7 @@ class FleetSession:
         self.link = FleetLink(place, WANTED, choosing=True, notify=_report)
         self.model = self.link.model
         self.shown = Shown(self._tracks)
-        self._run = self.model.run
+        self._run = self.model.lives.run
         self.pages: set[Page] = set()
         self.orders = ControlRequests(self._robots, self._rights)
         self._tiles = tiles
@@ -84,8 +85,8 @@ class FleetSession:
 
     def _bring(self, now: float) -> None:
         self._look()
-        if self.model.run != self._run:
-            self._run = self.model.run
+        if self.model.lives.run != self._run:
+            self._run = self.model.lives.run
             self._marked = 0.0
             self.shown.begin_run()
         if now - self._marked >= MARKED:
@@ -112,7 +113,7 @@ class FleetSession:
     def _parts(self) -> dict[str, object]:
         model = self.model
         robots = {} if model.mission is None else model.mission.robots
-        shared = {note for note, names in notes_of_all(model).items() if len(names) > 1 and level_of(note) != "error"}
+        shared = {note for note, names in self._notes().items() if len(names) > 1 and level_of(note) != "error"}
         parts: dict[str, object] = {"head": self._head(), "marks": self._marks}
         for name, agent in model.agents.items():
             parts[f"agent/{name}"] = agent_view(model, agent, shared)
@@ -130,6 +131,10 @@ class FleetSession:
             parts[OF_PLANS + name] = () if detail is None else detail.plans
         return parts
 
+    def _notes(self) -> dict[Note, list[str]]:
+        model = self.model
+        return notes_of(chain(model.agents.values(), model.robots.values(), model.boards.values()))
+
     def _ordered(self) -> dict[str, object]:
         return {f"order/{order.number}": order for order in self.orders.last}
 
@@ -139,7 +144,7 @@ class FleetSession:
         if router == "away" and model.over:
             router = "ended"
         differs = started_with is not None and mission is not None and mission.text != started_with.text
-        notes = [note_view(note, names) for note, names in notes_of_all(model).items()]
+        notes = [note_view(note, names) for note, names in self._notes().items()]
         return HeadView(
             fleet=link.fleet,
             fleets=link.fleets if not link.fleet else (),

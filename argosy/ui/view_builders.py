@@ -37,16 +37,6 @@ INTENTIONS = 4
 """Intentions of an agent that the list shows."""
 
 
-def notes_of_all(model: FleetModel) -> dict[Note, list[str]]:
-    """Return the notes of all members, each with the names of the members that have it."""
-    named: dict[Note, list[str]] = {}
-    for members in (model.agents, model.robots, model.boards):
-        for member in members.values():
-            for note in member.notes:
-                named.setdefault(note, []).append(member.name)
-    return named
-
-
 def note_view(note: Note, names: Sequence[str] = ()) -> NoteView:
     """Return the view of a note; `names`: the members that have it, if it is shown for all of them."""
     return NoteView(code=note.code, text=note.text, about=note.about, level=level_of(note), names=tuple(names))
@@ -84,7 +74,7 @@ def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note] = (
         stale=agent.heard if (agent.age(model.as_of) or 0.0) > MIND_STALE_AFTER else None,
         silent=agent.silent,
         why_silent=agent.why_silent,
-        actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),
+        actions=tuple(_running(one, model.as_of) for one in model.actions.open(agent.name)[-INTENTIONS:]),
         **counted,  # type: ignore[arg-type]
     )
 

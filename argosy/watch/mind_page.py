@@ -119,8 +119,8 @@ def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list
 
 def _actions(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
     now = model.now()
-    running = model.open_actions(agent.name)
-    ended = [one for one in model.actions.values() if one.agent == agent.name and one.ended is not None]
+    running = model.actions.open(agent.name)
+    ended = [one for one in model.actions.by_id.values() if one.agent == agent.name and one.ended is not None]
     rows = [head(f"actions {len(running)} running")] if running or ended else []
     for action in running:
         figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())

@@ -9,7 +9,7 @@ from rich.text import Text
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.actions import ActionSeen
 from argosy.fleet_model.activity import activity
-from argosy.fleet_model.members import MOST, FleetAgent, FleetRobot, Member
+from argosy.fleet_model.members import MOST, FleetAgent, FleetRobot, Member, notes_of
 from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.robots import RobotSeen
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, rounded, safe_text, table
@@ -17,7 +17,6 @@ from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span
 from schemas.wire.mind_records import WaitView
-from schemas.wire.records import Note
 
 LAGGING = 1.0
 """Seconds of lag from which on an agent counts as behind."""
@@ -40,8 +39,9 @@ def overview(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
         rows += [head("agents"), *_agents(model, width, glyphs)]
     if model.boards:
         rows += [head("boards"), *_boards(model, width, glyphs)]
-    if model.forgotten:
-        text = f"{count(model.forgotten, 'member')} forgotten: at most {MOST} of a kind are kept besides the mission's"
+    if model.roster.forgotten:
+        forgotten = count(model.roster.forgotten, "member")
+        text = f"{forgotten} forgotten: at most {MOST} of a kind are kept besides the mission's"
         rows.append(Row(Text(text, DIM)))
     return rows
 
@@ -56,7 +56,7 @@ def _vehicles(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
 def _robot(model: FleetModel, robot: FleetRobot, width: int, glyphs: Glyphs) -> list[Text]:
     """Return mode, arming, height and all else of a robot."""
     seen, now = robot.seen, model.as_of
-    actions = [action for agent in robot.agents for action in model.open_actions(agent)]
+    actions = [action for agent in robot.agents for action in model.actions.open(agent)]
     doing = joined(*(_action(action, now, model.clock.speed, glyphs) for action in actions))
     if seen.reported and not seen.mode:
         return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.reported.values()), DIM))]
@@ -186,12 +186,9 @@ def _boards(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
 
 def _notes(members: Sequence[Member]) -> list[Row]:
     """Return the notes of some members, each note once with the names."""
-    about: dict[Note, list[str]] = {}
-    for member in (one for one in members if one.there):
-        for note in member.notes:
-            about.setdefault(note, []).append(member.name)
     rows = []
-    for note, names in sorted(about.items(), key=lambda one: level_of(one[0])):  # errors first: the rest may be cut off
+    noted = notes_of(one for one in members if one.there)
+    for note, names in sorted(noted.items(), key=lambda one: level_of(one[0])):  # errors first: the rest may be cut off
         text = joined(f"!  {_some(names)}: {note.text}"[:LONGEST_NOTE], gap="")
         text.stylize(BAD if level_of(note) == "error" else WARN)
         rows.append(Row(text, found_by=" ".join(names)))

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.files.findings import Findings
-from schemas.files.units import host_and_port
-from schemas.mission.model import DEFAULT_PORT, Mission
+from schemas.mission.model import Mission
 
 ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """The files in a folder of keys."""
@@ -118,8 +117,7 @@ def check_board(tls: Tls, mission: Mission, board: str) -> None:
     identity = identity_in(tls)
     if identity.name != board:
         raise Findings.about(tls.certificate, f"the keys are those of `{identity.name}`, and this is board `{board}`")
-    address = mission.boards[board].address if board in mission.boards else ""
-    host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
+    host = mission.host_of(board)
     if host and not identity.is_at(host):
         text = f"the other boards reach `{board}` at {host}, and its certificate is for {', '.join(identity.addresses)}"
         raise Findings.about(tls.certificate, f"{text}: `argosy keys renew` with this mission makes it another")

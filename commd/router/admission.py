@@ -34,8 +34,7 @@ from commd.bus.errors import BusClosed
 from commd.bus.session import owner_of
 from commd.router import tls_rejections
 from commd.router.relay import BACKLOG, Connection, bound_socket, counted_as, free_listener
-from schemas.files.units import host_and_port
-from schemas.mission.model import DEFAULT_PORT, Mission
+from schemas.mission.model import Mission
 from schemas.wire.records import Health, Note
 
 HELLO = 5.0
@@ -113,10 +112,7 @@ class Admission:
     def __init__(self, public: Sequence[str], mission: Mission) -> None:
         """Choose the router's own listeners; `public`: where other machines connect, `tls/HOST:PORT`."""
         self._public = tuple(public)
-        hosts = (
-            host_and_port(one.address, DEFAULT_PORT)[0].strip("[]") for one in mission.boards.values() if one.address
-        )
-        self._known = {counted_as((host, 0)) for host in hosts}
+        self._known = {counted_as((one.host, 0)) for one in mission.boards.values() if one.address}
         """Known addresses; that of a board with a host name is added with its first session."""
         self._names = frozenset((*mission.board_names, *mission.security.operators, *mission.security.observers))
         self._people = frozenset((*mission.security.operators, *mission.security.observers))

@@ -186,7 +186,7 @@ def _keys_of(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
 
 def _names(mission: Mission, board: str, source: str, named: str) -> Collection[str]:
     """Return the names that a board's daemons may use in the first chunk of a row with this source."""
-    robots = [name for name, robot in mission.robots.items() if robot.board == board]
+    robots = mission.robots_on(board)
     match source, named:
         case "operator", _:
             return []

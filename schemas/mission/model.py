@@ -65,6 +65,11 @@ class Board(FileModel, frozen=True, kw_only=True):
     """`HOST` or `HOST:PORT` at which the routers of the other boards reach its own; none = the router listens to this
     machine alone."""
 
+    @property
+    def host(self) -> str:
+        """The host of the address, an IPv6 one without brackets; empty without an address."""
+        return host_and_port(self.address, DEFAULT_PORT)[0].strip("[]") if self.address else ""
+
 
 class Agent(FileModel, frozen=True, kw_only=True):
     """An agent and its program."""
@@ -369,6 +374,23 @@ class Mission:
         boards = {name: agent.board for name, agent in self.agents.items()}
         boards |= {name: client.board for name, client in self.clients.items()}
         return boards | (dict.fromkeys(self.gateway.nodes, self.gateway.board) if self.gateway is not None else {})
+
+    def host_of(self, board: str) -> str:
+        """Return the host of a board's address; empty if it has none, or is not declared."""
+        return self.boards[board].host if board in self.boards else ""
+
+    def robots_on(self, board: str) -> list[str]:
+        """Return the robots that a board serves."""
+        return [name for name, robot in self.robots.items() if robot.board == board]
+
+    @property
+    def boards_with_agents(self) -> list[str]:
+        """The boards that run agents, in the order of their agents."""
+        return list(dict.fromkeys(agent.board for agent in self.agents.values()))
+
+    def agents_on(self, board: str) -> list[str]:
+        """Return the agents that run on a board."""
+        return [name for name, agent in self.agents.items() if agent.board == board]
 
     def agents_of(self, robot: str) -> list[str]:
         """Return the agents that share a robot, and the clients that act as one."""

@@ -205,6 +205,14 @@ def alive(fleet: str, name: str, daemon: str, boot: str) -> str:
     return f"{ROOT}/{fleet}/{name}/alive/{daemon}/{boot}"
 
 
+def parse_alive(key: str) -> tuple[str, str, str, str] | None:
+    """Split the key of a liveliness token into fleet, name, daemon and boot; None for another key."""
+    match parse(key):
+        case (fleet, name, ["alive", daemon, boot]):
+            return fleet, name, daemon, boot
+    return None
+
+
 def parse(key: str) -> tuple[str, str, list[str]] | None:
     """Split `argosy/{fleet}/{name}/...` into fleet, name and the rest; None for another key."""
     chunks = key.split("/")

@@ -24,8 +24,8 @@ def told(fleet: Fleet, seconds: int, *, agent: bool = True, bridge: bool = True)
 
 
 def ending(fleet: Fleet) -> tuple[str, str]:
-    (action,) = fleet.model.actions.values()
-    assert fleet.model.open_actions() == fleet.model.open_actions("scout") == []
+    (action,) = fleet.model.actions.by_id.values()
+    assert fleet.model.actions.open() == fleet.model.actions.open("scout") == []
     assert action.ended is not None
     assert [one.present for one in fleet.model.places.all.values()] == [False]
     return action.state, action.reason
@@ -38,7 +38,7 @@ def test_an_outcome_that_its_agent_tells_ends_an_action_whose_last_status_was_lo
 
 def test_an_outcome_told_by_another_agent_ends_nothing() -> None:
     fleet = flying().activity("rescuer1", ActivityEvent(kind="outcome", id="scout:1:7", state="failed"))
-    assert len(fleet.model.open_actions("scout")) == 1
+    assert len(fleet.model.actions.open("scout")) == 1
 
 
 def test_the_action_of_an_agent_that_is_gone_ends_as_not_known() -> None:
@@ -61,14 +61,14 @@ def test_a_new_life_of_the_agent_or_of_the_bridge_ends_what_the_one_before_began
 
 def test_an_action_of_which_nobody_tells_for_long_ends_as_not_known() -> None:
     fleet = told(flying(), 10)
-    (action,) = fleet.model.open_actions("scout")
+    (action,) = fleet.model.actions.open("scout")
     assert action.silent(fleet.at) == 10
     assert ending(told(fleet, 25)) == ("unknown", "not known how it ended: no status for 30 s")
 
 
 def test_an_action_that_is_told_of_goes_on_and_one_that_was_given_up_is_taken_up_again() -> None:
     fleet = told(flying().goes("scout", "agentd"), 5, agent=False).action("scout", 7, "goto", "running", *HERE)
-    (action,) = fleet.model.open_actions("scout")
+    (action,) = fleet.model.actions.open("scout")
     assert (action.state, action.reason, action.silent(fleet.at)) == ("running", "", None)
     assert [one.present for one in fleet.model.places.all.values()] == [True]
     assert ending(fleet.action("scout", 7, "goto", "succeeded", *HERE))[0] == "succeeded"
@@ -78,13 +78,13 @@ def test_nothing_ends_because_the_router_is_away() -> None:
     fleet = flying()
     fleet.model.router(up=False)
     fleet.waits(100)
-    assert len(fleet.model.open_actions()) == 1
+    assert len(fleet.model.actions.open()) == 1
     fleet.model.router(up=True)
-    assert len(told(fleet, 3).model.open_actions()) == 1
+    assert len(told(fleet, 3).model.actions.open()) == 1
 
 
 def test_a_model_that_stands_still_keeps_what_ran() -> None:
     fleet = flying()
     held = fleet.model.frozen()
     told(fleet.goes("scout", "agentd"), 5, agent=False)
-    assert [one.text for one in held.open_actions("scout")] == ["goto(-27.6035,-48.5182,20)"]
+    assert [one.text for one in held.actions.open("scout")] == ["goto(-27.6035,-48.5182,20)"]

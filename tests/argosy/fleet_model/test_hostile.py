@@ -35,7 +35,7 @@ def test_a_number_that_is_none_is_not_known(bad: Term) -> None:
         assert (seen.altitude, seen.battery, seen.satellites, seen.heading, seen.velocity) == (None,) * 5
     fleet.percept("scout", "victim", bad, bad).action("scout", 1, "goto", "running", bad, bad)
     assert fleet.model.places.all == {}
-    assert len(fleet.model.open_actions("scout")) == 1
+    assert len(fleet.model.actions.open("scout")) == 1
 
 
 def test_a_mind_whose_time_is_no_number_does_not_set_the_clock() -> None:
@@ -56,7 +56,7 @@ def test_a_name_that_nobody_can_have_is_nobody() -> None:
         fleet.model.token(keys.alive(name, "scout", "agentd", "b"), alive=True)
     assert [list(members) for members in (fleet.model.agents, fleet.model.robots, fleet.model.boards)] == before
     assert fleet.model.other_fleets == set()
-    assert not fleet.model.actions
+    assert not fleet.model.actions.by_id
 
 
 def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
@@ -74,13 +74,18 @@ def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
     for one in [seen.mode, seen.holder, seen.override, seen.operator]:
         assert one.isprintable()
         assert len(one) <= 500
-    kept = [*model.timeline.entries, *model.messages.since(0), *model.actions.values(), *model.places.all.values()]
+    kept = [
+        *model.timeline.entries,
+        *model.messages.since(0),
+        *model.actions.by_id.values(),
+        *model.places.all.values(),
+    ]
     for thing in kept:
         for value in vars(thing).values():
             if isinstance(value, str):
                 assert value.isprintable()
                 assert len(value) <= 500
-    (action,) = model.actions.values()
+    (action,) = model.actions.by_id.values()
     assert action.parameters == ()
     assert all(len(name) <= 500 and name.isprintable() for name in action.feedback)
 

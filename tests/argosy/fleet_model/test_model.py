@@ -133,7 +133,7 @@ def test_an_order_of_the_operator_is_known_by_the_health_of_the_bridge() -> None
 
 def test_an_action_that_bridge_and_agent_tell_of_stands_once_in_the_timeline() -> None:
     fleet = rescue().action("scout", 7, "goto", "running", -27.6035, -48.5182, 20)
-    assert [one.text for one in fleet.model.open_actions("scout")] == ["goto(-27.6035,-48.5182,20)"]
+    assert [one.text for one in fleet.model.actions.open("scout")] == ["goto(-27.6035,-48.5182,20)"]
     fleet.activity("scout", ActivityEvent(kind="action", id="scout:1:7", text="goto(-27.6035,-48.5182,20)"))
     fleet.waits(2).action("scout", 7, "goto", "succeeded", -27.6035, -48.5182, 20)
     fleet.activity(
@@ -143,7 +143,7 @@ def test_an_action_that_bridge_and_agent_tell_of_stands_once_in_the_timeline() -
         "scout: goto(-27.6035,-48.5182,20)",
         "scout: goto(-27.6035,-48.5182,20) succeeded after 2.0 s",
     ]
-    assert fleet.model.open_actions() == []
+    assert fleet.model.actions.open() == []
 
 
 def test_an_activity_event_has_the_time_at_which_it_happened_not_was_published() -> None:
@@ -249,7 +249,7 @@ def test_everything_that_may_grow_is_bounded() -> None:
     assert len(model.places.all) == 1000
     assert len(model.messages) == 2000
     assert len(model.agents) == 500
-    assert model.forgotten > 0
+    assert model.roster.forgotten > 0
 
 
 def test_strangers_push_no_member_of_the_mission_out() -> None:

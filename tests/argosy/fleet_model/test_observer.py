@@ -49,7 +49,7 @@ async def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(
         assert detail is not None
         assert len(detail.believed) == len(detail.plans) == 40
         await until(lambda: model.robots["uav02"].seen.mode == "GUIDED", "the vehicle")
-        await until(lambda: bool(model.open_actions("agent02")), "the action")
+        await until(lambda: bool(model.actions.open("agent02")), "the action")
         await until(lambda: model.mail_for("agent00") == 2, "the mail")
         await until(lambda: any(one.what == "sent" for one in model.timeline.entries), "the activity")
         assert any(one.name == "goto" for one in model.places.all.values())

@@ -271,7 +271,7 @@ def test_what_an_agent_said_before_its_death_is_not_done() -> None:
     recording = in_flight()
     recording.mind(done=True)
     assert look(recording) == Ending(0, "done")
-    recording.model.agent_died("uav")
+    recording.model.agents["uav"].forget()
     assert look(recording) is None
     recording.mind(done=True)
     assert look(recording) == Ending(0, "done")
@@ -280,7 +280,7 @@ def test_what_an_agent_said_before_its_death_is_not_done() -> None:
 def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -> None:
     recording = in_flight()
     recording.model.bridge_died("uav1")
-    assert recording.model.open_actions() == []
+    assert recording.model.actions.open() == []
     recording.status.restarts.update({"bridged uav1": 2, "agentd uav": 1})
     told = summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
     assert "failed: its bridge died" in told

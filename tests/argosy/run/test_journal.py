@@ -28,13 +28,13 @@ def test_an_action_is_told_at_its_start_and_at_its_end_with_duration_and_reason(
     recording.action(1, "takeoff", "accepted", 5)
     recording.at = 6.25
     recording.action(1, "takeoff", "running", 5)
-    assert len(recording.model.open_actions()) == 1
+    assert len(recording.model.actions.open()) == 1
     recording.action(1, "takeoff", "failed", 5, reason="fence breached")
     recording.action(1, "takeoff", "running", 5)  # a late one changes nothing
     assert recording.lines == ["uav: takeoff(5)", "uav: takeoff(5) failed after 6.2 s: fence breached"]
     recording.action(2, "land", "refused", reason="held by scout")
     assert recording.lines[2:] == ["uav: land refused after 0.0 s: held by scout"]
-    assert recording.model.open_actions() == []
+    assert recording.model.actions.open() == []
 
 
 def test_a_vehicle_that_falls_silent_in_flight_is_lost_in_its_last_known_state() -> None:

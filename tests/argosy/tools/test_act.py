@@ -55,28 +55,28 @@ def test_an_action_is_followed_in_words_to_its_success(flying: Trial) -> None:
 def test_the_parameter_that_it_asks_for_is_printed(flying: Trial) -> None:
     code, lines, said = act(flying, "uav", "get_param", "RTL_ALT")
     assert (code, said) == (0, "")
-    assert lines[-2:] == ['uav: get_param("RTL_ALT") succeeded', 'uav: parameter("RTL_ALT", 1500)']
+    assert lines[-2:] == ['uav: get_param("RTL_ALT") succeeded', 'uav: parameter("RTL_ALT",1500)']
 
 
 def test_ctrl_c_cancels_it_and_says_what_became_of_it(flying: Trial) -> None:
     words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
     with running(*words) as goto:
-        goto.says("goto(-27.6, -48.515, 20) running")
+        goto.says("goto(-27.6,-48.515,20) running")
         goto.signal(signal.SIGINT)
         assert goto.ends() == 130
-    assert "uav: goto(-27.6, -48.515, 20): ctrl-C, cancelling it" in goto.lines
-    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) cancelled: cancelled by ")
+    assert "uav: goto(-27.6,-48.515,20): ctrl-C, cancelling it" in goto.lines
+    assert goto.lines[-1].startswith("uav: goto(-27.6,-48.515,20) cancelled: cancelled by ")
 
 
 @pytest.mark.parametrize(("number", "name"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")])
 def test_what_ends_the_command_cancels_the_action(flying: Trial, number: int, name: str) -> None:
     words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
     with running(*words) as goto:
-        goto.says("goto(-27.6, -48.515, 20) running")
+        goto.says("goto(-27.6,-48.515,20) running")
         goto.signal(number)
         assert goto.ends() == 128 + number
-    assert f"uav: goto(-27.6, -48.515, 20): {name}, cancelling it" in goto.lines
-    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) cancelled: cancelled by ")
+    assert f"uav: goto(-27.6,-48.515,20): {name}, cancelling it" in goto.lines
+    assert goto.lines[-1].startswith("uav: goto(-27.6,-48.515,20) cancelled: cancelled by ")
     code, lines, _ = act(flying, "uav", "set_mode", "GUIDED")
     assert code == 0, f"nothing runs any more: {lines}"
 
@@ -86,7 +86,7 @@ def test_what_ends_otherwise_is_a_failure(flying: Trial) -> None:
     assert (code, lines) == (1, ["uav: takeoff(500) refused: takeoff: expected altitude: float 1..120 m, got 500"])
     code, lines, _ = act(flying, "uav", "goto", "-27.600", "-48.515", "20", "--deadline", "2s")
     assert code == 1
-    assert lines[0].startswith("uav: goto(-27.6, -48.515, 20) accepted, 2 s at most, id operator:")
+    assert lines[0].startswith("uav: goto(-27.6,-48.515,20) accepted, 2 s at most, id operator:")
     assert "timed out: not done within 2 s; it waited for " in lines[-1]
 
 
@@ -100,12 +100,11 @@ def test_without_an_action_it_says_which_there_are(flying: Trial) -> None:
 def test_what_is_not_there_is_said_with_what_is(flying: Trial) -> None:
     code, _, said = act(flying, "uav", "take_of", "5")
     assert code == 2
-    assert said.startswith("error: uav: there is no action `take_of`, did you mean `takeoff`? Known are arm_motors, ")
+    assert said == "error: uav: there is no action `take_of`, did you mean `takeoff`?"
     code, _, said = act(flying, "uaf", "takeoff", "5")
     assert code == 1
     assert said == (
-        f"error: no bridge at {flying.endpoint} answers for `uaf`: there is no agent `uaf`, did you mean `uav`? "
-        "Known are base, uav"
+        f"error: no bridge at {flying.endpoint} answers for `uaf`: there is no agent `uaf`, did you mean `uav`?"
     )
     code, _, said = act(flying, "base", "takeoff", "5")
     assert (code, said) == (1, "error: agent `base` is there, and no bridge answers for a robot of it")
@@ -162,7 +161,7 @@ def test_a_bridge_that_is_killed_meanwhile_is_no_success(flying: Trial) -> None:
         goto.says(" running")
         flying.bridged.kill()
         assert goto.ends(60) == 1
-    assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) NOT confirmed, how it ended is not known: ")
+    assert goto.lines[-1].startswith("uav: goto(-27.6,-48.515,20) NOT confirmed, how it ended is not known: ")
 
 
 def test_an_order_to_cancel_that_comes_before_the_action_is_given_again(
@@ -212,7 +211,7 @@ def test_actions_are_typed_as_programs_write_them(words: list[str], name: str, p
     [
         (["go", "1,2"], "argument 1: expected the end of the term at character 2, got `,`"),
         (["go", "1", "(1+2)"], "argument 2: expected a value, got `(1+2)`"),
-        (["go(1)", "2"], "expected the arguments in the brackets of `go(1)` or behind it, got `2` besides"),
+        (["go(1)", "2"], "`go(1)` has its arguments in brackets: leave out `2`"),
         (["go(1"], "expected `)`"),
     ],
 )

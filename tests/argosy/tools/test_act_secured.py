@@ -35,7 +35,7 @@ def act(world: World, who: str, *words: str) -> int:
 
 def test_an_operator_acts_at_the_board_of_the_robot(world: World, capsys: pytest.CaptureFixture[str]) -> None:
     assert act(world, "ops", "a", "cmd_vel", "1", "0", "0") == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "a: cmd_vel(1, 0, 0) succeeded"
+    assert capsys.readouterr().out.splitlines()[-1] == "a: cmd_vel(1,0,0) succeeded"
     assert act(world, "ops", "nobody", "cmd_vel") == 1
     assert "mission.yaml has no agent `nobody`; known are a, b, c" in capsys.readouterr().err
 

@@ -244,7 +244,7 @@ def test_a_board_that_tells_no_more_does_not_silence_the_other() -> None:
 def test_echo_begins_with_the_last_known_value_of_a_percept_that_does_not_change(flying: Trial, key: str) -> None:
     typed("echo", "uav/percept/state", "--mission", str(flying.path), "--count", "1")  # from now on it is known
     with running("argosy", "echo", key, "--mission", str(flying.path)) as echo:
-        echo.says('argosy/trial/uav/percept/state  state("STABILIZE", true, false)  (last known)')
+        echo.says('argosy/trial/uav/percept/state  state("STABILIZE",true,false)  (last known)')
     if key != "uav":  # of which there is more
         _, [line], _ = typed("echo", key, "--mission", str(flying.path), "--count", "1", "--json")
         told = json.loads(line)

@@ -64,7 +64,7 @@ RECORDS: list[tuple[str, Record, str]] = [
     ("uav/percept/altitude", Perception(header=HEADER, name="altitude", parameters=(4.9,)), "altitude(4.9)"),
     ("uav/percept/hit", Perception(header=HEADER, name="hit", update="add"), "+hit"),
     ("uav/percept/link", Perception(name="link", parameters=(Atom("up"),), update="remove", key=(0,)), "-link(up)"),
-    ("uav/percept/victim", Perception(parameters=(1, 2, 3)), "victim(1, 2, 3)"),
+    ("uav/percept/victim", Perception(parameters=(1, 2, 3)), "victim(1,2,3)"),
     (
         "uav/percepts",
         Perceptions(changes=(Perception(name="gps", parameters=(3,)), Perception(name="hit", update="add"))),
@@ -75,7 +75,7 @@ RECORDS: list[tuple[str, Record, str]] = [
         ActionStatus(
             id="i", state="running", name="takeoff", parameters=(5,), feedback={"altitude": 3.2, "to_go": 1.8}
         ),
-        "takeoff(5) running altitude=3.2 to_go=1.8",
+        "takeoff(5) running, altitude 3.2, to_go 1.8",
     ),
     (
         "uav/action/takeoff",

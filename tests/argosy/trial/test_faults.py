@@ -22,7 +22,6 @@ from argosy.trial.faults import (
     LinkNoise,
     Operator,
     Vehicle,
-    boards_with_agents,
     draw,
     last,
     read,
@@ -75,7 +74,7 @@ def test_faults_name_what_the_mission_has() -> None:
     assert {one.board for one in of(BoardDown, ALL)} == set(TEAM.board_names)
     daemons = {f"commd {board}" for board in TEAM.board_names}
     daemons |= {f"bridged:{robot}" for robot in TEAM.robots}
-    daemons |= {f"agentd:{board}" for board in boards_with_agents(TEAM)}
+    daemons |= {f"agentd:{board}" for board in TEAM.boards_with_agents}
     assert {one.daemon for one in of(Kill, ALL)} == daemons
     assert all(one.sender != one.receiver for one in of(LinkCut, ALL))
 

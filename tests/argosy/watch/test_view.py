@@ -374,9 +374,9 @@ def test_members_that_the_model_has_forgotten_are_counted_in_the_overview() -> N
     for number in range(2, 600):
         fleet.model.token(keys.alive(FLEET, f"a{number}", "agentd", "b"), alive=True)
     fleet.model.tick()
-    assert fleet.model.forgotten > 0
+    assert fleet.model.roster.forgotten > 0
     last = overview(fleet.model, 100, UNICODE)[-1].text.plain
-    assert last.startswith(f"{fleet.model.forgotten} members forgotten: ")
+    assert last.startswith(f"{fleet.model.roster.forgotten} members forgotten: ")
 
 
 @shown(flying)
