@@ -102,4 +102,4 @@ def test_a_model_that_stands_still_keeps_the_run_that_it_shows() -> None:
     held = fleet.model.frozen()
     all_come(all_go(fleet).waits(5), "b2")
     assert held.agents["scout"].mind is not None
-    assert len(held.actions) == 2
+    assert len(held.actions.by_id) == 2
