@@ -1,4 +1,4 @@
-"""The errors that end a command, which `argosy.__main__` prints in a line each, and other lines for stderr."""
+"""The errors that end a command, which `argosy.__main__` prints in a line each; other lines and questions on stderr."""
 
 from __future__ import annotations
 
@@ -26,6 +26,15 @@ def complain(text: str) -> None:
     """Print on stderr, without control characters; ignore a closed stream."""
     with suppress(OSError):
         print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)
+
+
+def consent(what: str, refused: str) -> None:
+    """Ask on the terminal before doing `what`. Raises BadInput without a terminal, CommandError `refused` for a no."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise BadInput(f"this would {what}; there is no terminal to ask at: confirm by --yes")
+    print(f"this will {what}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise CommandError(refused)
 
 
 def progress(line: str) -> bool:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from argosy.cli.arguments import Command
-from argosy.cli.errors import BadInput, CommandError, complain
+from argosy.cli.errors import BadInput, CommandError, complain, consent
 from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, fleet_of, note, on_the_bus, put_out
 from argosy.cli.vehicle_requests import ask_vehicle, check_new, write_whole
-from argosy.params.comparison import Comparison, Difference, compare, some
-from argosy.params.param_files import ParameterFile, read_parameter_file, value_text, write_parameters
+from argosy.params.param_files import (
+    Comparison,
+    Difference,
+    ParameterFile,
+    compare,
+    read_parameter_file,
+    some,
+    value_text,
+    write_parameters,
+)
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
@@ -106,8 +113,8 @@ def load_parameters(args: Namespace) -> int:
         if kept:
             allow = " ".join(f"--allow-safety {one.name}" for one in kept)
             note(f"{args.robot}: {len(kept)} not set, the vehicle's safety depends on them; to set them, add {allow}")
-        if chosen:
-            _consent(args, chosen)
+        if chosen and not args.yes:
+            consent(f"set {count(len(chosen), 'parameter')} of {args.robot}", "nothing was set")
         unset = await _set_all(bus, fleet, args, chosen)
         return EXIT_FAILED if unset or kept or comparison.unknown else EXIT_DONE
 
@@ -140,18 +147,6 @@ async def _compare(bus: Bus, fleet: str, robot: str, file: ParameterFile) -> Com
 def printable_lines(text: str) -> str:
     """Return lines without terminal commands: names come from the vehicle."""
     return "\n".join(map(printable, text.split("\n")))
-
-
-def _consent(args: Namespace, chosen: list[Difference]) -> None:
-    """Ask once before anything is set. Without a terminal only `--yes` counts. Raises BadInput or CommandError."""
-    if args.yes:
-        return
-    what = f"set {count(len(chosen), 'parameter')} of {args.robot}"
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise BadInput(f"this would {what}; without a terminal to ask at, confirm by --yes")
-    print(f"{what}? [y/N] ", end="", file=sys.stderr, flush=True)
-    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise CommandError("nothing was set")
 
 
 async def _set_all(bus: Bus, fleet: str, args: Namespace, chosen: list[Difference]) -> list[str]:

@@ -1,1 +1,1 @@
-"""Recordings (MCAP): `record` writes them, `file` reads them, `replay` plays them and runs recorded minds again."""
+"""Recordings (MCAP): `recorder` writes, `reader` reads, `player` plays them, `mind_verification` runs minds again."""

@@ -116,8 +116,7 @@ def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
 
 def _fleet(recording: Recording, args: Namespace) -> str:
     """Return of which fleet the agent is. Raises BadInput."""
-    parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
-    there = {(one[0], one[1]) for one in parsed if one is not None and args.fleet in (None, one[0])}
+    there = {one for one in recording.names_of(MindInputs) if args.fleet in (None, one[0])}
     fleets = sorted(fleet for fleet, agent in there if agent == args.mind)
     of_fleet = f" of fleet {args.fleet}" if args.fleet is not None else ""
     if not fleets:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 import msgspec
@@ -38,6 +38,12 @@ class RecordedMind:
     def whole(self) -> bool:
         """Whether it can be replayed: from its start, without a gap. Its end may be missing: `ended`."""
         return bool(self.batches) and self.batches[0].initial is not None and not self.missing
+
+    @property
+    def unbroken(self) -> list[MindInputs]:
+        """The batches from its start to the first gap."""
+        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.batches))
+        return [batch for _, batch in whole]
 
     @property
     def ended(self) -> bool:

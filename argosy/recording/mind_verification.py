@@ -56,18 +56,12 @@ class ReplayCheck:
     @property
     def batches(self) -> list[MindInputs]:
         """The batches without a gap from the start on, and within `--until`."""
-        return list(takewhile(self._in_time, self._unbroken))
-
-    @property
-    def _unbroken(self) -> Iterator[MindInputs]:
-        """The batches without a gap from the start on."""
-        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.recorded_mind.batches))
-        return (batch for _, batch in whole)
+        return list(takewhile(self._in_time, self.recorded_mind.unbroken))
 
     @property
     def _as_asked(self) -> bool:
         """Whether no more than a part of what is there was asked for."""
-        return len(self.batches) < sum(1 for _ in self._unbroken)
+        return len(self.batches) < len(self.recorded_mind.unbroken)
 
     def _in_time(self, batch: MindInputs) -> bool:
         until = self.args.until

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import asyncio
 from base64 import b64decode
-from collections.abc import Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import msgspec
+from msgspec.structs import replace
 
-from argosy.recording.played_minds import PlayedMind
+from agentd.conversion.mind_view import BadParameter, Look, MindViews
+from agentd.extensions.plugins import discover
+from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.recording.reader import Recorded, Recording
 from argosy.recording.records import TokenSeen, Unread, fleet_of, is_msgpack, record_put_on, to_msgpack
-from commd.bus.bus import Bus, Token
+from commd.bus.bus import Bus, Query, Token
 from commd.bus.raw import Publisher
 from schemas.wire import keys
-from schemas.wire.mind_records import MindActivity, MindInputs
+from schemas.wire.codec import BadRecord, codec
+from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, MindView
+from schemas.wire.records import Header, Record
 
 AT_ONCE = 500
 """Messages published before the event loop turns to other tasks."""
@@ -182,3 +189,84 @@ def foreign(tokens: Iterable[str], own: Iterable[str]) -> list[str]:
     """Return the daemons, as `bridged uav1`, whose tokens are not the replay's own."""
     parsed = map(keys.parse_alive, sorted(set(tokens) - set(own)))
     return [f"{one[2]} {one[1]}" for one in parsed if one is not None]
+
+
+MOST_ACTIONS: Final = 60
+"""Last actions and outcomes that a view has."""
+
+
+class _Which(Record, frozen=True, kw_only=True):
+    """The header of a record of a mind, decoded without the rest, which may not be needed."""
+
+    header: Header = Header()
+    number: int = 0
+
+
+class PlayedMind:
+    """Answers queries for views of one agent's mind as the agent did, one start after the other.
+
+    It is rebuilt from its recorded inputs, as far as these are published, when a query comes.
+    """
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        self.withdraw: Callable[[], None] = bus.serve(key, MindView, self._show, observers=True)
+        self._bus, self._key, self._boot = bus, key, ""
+        self._waiting: dict[int, bytes] = {}
+        """The inputs that were not fed yet, by number, as the recording has them."""
+        self._broken = ""
+        """Why this mind cannot be replayed further; empty = it can."""
+        self._actions: deque[ActivityEvent] = deque(maxlen=MOST_ACTIONS)
+        self._rebuilt: tuple[ReplayedMind, MindViews] | None = None
+
+    def take(self, message: Recorded) -> None:
+        """Take what was published of the mind."""
+        try:
+            which = codec(_Which).decode(message.data)
+        except BadRecord:
+            return  # a later batch shows that one is missing
+        if which.header.boot != self._boot:
+            self._boot, self._rebuilt, self._broken = which.header.boot, None, ""
+            self._waiting.clear()
+            self._actions.clear()
+        if message.name == MindInputs.__name__:
+            if self._rebuilt is None or which.number > self._rebuilt[0].number:
+                self._waiting[which.number] = message.data
+        elif isinstance(record := message.record, MindActivity):
+            self._actions += [event for event in record.events if event.kind in ("action", "outcome")]
+
+    async def _show(self, query: Query[MindView]) -> None:
+        try:
+            view = self._view(Look.of(query.parameters))
+        except (BadParameter, CannotReplay) as bad:
+            query.reply_error(str(bad))
+        else:
+            await query.answer(replace(view, header=self._bus.header("mind", view.agent)), self._key)
+
+    def _view(self, look: Look) -> MindView:
+        """Return the mind after all inputs so far. Raises CannotReplay."""
+        if self._rebuilt is None:
+            if 0 not in self._waiting:
+                raise CannotReplay("its start is not in the recording")
+            discover()
+            rebuilt = ReplayedMind(_inputs(self._waiting[0]))
+            self._rebuilt = rebuilt, MindViews(rebuilt.mind)
+        rebuilt, views = self._rebuilt
+        if self._broken:
+            raise CannotReplay(self._broken)
+        try:
+            while (batch := self._waiting.pop(rebuilt.number + 1, None)) is not None:
+                rebuilt.feed(_inputs(batch))
+        except CannotReplay as bad:
+            self._broken = str(bad)
+            raise
+        if self._waiting:
+            rebuilt.take(_inputs(self._waiting[min(self._waiting)]))  # raises: the batches before it are missing
+        return replace(views.view(look, rebuilt.now), actions=tuple(self._actions))
+
+
+def _inputs(batch: bytes) -> MindInputs:
+    """Decode a batch. Raises CannotReplay."""
+    try:
+        return codec(MindInputs).decode(batch)
+    except BadRecord as bad:
+        raise CannotReplay(f"a batch of its inputs cannot be read: {bad}") from None

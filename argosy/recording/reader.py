@@ -113,6 +113,11 @@ class Recording:
         """The recorded fleets."""
         return sorted({fleet for topic in self.topics if (fleet := fleet_of(topic.key)) is not None})
 
+    def names_of(self, record: type[Record]) -> list[tuple[str, str]]:
+        """Return fleet and name of each key with records of this type, in the order of the keys."""
+        parsed = (keys.parse(topic.key) for topic in self.topics if topic.record == record.__name__)
+        return list(dict.fromkeys(one[:2] for one in parsed if one is not None))
+
     @property
     def seconds(self) -> float:
         """From the first to the last message."""

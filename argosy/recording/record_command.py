@@ -19,7 +19,8 @@ from typing import NoReturn
 from argosy.cli.arguments import duration
 from argosy.cli.errors import BadInput, progress
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
+from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, note_unreached, on_the_bus
+from argosy.cli.vehicle_requests import check_new
 from argosy.recording.backfill import Backfill
 from argosy.recording.metadata import Facts
 from argosy.recording.recorder import NOTES, Limits, Recorder
@@ -107,8 +108,7 @@ def run(args: Namespace) -> int:
     fleet = mission.fleet if mission is not None else args.fleet or ANY
     only = wanted_keys(fleet, args.only)
     path = args.output or Path(f"{fleet if fleet != ANY else 'argosy'}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
-    if path.exists() and not args.force:
-        raise BadInput(f"{path} exists: name another file with -o, or overwrite it with --force")
+    check_new(path, args.force)
 
     async def record(bus: Bus, where: Where) -> int:
         write_queue = WriteQueue()
@@ -134,7 +134,7 @@ def _facts(
 ) -> Facts:
     name = file = text = ""
     if mission is not None:
-        name, file, text = mission.name, mission.path.name, mission.path.read_text(encoding="utf-8")
+        name, file, text = mission.name, mission.path.name, mission.text
         speed = mission.speed if speed is None else speed
     return Facts(
         recording=os.urandom(8).hex(),
@@ -179,8 +179,7 @@ class _Recording:
         self._backfill.start()
         self._bus.on_router(self._router)
         stdout().write(f"recording {recorder.path}", NOTICE, event=RecordingStarted())
-        for one in await unreached(self._bus):
-            print(f"note: {one}", file=sys.stderr)
+        await note_unreached(self._bus)
         nobody = asyncio.create_task(self._print_if_nobody_is_there(fleet))
         showing = asyncio.create_task(show_status(recorder))
         await self._until_it_ends()

@@ -19,7 +19,7 @@ import msgspec
 from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
 from argosy.cli.arguments import finite_number
-from argosy.cli.errors import BadInput, CommandError
+from argosy.cli.errors import BadInput, CommandError, consent
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
 from argosy.fleet_model.mission_clock import steady_clock
@@ -99,7 +99,7 @@ def run(args: Namespace) -> int:
         _check_ports(setup)
         if setup.real and not args.yes:  # a person may take his time
             ports.close()
-        _consent(setup, args)
+            consent(_consequences(setup), "nothing was started")
         if args.router is None:  # a user who names a router names it to the other commands, too
             stack.enter_context(announced(mission.fleet, setup.router))
         return _fly(setup, args, log, unrecorded, ports.close)
@@ -185,17 +185,6 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
         return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
     except OSError as error:
         raise BadInput(f"--report {report}: {error.strerror}") from None
-
-
-def _consent(setup: Setup, args: Namespace) -> None:
-    """Ask once for consent to use real robots. Without a terminal only `--yes` counts."""
-    if not setup.real or args.yes:
-        return
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise BadInput(f"this would {_consequences(setup)}; without a terminal to ask at, confirm by --yes")
-    print(f"this will {_consequences(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
-    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise CommandError("nothing was started")
 
 
 def _consequences(setup: Setup) -> str:

@@ -14,7 +14,7 @@ from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.members import notes_of
 from argosy.fleet_model.observer import Wanted
 from argosy.ui.map_markers import marks
-from argosy.ui.page_requests import ControlRequests, ControlWish, FleetWish, StopWish, WhyWish, explained
+from argosy.ui.page_requests import ControlRequests
 from argosy.ui.view_builders import (
     agent_view,
     board_view,
@@ -26,10 +26,10 @@ from argosy.ui.view_builders import (
     run_view,
 )
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
-from argosy.ui.view_structs import DefectView, HeadView, MessageView, OrderedView, SeenMind
+from argosy.ui.view_structs import DefectView, HeadView, MessageView, SeenMind
 from commd.process.log_handler import one_line
 from schemas.version import RELEASE
-from schemas.wire.records import Header, Note, Outcome
+from schemas.wire.records import Header, Note
 
 FRESH = 0.2
 """Seconds for which the views are not made again."""
@@ -54,7 +54,7 @@ class FleetSession:
         self.shown = Shown(self._tracks)
         self._run = self.model.lives.run
         self.pages: set[Page] = set()
-        self.orders = ControlRequests(self._robots, self._rights)
+        self.requests = ControlRequests(self.link, self._robots, self._rights)
         self._tiles = tiles
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
@@ -136,7 +136,7 @@ class FleetSession:
         return notes_of(chain(model.agents.values(), model.robots.values(), model.boards.values()))
 
     def _ordered(self) -> dict[str, object]:
-        return {f"order/{order.number}": order for order in self.orders.last}
+        return {f"order/{order.number}": order for order in self.requests.last}
 
     def _head(self) -> HeadView:
         link, model, mission, started_with = self.link, self.model, self.model.mission, self.mission
@@ -202,22 +202,6 @@ class FleetSession:
         if self.mission is not None and self.identity in self.mission.security.observers:
             return f"`{self.identity}` is an observer in the mission: it may not give orders"
         return ""
-
-    async def stop(self, wish: StopWish) -> OrderedView:
-        """Order robots."""
-        return await self.orders.stop(self.link.bus, self.link.fleet, wish)
-
-    async def control(self, wish: ControlWish) -> Outcome:
-        """Order a mind."""
-        return await self.orders.control(self.link.bus, self.link.fleet, wish)
-
-    async def why(self, wish: WhyWish) -> object:
-        """Explain the decisions of an agent."""
-        return await explained(self.link.bus, self.link.fleet, wish)
-
-    async def choose(self, wish: FleetWish) -> Outcome:
-        """Choose one of several fleets."""
-        return Outcome(ok=self.link.choose(wish.fleet))
 
 
 def _report(text: str) -> None:

@@ -14,6 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from argosy.cli.operator_bus import Unanswered, bridges
+from argosy.fleet_model.link import FleetLink
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.stop.command import UNANSWERED, order_robot
 from argosy.ui.view_structs import OrderedView
@@ -61,19 +62,41 @@ class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
     text: str = ""
 
 
+class WhyWish(msgspec.Struct, forbid_unknown_fields=True):
+    """A question why an agent did something."""
+
+    agent: str
+    about: str = ""
+    """A goal, belief or action; empty: what happened last."""
+
+
+class FleetWish(msgspec.Struct, forbid_unknown_fields=True):
+    """The choice of one of several fleets."""
+
+    fleet: str
+
+
+class Explained(msgspec.Struct, omit_defaults=True):
+    """The answer: an explanation (argosy/why), or the reason why there is none."""
+
+    explanation: Explanation | None = None
+    error: str = ""
+
+
 class ControlRequests:
     """Carries out the orders of this run's pages and keeps the last ones."""
 
-    def __init__(self, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:
-        self._known = known
+    def __init__(self, link: FleetLink, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:
+        self._link, self._known = link, known
         """Returns the robots of the mission, and those that were seen."""
         self._rights = rights
         """Returns why orders are not allowed; empty if they are."""
         self._number = 0
         self.last: deque[OrderedView] = deque(maxlen=KEPT)
 
-    async def stop(self, bus: Bus | None, fleet: str, wish: StopWish) -> OrderedView:
+    async def stop(self, wish: StopWish) -> OrderedView:
         """Send an order to all robots at the same time and wait for each outcome."""
+        bus, fleet = self._link.bus, self._link.fleet
         self._number += 1
         view = OrderedView(
             number=self._number, order=wish.order, at=steady_clock(), clicked=wish.at, state="looking",
@@ -105,7 +128,7 @@ class ControlRequests:
                 robot, outcome = await answer
                 reason = outcome.reason
                 if outcome is UNANSWERED and not bus.router_up:
-                    reason = "the router is not reached"
+                    reason = UNREACHED
                 elif outcome is UNANSWERED and robot not in there:
                     reason = "its bridge is not on the bus"
                 state = "confirmed" if outcome.ok else "NOT confirmed"
@@ -130,8 +153,9 @@ class ControlRequests:
                 self.last[index] = view
         return view
 
-    async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
+    async def control(self, wish: ControlWish) -> Outcome:
         """Send an order to a mind. Returns the reason if it is refused."""
+        bus, fleet = self._link.bus, self._link.fleet
         if why := late(wish.at) or self._rights() or misnamed((wish.agent,), "an agent"):
             return Outcome(ok=False, reason=why)
         if bus is None or not fleet:
@@ -147,6 +171,24 @@ class ControlRequests:
             return Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it running?")
         except BusError as error:
             return Outcome(ok=False, reason=str(error))
+
+    async def why(self, wish: WhyWish) -> Explained:
+        """Ask an agent why."""
+        bus, fleet = self._link.bus, self._link.fleet
+        if wrong := misnamed((wish.agent,), "an agent"):
+            return Explained(error=wrong)
+        if bus is None or not fleet:
+            return Explained(error=UNREACHED)
+        try:
+            return Explained(await explain(bus, fleet, wish.agent, wish.about))
+        except (BusClosed, Unanswered) as error:
+            return Explained(error=str(error))
+        except Findings as findings:
+            return Explained(error="; ".join(one.message for one in findings.findings))
+
+    async def choose(self, wish: FleetWish) -> Outcome:
+        """Choose one of several fleets."""
+        return Outcome(ok=self._link.choose(wish.fleet))
 
 
 def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]:
@@ -178,38 +220,3 @@ def misnamed(names: Sequence[str], what: str) -> str:
         except ValueError:
             return f"`{name[:64]}` is no name of {what}"
     return ""
-
-
-class WhyWish(msgspec.Struct, forbid_unknown_fields=True):
-    """A question why an agent did something."""
-
-    agent: str
-    about: str = ""
-    """A goal, belief or action; empty: what happened last."""
-
-
-class FleetWish(msgspec.Struct, forbid_unknown_fields=True):
-    """The choice of one of several fleets."""
-
-    fleet: str
-
-
-class Explained(msgspec.Struct, omit_defaults=True):
-    """The answer: an explanation (argosy/why), or the reason why there is none."""
-
-    explanation: Explanation | None = None
-    error: str = ""
-
-
-async def explained(bus: Bus | None, fleet: str, wish: WhyWish) -> Explained:
-    """Ask an agent why."""
-    if wrong := misnamed((wish.agent,), "an agent"):
-        return Explained(error=wrong)
-    if bus is None or not fleet:
-        return Explained(error=UNREACHED)
-    try:
-        return Explained(await explain(bus, fleet, wish.agent, wish.about))
-    except (BusClosed, Unanswered) as error:
-        return Explained(error=str(error))
-    except Findings as findings:
-        return Explained(error="; ".join(one.message for one in findings.findings))

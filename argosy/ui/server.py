@@ -27,7 +27,7 @@ W = TypeVar("W")
 def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = None) -> web.Application:
     """Return the server's application."""
     app = web.Application(middlewares=[auth.guard], client_max_size=REQUEST)
-    pages = following.pages
+    pages, requests = following.pages, following.requests
 
     async def page(_request: web.Request) -> web.StreamResponse:
         return web.FileResponse(STATIC / "index.html")
@@ -49,10 +49,10 @@ def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = N
     app.router.add_get("/", page)
     app.router.add_get("/feed", feed)
     app.router.add_get("/here", here)
-    app.router.add_post("/stop", _asked(StopWish, following.stop))
-    app.router.add_post("/control", _asked(ControlWish, following.control))
-    app.router.add_post("/why", _asked(WhyWish, following.why))
-    app.router.add_post("/fleet", _asked(FleetWish, following.choose))
+    app.router.add_post("/stop", _asked(StopWish, requests.stop))
+    app.router.add_post("/control", _asked(ControlWish, requests.control))
+    app.router.add_post("/why", _asked(WhyWish, requests.why))
+    app.router.add_post("/fleet", _asked(FleetWish, requests.choose))
     app.router.add_static("/static", STATIC)
     if tiles is not None:
         app.router.add_static("/tiles", tiles)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import takewhile
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -13,7 +12,7 @@ from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError
 from argosy.recording.mind_inputs import RecordedMind, range_text
-from argosy.recording.played_minds import MOST_ACTIONS
+from argosy.recording.player import MOST_ACTIONS
 from argosy.recording.reader import Recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
@@ -34,7 +33,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     """
     recording = Recording(file)
     recorded = _mind_at(recording, agent, at)
-    batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(recorded.batches))]
+    batches = recorded.unbroken
     if not batches or batches[0].initial is None:
         raise NotRecorded(f"{file}: it lacks the start of {agent}: begin to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
@@ -58,8 +57,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
 
 def _mind_at(recording: Recording, agent: str, at: float | None) -> RecordedMind:
     """Return the recorded mind at a mission second: the last one that has begun by then."""
-    parsed = (keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__)
-    known = sorted({one[1] for one in parsed if one is not None})
+    known = sorted({name for _, name in recording.names_of(MindInputs)})
     if agent not in known:
         hint = did_you_mean(agent, known) or ", nor of any other agent"
         raise NotRecorded(f"{recording.path}: there are no inputs of {agent} in it{hint}")

@@ -76,5 +76,5 @@ def test_the_counter_of_the_page_is_a_driver(start: Start, tmp_path: Path, monke
 def test_who_is_asked_about_a_robot_that_is_no_vehicle_is_asked_about_a_robot(start: Start, tmp_path: Path) -> None:
     running = start(written(tmp_path) / "heating.yaml", real_daemons=True)
     assert running.wait(60) == 2
-    asked = "error: this would act on the real robot room; without a terminal to ask at, confirm by --yes\n"
+    asked = "error: this would act on the real robot room; there is no terminal to ask at: confirm by --yes\n"
     assert running.stderr == asked

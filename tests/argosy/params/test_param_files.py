@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink import mavparm
 
-from argosy.params.comparison import compare
-from argosy.params.param_files import read_parameter_file, same_value, value_text, write_parameters
+from argosy.params.param_files import compare, read_parameter_file, same_value, value_text, write_parameters
 from bridged.drivers.mavlink.vehicle.safety_parameters import is_vehicles_own, safety_kind
 from schemas.files.findings import Findings
 

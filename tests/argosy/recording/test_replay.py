@@ -17,7 +17,7 @@ from mcap.writer import Writer
 from argosy.__main__ import main
 from argosy.recording.metadata import BEGIN as BEGUN
 from argosy.recording.metadata import End
-from argosy.recording.played_minds import PlayedMind
+from argosy.recording.player import PlayedMind
 from argosy.recording.reader import Recording
 from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
 from argosy.recording.write_queue import Heard

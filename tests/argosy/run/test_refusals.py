@@ -70,7 +70,7 @@ def test_a_real_robot_without_a_terminal_to_ask_at_and_without_yes(
 ) -> None:
     if not named:  # real in any case
         edit(single_uav, r"^.*(?:simulate|speed):.*\n", "")
-    why = "this would arm and fly the real vehicle uav1; without a terminal to ask at, confirm by --yes"
+    why = "this would arm and fly the real vehicle uav1; there is no terminal to ask at: confirm by --yes"
     assert refused(single_uav, *(["--real", "uav1"] if named else [])) == (2, f"error: {why}\n")
 
 

@@ -62,7 +62,7 @@ async def test_what_another_page_posts_is_refused_though_it_has_the_cookie(path:
     async with entered() as browser:
         status, text = await browser.post(path, {}, Origin=origin.replace("PORT", str(browser.auth.port)))
         assert status == 403, text
-        assert not browser.following.orders.last
+        assert not browser.following.requests.last
 
 
 @async_test
@@ -116,7 +116,7 @@ async def test_a_wish_that_is_none_is_refused_in_words(wish: object, status: int
         answered, text = await browser.post("/stop", wish)
         assert answered == status
         assert text.strip()
-        assert not browser.following.orders.last
+        assert not browser.following.requests.last
 
 
 @async_test

@@ -187,6 +187,6 @@ async def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
     async with commanded(endpoint, {"uav1": None}) as (browser, _, _):
         monkeypatch.setattr(argosy.ui.page_requests, "bridges", fails)
         assert (await browser.post("/stop", {"order": "hold"}))[0] == 500
-        [view] = browser.following.orders.last
+        [view] = browser.following.requests.last
         assert view.state == "NOT confirmed"
         assert view.outcomes == {"uav1": ("NOT confirmed", "interrupted: NOT known whether it was carried out")}

@@ -154,7 +154,7 @@ async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
         await seen.shows("#router", "● router")
         await seen.twice(seen.page.locator("header [data-order=hold]"))
         await seen.shows(".outcome.calm", "hold all: looking for robots")
-        assert browser.following.orders.last[-1].state == "looking"
+        assert browser.following.requests.last[-1].state == "looking"
         known.set()
         await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is on the bus")
 
