@@ -250,7 +250,7 @@ async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_
 ) -> None:
     path, nowhere = tmp_path / "a.mcap", tmp_path / "no" / "a.mcap"
     path.write_text("mine")
-    told = f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
+    told = f"error: {path} exists: name another file, or overwrite it with --force\n"
     assert await refused(capsys, "--router", endpoint, "-o", path) == told
     assert path.read_text() == "mine"
     told = f"error: {nowhere}: No such file or directory\n"
