@@ -22,7 +22,7 @@ from commd.bus.errors import BusClosed
 from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
 from commd.process.process import EXIT_DONE, tls_of
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Findings, did_you_mean
 from schemas.liveness import ACTION_SILENT
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
@@ -82,10 +82,10 @@ def where(args: Namespace) -> Where:
     """
     mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
     if tls is not None and args.router and not args.router.startswith("tls/"):
-        raise Findings([Finding("--keys", 0, 0, f"need an endpoint tls/HOST:PORT, got --router {args.router}")])
+        raise Findings.about("--keys", f"need an endpoint tls/HOST:PORT, got --router {args.router}")
     if tls is not None and not args.router and mission is None:
         text = "need a board: add --mission FILE or --router tls/HOST:PORT"
-        raise Findings([Finding("--keys", 0, 0, text)])
+        raise Findings.about("--keys", text)
     if mission is not None:
         each = mission if tls is not None and not args.router else None
         if each is not None:

@@ -19,7 +19,7 @@ from argosy.deploy.unit_files import VENV, Board, unit_files
 from commd.daemon import chosen
 from commd.process.process import EXIT_DONE
 from commd.router import config
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
 
 GUIDE = "INSTALL.md"
@@ -70,7 +70,7 @@ def write(board: Board, out: Path) -> int:
     texts[f"{board.folder[1:]}/router.json5"] = config.write(settings)
     for name, path in files_of(board.mission, board.name).items():
         if Path(name).parts[0] in TAKEN:
-            raise Findings([Finding(str(path), 0, 0, "a board has another file of this name: rename the mission's")])
+            raise Findings.about(path, "a board has another file of this name: rename the mission's")
         texts[f"{board.folder[1:]}/{name}"] = path.read_bytes()
     texts[GUIDE] = guide(board, secrets)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -93,7 +93,7 @@ def check(mission: Mission) -> None:
     name = mission.path.name
     if not name.isprintable() or name != name.strip() or set(name) & set("\"'\\`$%#;"):
         text = "expected a file name without quotes, control characters and ` \\ $ % # ;: units name it"
-        raise Findings([Finding(str(mission.path), 0, 0, text)])
+        raise Findings.about(mission.path, text)
 
 
 def _check_secrets(mission: Mission, secrets: Sequence[str]) -> None:

@@ -27,11 +27,10 @@ from argosy.keys.key_index import (
     believed_in,
     machine_folder,
     read_record,
-    wrong,
 )
 from commd.bus.tls import CERTIFICATE, KEY, ROOT, day, files_in, identity_of
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import did_you_mean
+from schemas.files.findings import Findings, did_you_mean
 from schemas.mission.model import Mission, load_mission
 
 if TYPE_CHECKING:
@@ -139,7 +138,7 @@ def init(args: Namespace) -> int:
 
     mission = load_mission(args.mission)
     if not mission.boards:
-        raise wrong(mission.path, "the mission declares no `boards`: only boards need keys")
+        raise Findings.about(mission.path, "the mission declares no `boards`: only boards need keys")
     path = key_directory(args, mission)
     password = _new_password() if args.password else None
     with alone(path):
@@ -242,7 +241,7 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
         try:
             authority = Authority.read(pem, password.encode() if password is not None else None)
         except (ValueError, TypeError):
-            raise wrong(
+            raise Findings.about(
                 path / SECRET, "the fleet's secret cannot be used: wrong password, or an invalid file"
             ) from None
         folder = KeyStore(path, read_record(path, mission.fleet), authority)
@@ -255,8 +254,7 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
 def _check_names(mission: Mission, names: Sequence[str], known: Sequence[str], what: str) -> None:
     for name in names:
         if name not in known:
-            there = did_you_mean(name, known) or (f"; there is {', '.join(known)}" if known else "")
-            raise wrong(mission.path, f"there is no {what} `{name}`{there}")
+            raise Findings.about(mission.path, f"there is no {what} `{name}`{did_you_mean(name, known)}")
 
 
 def _boards(folder: KeyStore) -> list[str]:
@@ -289,9 +287,9 @@ def _print_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
 def _new_password() -> bytes:
     first = _asked("new password of the fleet's secret: ")
     if PASSWORD not in os.environ and first != _asked("once more: "):
-        raise wrong(Path("--password"), "the passwords differ: nothing was changed")
+        raise Findings.about("--password", "the passwords differ: nothing was changed")
     if not first:
-        raise wrong(Path("--password"), "an empty password locks nothing: nothing was done")
+        raise Findings.about("--password", "an empty password locks nothing: nothing was done")
     return first.encode()
 
 
@@ -299,7 +297,7 @@ def _asked(prompt: str) -> str:
     if (given := os.environ.get(PASSWORD)) is not None:
         return given
     if not sys.stdin.isatty():
-        raise wrong(Path("--password"), f"there is no terminal to ask for the password: set {PASSWORD}")
+        raise Findings.about("--password", f"there is no terminal to ask for the password: set {PASSWORD}")
     return getpass(prompt)
 
 
@@ -345,7 +343,7 @@ def _show_folder(folder: Path) -> int:
     if (folder / RECORD).exists():
         within = ", ".join(sorted(map(str, (folder / MACHINES).glob("*")))) or "none yet"
         text = f"this is the folder of all keys of a fleet: `argosy keys show MISSION --dir {folder}` shows them"
-        raise wrong(folder, f"{text}; those of its machines: {within}")
+        raise Findings.about(folder, f"{text}; those of its machines: {within}")
     tls = files_in(folder)
     identity = identity_of(tls, now := time.time())
     hosts = f", for {', '.join(identity.addresses)}" if identity.addresses else ""

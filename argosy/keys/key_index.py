@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from commd.bus.tls import ROOT, SOON
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 
 RECORD, SECRET, MACHINES = "fleet.json", "ca.key", "machines"
 SOON_DAYS = round(SOON / 86_400)
@@ -77,17 +77,17 @@ def read_record(path: Path, fleet: str) -> Record:
     except FileNotFoundError:
         if (path / SECRET).exists():
             text = f"is missing, but {SECRET} exists: restore it from your backup, or start again in another folder"
-            raise wrong(path / RECORD, text) from None
+            raise Findings.about(path / RECORD, text) from None
         text = (
             f"no keys of fleet `{fleet}` are here: create them with `argosy keys init`, or name their folder by --dir"
         )
-        raise wrong(path, text) from None
+        raise Findings.about(path, text) from None
     except OSError as error:
-        raise wrong(path / RECORD, f"cannot be read: {error.strerror}") from None
+        raise Findings.about(path / RECORD, f"cannot be read: {error.strerror}") from None
     except msgspec.DecodeError as error:
-        raise wrong(path / RECORD, f"was not written by `argosy keys`: {error}") from None
+        raise Findings.about(path / RECORD, f"was not written by `argosy keys`: {error}") from None
     if record.fleet != fleet:
-        raise wrong(path, f"the keys here belong to fleet `{record.fleet}`, the mission has fleet `{fleet}`")
+        raise Findings.about(path, f"the keys here belong to fleet `{record.fleet}`, the mission has fleet `{fleet}`")
     return record
 
 
@@ -113,8 +113,3 @@ def _believes(file: Path) -> list[str] | None:
         return believed_in(file)
     except (OSError, ssl.SSLError):
         return None
-
-
-def wrong(file: Path, text: str) -> Findings:
-    """Return the error of a file or folder."""
-    return Findings([Finding(str(file), 0, 0, text)])

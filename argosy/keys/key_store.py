@@ -18,9 +18,10 @@ from pathlib import Path
 import msgspec
 
 from argosy.keys.certificate_authority import Authority, Machine
-from argosy.keys.key_index import RECORD, SECRET, Kind, Member, Record, machine_folder, read_record, wrong
+from argosy.keys.key_index import RECORD, SECRET, Kind, Member, Record, machine_folder, read_record
 from commd.bus.tls import CERTIFICATE, KEY, ROOT
 from commd.process.state_dir import replace_file
+from schemas.files.findings import Findings
 
 
 class KeyStore:
@@ -41,7 +42,7 @@ class KeyStore:
         before = self.record.members.get(name)
         if before is not None and before.revoked is None:
             text = f"`{name}` already has a certificate: replace it with `argosy keys renew`, or `revoke` it first"
-            raise wrong(self.machine(name), text)
+            raise Findings.about(self.machine(name), text)
         generation = 1 if before is None else before.generation + 1
         self._certify(name, kind, generation, hosts, addresses)
         self.spread()
@@ -78,7 +79,7 @@ class KeyStore:
         try:
             pair = self._authority.certify(self._machine(name, member), ends)
         except ValueError as error:
-            raise wrong(self.machine(name), str(error)) from None
+            raise Findings.about(self.machine(name), str(error)) from None
         folder = self.machine(name)
         _folder(folder.parent)
         _write(folder / KEY, pair.key)
@@ -101,7 +102,7 @@ def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyStor
     """
     if (path / SECRET).exists() or ((path / RECORD).exists() and read_record(path, fleet).members):
         text = "a fleet's keys are here already; new ones would invalidate all its certificates: nothing was changed"
-        raise wrong(path, f"{text}; `argosy keys show` lists missing certificates")
+        raise Findings.about(path, f"{text}; `argosy keys show` lists missing certificates")
     authority = Authority.new()
     folder = KeyStore(path, Record(fleet=fleet, days=days), authority)
     _write(path / RECORD, msgspec.json.format(msgspec.json.encode(folder.record)) + b"\n")
@@ -117,9 +118,9 @@ def read_secret(path: Path) -> bytes:
         mode = stat.S_IMODE(file.stat().st_mode)
     except OSError as error:
         text = f"the fleet's secret cannot be read ({error.strerror}): it is needed to create certificates"
-        raise wrong(file, text) from None
+        raise Findings.about(file, text) from None
     if mode & 0o077:
-        raise wrong(file, f"other users of this machine can read the fleet's secret: `chmod 600 {file}`")
+        raise Findings.about(file, f"other users of this machine can read the fleet's secret: `chmod 600 {file}`")
     return pem
 
 
@@ -132,7 +133,7 @@ def alone(path: Path) -> Iterator[None]:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
     except BlockingIOError:
-        raise wrong(path, "another `argosy keys` is using this folder: wait for it") from None
+        raise Findings.about(path, "another `argosy keys` is using this folder: wait for it") from None
     finally:
         os.close(descriptor)
 
@@ -143,7 +144,7 @@ def _folder(path: Path) -> None:
         path.mkdir(mode=0o700, exist_ok=True)
         path.chmod(0o700)
     except OSError as error:
-        raise wrong(path, f"cannot be created: {error.strerror}") from None
+        raise Findings.about(path, f"cannot be created: {error.strerror}") from None
 
 
 def _write(file: Path, content: bytes) -> None:
@@ -152,4 +153,4 @@ def _write(file: Path, content: bytes) -> None:
     try:
         replace_file(file, content)
     except OSError as error:
-        raise wrong(file, f"cannot be written: {error.strerror}") from None
+        raise Findings.about(file, f"cannot be written: {error.strerror}") from None

@@ -15,7 +15,7 @@ from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Findings, did_you_mean
 from schemas.humanize import columns, count, json_lines, printable, shortened, size, span
 from schemas.mission.model import load_mission
 from schemas.wire import keys
@@ -52,7 +52,7 @@ def run(args: Namespace) -> int:
     if args.board is not None:
         if args.board not in wanted:
             hint = did_you_mean(args.board, wanted)
-            raise Findings([Finding(str(mission.path), 0, 0, f"no board `{args.board}`{hint}")])
+            raise Findings.about(mission.path, f"no board `{args.board}`{hint}")
         wanted = [args.board]
 
     async def ask(bus: Bus, where: Where) -> int:

@@ -75,7 +75,7 @@ def _load(named: tuple[str, ...]) -> Manifest:
     """Read one manifest and let its drivers look at it. Raises Findings."""
     if len(named) == 1 and is_ini(Path(named[0])):
         problem = "this is one of the paper's two INI files: name both, ACTIONS,PERCEPTS"
-        raise Findings([Finding(named[0], 0, 0, problem)])
+        raise Findings.about(named[0], problem)
     manifest = load_robot_manifest(named[0] if len(named) == 1 else named, Path())
     if findings := check_manifest(manifest):
         raise Findings(findings)

@@ -44,7 +44,7 @@ def read_parameter_file(path: Path) -> ParameterFile:
     try:
         text = read_bounded(path, MAX_BYTES).decode("utf-8-sig", errors="replace")  # comments may be in any encoding
     except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, error.strerror or str(error))]) from None
+        raise Findings.about(path, error.strerror or str(error)) from None
     values: dict[str, float] = {}
     findings: list[Finding] = []
     others = 0

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import msgspec
 import zenoh
 
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.wire import keys
 from schemas.wire.codec import MEDIA, named_by
 from schemas.wire.records import Header, Record
@@ -111,7 +111,7 @@ def wanted_keys(fleet: str, only: Iterable[str]) -> list[str]:
             found.append(str(zenoh.KeyExpr.autocanonize(key)))
         except zenoh.ZError:
             expected = "expected a key expression such as `uav1/**` or `*/percept/**`"
-            raise Findings([Finding("--only", 0, 0, f"`{text}`: {expected}")]) from None
+            raise Findings.about("--only", f"`{text}`: {expected}") from None
     return found
 
 

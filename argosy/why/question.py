@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from argosy.why.wording import sign_of, unquoted, without_annotations
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 
 _WRITTEN = re.compile(
     r"(?P<sign>[-+^]*[!?]*)(?P<name>~?(?:[a-zA-Z_]\w*::)?\.?[a-z]\w*(?:\.\w+)*)"
@@ -51,7 +51,7 @@ def subject_of(text: str) -> Subject:
     written = _WRITTEN.fullmatch(text.strip())
     if written is None:
         expected = "expected the name of a goal, a belief or an action: go, go/1, '!go(3,_)'"
-        raise Findings([Finding("argosy why", 0, 0, f"`{text}`: {expected}")])
+        raise Findings.about("argosy why", f"`{text}`: {expected}")
     sign = written["sign"]
     args: tuple[str, ...] = ()
     arity = int(written["arity"]) if written["arity"] is not None else None

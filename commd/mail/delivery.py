@@ -84,12 +84,10 @@ class Peers:
         """Watch the fleet's liveliness tokens; call `arrived(name)` when a board or a receiver appears."""
 
         def token(key: str, alive: bool) -> None:
-            parsed = keys.parse(key)
-            if parsed is None or len(parsed[2]) != 3:  # an `alive/**` key that is not a daemon's
+            parsed = keys.parse_alive(key)
+            if parsed is None or parsed[2] in ("bridged", "argosy"):
                 return
-            _, name, (_, daemon, boot) = parsed
-            if daemon == "bridged" or daemon == "argosy":
-                return
+            _, name, daemon, boot = parsed
             if alive:
                 self._alive[name].add(f"{daemon}/{boot}")
                 arrived(name)
