@@ -36,7 +36,6 @@ from schemas.wire.records import (
     OperatorOrder,
     Perception,
     Perceptions,
-    Record,
     StopOrder,
 )
 from schemas.wire.records import Outcome as OutcomeRecord
@@ -239,6 +238,12 @@ class _Following:
                 await self.ended
 
 
+Progress = tuple[type[VehicleParameters] | type[StoredPlan], str, str]
+"""The record that tells the progress of a request, and the figures of an execution for its fields `came` and `of`."""
+PARAMETERS: Progress = (VehicleParameters, "params", "of")
+ITEMS: Progress = (StoredPlan, "item", "items")
+
+
 class VehicleRequests:
     """Answers for the vehicle of one robot."""
 
@@ -260,7 +265,7 @@ class VehicleRequests:
             raise CannotServe(query.error)
         request, values = query.record, dict[str, float]()
         if request is None:
-            outcome = await self._follow(query, lambda store: store.read_parameters(values), _parameters_so_far)
+            outcome = await self._follow(query, lambda store: store.read_parameters(values), PARAMETERS)
         else:
             outcome = await self._set(query, request)
             values = {request.name: request.value}
@@ -284,7 +289,7 @@ class VehicleRequests:
         name, value, allow = request.name, request.value, request.allow_safety
         if self._inject:
             outcome = await self._follow(
-                query, lambda store: store.set_parameter(name, value, allow_safety=allow), _parameters_so_far
+                query, lambda store: store.set_parameter(name, value, allow_safety=allow), PARAMETERS
             )
         else:
             outcome = Outcome("refused", BY_HAND, "rights")
@@ -295,7 +300,7 @@ class VehicleRequests:
     async def _plan(self, query: Query[StoredPlan]) -> None:
         """Answer with the mission that the vehicle stores."""
         items: list[PlanItem] = []
-        outcome = await self._follow(query, lambda store: store.read_plan(items), _items_so_far)
+        outcome = await self._follow(query, lambda store: store.read_plan(items), ITEMS)
         succeeded = outcome.state == "succeeded"
         autopilot, vehicle = self._driver.identified_as if isinstance(self._driver, VehicleStore) else (0, 0)
         query.reply(
@@ -312,7 +317,7 @@ class VehicleRequests:
         )
 
     async def _follow(
-        self, query: Query[Any], begin: Callable[[VehicleStore], Execution], progress: Callable[[Execution], Record]
+        self, query: Query[Any], begin: Callable[[VehicleStore], Execution], progress: Progress
     ) -> Outcome:
         """Begin an execution and reply its progress until its end. Raises CannotServe if the driver has none."""
         driver = self._driver
@@ -333,7 +338,8 @@ class VehicleRequests:
                     while not ended.is_set():
                         await wait_at_most(ended, STATUS_EVERY)
                         if not ended.is_set():
-                            query.reply(progress(execution))
+                            figures, (kind, came, of) = execution.feedback, progress
+                            query.reply(kind(came=int(figures.get(came, 0)), of=int(figures.get(of, 0))))
             waited = f"; it waited for {execution.waits_for}" if execution.waits_for else ""
             late = Outcome("timed_out", f"not done within {REQUEST_AT_MOST:g} s{waited}", "deadline")
             if not execution.over:
@@ -341,15 +347,3 @@ class VehicleRequests:
             return execution.outcome or late
         finally:
             self._busy = False
-
-
-def _parameters_so_far(execution: Execution) -> VehicleParameters:
-    return VehicleParameters(came=_figure(execution, "params"), of=_figure(execution, "of"))
-
-
-def _items_so_far(execution: Execution) -> StoredPlan:
-    return StoredPlan(came=_figure(execution, "item"), of=_figure(execution, "items"))
-
-
-def _figure(execution: Execution, name: str) -> int:
-    return int(execution.feedback.get(name, 0))

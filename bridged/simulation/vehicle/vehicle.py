@@ -232,7 +232,7 @@ class Vehicle:
             channel.outbox += self.handler.listed(channel)
 
     def _wait_for_power(self, dt: float) -> None:
-        """Restart the autopilot; a vehicle in the air falls meanwhile."""
+        """Restart the autopilot where the vehicle is, which falls in the air meanwhile; what it has stored is kept."""
         assert self._reboot_in is not None
         autopilot = self.autopilot
         if autopilot.flight.airborne:
@@ -240,11 +240,6 @@ class Vehicle:
         self._reboot_in -= dt
         if self._reboot_in > 0:
             return
-        self.restart()
-
-    def restart(self) -> None:
-        """Restart the autopilot where the vehicle is; what it has stored is kept."""
-        autopilot = self.autopilot
         self.reboots += 1
         at, up = autopilot.truth, autopilot.motion.up
         lag = self._lag

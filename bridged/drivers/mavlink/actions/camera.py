@@ -104,9 +104,10 @@ def find_camera(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Gen
     `wanted`: a component, one of 1 to 6 that are attached, or 0: the first that is heard, or else an attached one.
     """
     run.waits_for = "the HEARTBEAT of a camera"
-    while not (there := present_cameras(flight)) and flight.now <= flight.connected_since + flight.wait(
-        *APPEARS_WITHIN
-    ):
+    while True:
+        there = flight.payload.present(CAMERAS, flight.now - flight.wait(*PRESENT_FOR))
+        if there or flight.now > flight.connected_since + flight.wait(*APPEARS_WITHIN):
+            break
         yield
     if wanted in ATTACHED or (wanted == 0 and not there):
         return 0
@@ -116,11 +117,6 @@ def find_camera(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Gen
         heard = ", ".join(map(str, there)) or "none"
         raise Ended("refused", f"no camera is heard as component {wanted} of the vehicle; heard: {heard}")
     return wanted
-
-
-def present_cameras(flight: ProcedureContext) -> list[int]:
-    """Return the components that are cameras and are heard."""
-    return flight.payload.present(CAMERAS, flight.now - flight.wait(*PRESENT_FOR))
 
 
 class _Pictures:

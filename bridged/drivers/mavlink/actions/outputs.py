@@ -74,7 +74,8 @@ def switch_relay(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     relay, on = int(action.parameters[0]), action.parameters[1] >= 1.0
     if not 0 <= relay < RELAYS:
         return Outcome("refused", f"a relay is one of 0 to {RELAYS - 1}, got {relay}")
-    reports = Seen(flight, run, "RELAY_STATUS", lambda m: _relay_is(m, relay, on))
+    bit = 1 << relay
+    reports = Seen(flight, run, "RELAY_STATUS", lambda m: bool(m.present & bit) and bool(m.on & bit) == on)
     command = flight.submit(run, action, in_frame=True)
     yield from acknowledged(flight, run, command, reports)
     what = f"relay {relay} {'on' if on else 'off'}"
@@ -82,7 +83,7 @@ def switch_relay(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     yield from comes_true(flight, SHOWS_WITHIN, lambda: reports.unavailable or reports())
     if reports() or reports.last is None:
         return SUCCEEDED
-    there = f"does not show {what}" if reports.last.present >> relay & 1 else f"shows no relay {relay}"
+    there = f"does not show {what}" if reports.last.present & bit else f"shows no relay {relay}"
     return Outcome("failed", f"{command.name} was acknowledged, but RELAY_STATUS {there}")
 
 
@@ -229,10 +230,6 @@ class Seen:
     def unavailable(self) -> bool:
         """Whether the vehicle has refused to send it."""
         return self.last is None and self._poll.refused
-
-
-def _relay_is(message: dialect.MAVLink_message, relay: int, on: bool) -> bool:
-    return bool(message.present >> relay & 1) and bool(message.on >> relay & 1) == on
 
 
 def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:

@@ -112,7 +112,9 @@ _TERMINATE = 5
 def check_failsafes(ardupilot: "ArduPilot", dt: float) -> None:
     """Check all failsafes; the last check was `dt` vehicle seconds ago."""
     _pilot(ardupilot)
-    _station(ardupilot)
+    change = ardupilot.station.check(ardupilot.now, armed=ardupilot.armed)
+    if change is not None:
+        ardupilot.on_station(change)
     _position(ardupilot)
     _fence(ardupilot)
     _battery(ardupilot, dt)
@@ -134,12 +136,6 @@ def _pilot(ardupilot: "ArduPilot") -> None:
         drift = pilot.drift(ardupilot.motion, ardupilot.now)
         if drift is not None:
             ardupilot.flight.begin(drift)
-
-
-def _station(ardupilot: "ArduPilot") -> None:
-    change = ardupilot.station.check(ardupilot.now, armed=ardupilot.armed)
-    if change is not None:
-        ardupilot.on_station(change)
 
 
 def _position(ardupilot: "ArduPilot") -> None:

@@ -211,12 +211,10 @@ class PlaneFlight(Locomotion[PlaneTuning]):
                 self._approach(approach, dt)
             case Land():
                 self.landed = Landed.LANDING
-                self.motion.move(tuning.airspeed / tuning.radius, -self._sink(), dt)
+                sink = tuning.flare_sink if self.height < tuning.flare_height else 0.6 * tuning.sink
+                self.motion.move(tuning.airspeed / tuning.radius, -sink, dt)
             case _:
                 motion.move(0.0, 0.0, dt)
-
-    def _sink(self) -> float:
-        return self.tuning.flare_sink if self.height < self.tuning.flare_height else 0.6 * self.tuning.sink
 
     def _take_off(self, up: float, dt: float) -> None:
         motion, tuning = self.motion, self.tuning

@@ -78,20 +78,19 @@ class Failsafes:
         if not (px4.armed and px4.flight.airborne):
             return
         causes = self._causes()
-        self._report_fence(Cause.FENCE in causes)
+        if Cause.FENCE in causes and not self._outside:
+            px4.events.append(Text(CRITICAL, "Geofence: approaching or outside geofence"))
+        self._outside = Cause.FENCE in causes
         self._overruled &= causes
         if self.acting is Cause.SETPOINTS and Cause.SETPOINTS not in causes:
             self.acting = None
             px4.switch_to(px4.intended)
         worst = next((cause for cause in Cause if cause in causes - self._overruled), None)
-        if worst is not None and self._more_urgent(worst):
+        order = list(Cause)
+        if worst is not None and (self.acting is None or order.index(worst) < order.index(self.acting)):
             self._begin(worst)
         if self._wanted is not None and px4.now - self._since >= px4.parameters["COM_FAIL_ACT_T"]:
             self._act(self._wanted)
-
-    def _more_urgent(self, cause: Cause) -> bool:
-        order = list(Cause)
-        return self.acting is None or order.index(cause) < order.index(self.acting)
 
     def _begin(self, cause: Cause) -> None:
         px4 = self._px4
@@ -148,11 +147,6 @@ class Failsafes:
         here, speed = px4.motion.position, px4.motion.velocity
         ahead = Vector(here.north + _AHEAD_S * speed.north, here.east + _AHEAD_S * speed.east, here.up)
         return not px4.fence.allows(ahead, px4.home_on_chart, px4.chart)
-
-    def _report_fence(self, outside: bool) -> None:
-        if outside and not self._outside:
-            self._px4.events.append(Text(CRITICAL, "Geofence: approaching or outside geofence"))
-        self._outside = outside
 
     def _links(self) -> None:
         px4, links = self._px4, self._px4.links

@@ -97,10 +97,6 @@ class Px4Plane(Px4):
             return super().circle
         return Circle(task.goal, task.radius or self.flight.tuning.radius, self.flight.tuning.airspeed)
 
-    def return_height(self) -> float:
-        """Return the height above home of a return from here, in metres."""
-        return self.parameters["RTL_RETURN_ALT"]
-
     def returning(self) -> Task:
         """Circle over home, high."""
         home = self.home_on_chart

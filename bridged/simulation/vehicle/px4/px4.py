@@ -168,9 +168,9 @@ class Px4(Px4State):
         """Return what it does in AUTO.RTL."""
         return Return(self.home_on_chart)
 
-    @abstractmethod
     def return_height(self) -> float:
-        """Return the height above home of a return from here, in metres."""
+        """Return the height above home of a return from here, in metres; a rover reports it and stays down."""
+        return self.parameters["RTL_RETURN_ALT"]
 
     def _announce_return(self) -> None:
         self._returning = True
@@ -222,12 +222,13 @@ class Px4(Px4State):
         self.outputs.look(armed=self.armed, airborne=self.flight.airborne)
         if not self.armed:
             self.battery.rest(dt, at_home=self.motion.position.distance(self.home_on_chart) <= 5.0)
+        yields = self.mode.automatic or self.mode in (Mode.OFFBOARD, Mode.ORBIT)
         if self.sticks.alive(self.now) and self.flight.airborne:
-            if self.sticks.override(self.parameters["MAN_OVERRIDE_SPD"]) and self._yields_to_sticks:
+            if self.sticks.override(self.parameters["MAN_OVERRIDE_SPD"]) and yields:
                 self.send_text("Pilot took over using sticks")
                 self.set_mode(Mode.POSCTL)
             if self.mode.piloted:
-                self.flight.begin(self.sticks.drift(self.motion, self.now, self.top_speed))
+                self.flight.begin(self.sticks.drift(self.motion, self.now))
 
     lands_by_mission = False
     """Whether AUTO.RTL flies the landing of the mission."""
@@ -245,15 +246,6 @@ class Px4(Px4State):
         """The circle that it flies."""
         task = self.flight.task
         return task if isinstance(task, Circle) else None
-
-    @property
-    def top_speed(self) -> float:
-        """m/s of a stick at its end."""
-        return 6.0
-
-    @property
-    def _yields_to_sticks(self) -> bool:
-        return self.mode.automatic or self.mode in (Mode.OFFBOARD, Mode.ORBIT)
 
     def _move(self, dt: float) -> None:
         flight, was = self.flight, self.flight.landed

@@ -76,10 +76,6 @@ class Px4Rover(Px4):
         """Drive home."""
         return GoTo(self.home_on_chart)
 
-    def return_height(self) -> float:
-        """Return the height above home of a return: it is reported, and a rover does not fly there."""
-        return self.parameters["RTL_RETURN_ALT"]
-
     def _announce_return(self) -> None:
         self.send_text("RTL: land at destination")
         super()._announce_return()

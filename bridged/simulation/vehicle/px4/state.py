@@ -63,7 +63,8 @@ STICKS_LOST_S = 0.5
 """Seconds without MANUAL_CONTROL after which the sticks are lost (COM_RC_LOSS_T)."""
 _MOVED = 0.1
 """Share of a stick's way that it must be moved for an override."""
-_CLIMB, _TURN = 3.0, math.radians(90)
+_FASTEST, _CLIMB, _TURN = 6.0, 3.0, math.radians(90)
+"""m/s and rad/s of sticks at their ends."""
 
 
 @dataclass(slots=True)
@@ -100,9 +101,9 @@ class Sticks:
         fast, self.speed = self.speed, 0.0
         return threshold > 0 and fast >= threshold and max(map(abs, (self.forward, self.right, self.turn))) >= _MOVED
 
-    def drift(self, motion: Motion, now: float, fastest: float) -> Drift:
-        """Return the velocity that the sticks want of a vehicle; `fastest` in m/s."""
-        forward, right = self.forward * abs(self.forward) * fastest, self.right * abs(self.right) * fastest
+    def drift(self, motion: Motion, now: float) -> Drift:
+        """Return the velocity that the sticks want of a vehicle."""
+        forward, right = self.forward * abs(self.forward) * _FASTEST, self.right * abs(self.right) * _FASTEST
         velocity = Vector(*motion.turned(forward, right), self.up * _CLIMB)
         return Drift(velocity, now + 1.0, turn_rate=self.turn * _TURN)
 
