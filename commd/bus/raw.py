@@ -48,25 +48,65 @@ class Sample:
 
 
 class Subscription(Declaration):
-    """A subscriber, with totals of what it did not take."""
+    """A subscriber to samples of others, which wait here between Zenoh's threads and the event loop."""
 
-    def __init__(self, queue: _Queue, subscriber: zenoh.Subscriber[Any], withdrawn: Callable[[], None]) -> None:
-        super().__init__(subscriber, withdrawn)
-        self._queue = queue
-
-    @property
-    def dropped(self) -> int:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        dispatch: LoopDispatch,
+        handler: Callable[[Sample], None],
+        declare: Callable[[str, str], Callable[[], None]],
+    ) -> None:
+        """`declare` as in `RawBus`."""
+        self.dropped = 0
         """Samples dropped because too many waited for the event loop."""
-        return self._queue.dropped
-
-    @property
-    def too_large(self) -> int:
+        self.too_large = 0
         """Samples refused because they had more than `LARGEST` bytes."""
-        return self._queue.too_large
+        self._dispatch, self._handler = dispatch, handler
+        self._waiting: deque[Sample] = deque()
+        self._bytes = 0
+        """Of all payloads that wait."""
+        self._lock = Lock()
+        self._calls = 0
+        """How often the event loop is going to call `_next`: as often as samples wait at least, `BACKLOG` at most."""
+        self._closed = False
+        callback = zenoh.handlers.Callback(self._push, indirect=False)
+        subscriber = session.declare_subscriber(key, callback, allowed_origin=zenoh.Locality.REMOTE)
+        super().__init__(subscriber, declare("subscriber", key))
+
+    def _push(self, sample: zenoh.Sample) -> None:
+        """Accept a sample, on a thread of Zenoh's."""
+        counters = self._dispatch.counters
+        if len(sample.payload) > LARGEST:
+            self.too_large += 1
+            counters["bad_input"] += 1
+            return
+        read = _read_sample(sample)
+        with self._lock:
+            self._bytes += len(read.payload)
+            while len(self._waiting) >= BACKLOG or (self._waiting and self._bytes > ROOM):
+                self._bytes -= len(self._waiting.popleft().payload)
+                self.dropped += 1
+                counters["dropped"] += 1
+            self._waiting.append(read)
+            if self._calls >= len(self._waiting):
+                return
+            self._calls += 1
+        self._dispatch.put(self._next, None)
+
+    def _next(self, _: None) -> None:
+        with self._lock:
+            self._calls -= 1
+            if self._closed or not self._waiting:
+                return
+            sample = self._waiting.popleft()
+            self._bytes -= len(sample.payload)
+        self._handler(sample)
 
     def close(self) -> None:
         """End it; samples that wait are not handed over."""
-        self._queue.closed = True
+        self._closed = True
         super().close()
 
 
@@ -156,11 +196,7 @@ class RawBus:
 
     def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
         """Call `handler` on the event loop for each sample of others on a matching key, in order."""
-        queue = _Queue(self._dispatch, handler)
-        declared = self._session.declare_subscriber(
-            key, zenoh.handlers.Callback(queue.push, indirect=False), allowed_origin=zenoh.Locality.REMOTE
-        )
-        return Subscription(queue, declared, self._declare("subscriber", key))
+        return Subscription(self._session, key, self._dispatch, handler, self._declare)
 
     def tap(self, key: str, take: Callable[[zenoh.Sample], None]) -> Declaration:
         """Call `take` on a thread of Zenoh's for each sample on a matching key, this process's own too, of any size.
@@ -233,50 +269,6 @@ class RawBus:
             log.debug("not_asked key=%s why=%s", key, error)
             return []
         return [_read_reply(reply) for reply in replies]
-
-
-class _Queue:
-    """Samples between Zenoh's threads and the event loop."""
-
-    def __init__(self, dispatch: LoopDispatch, handler: Callable[[Sample], None]) -> None:
-        self._dispatch, self._handler = dispatch, handler
-        self._waiting: deque[Sample] = deque()
-        self._bytes = 0
-        """Of all payloads that wait."""
-        self._lock = Lock()
-        self._calls = 0
-        """How often the event loop is going to call `_next`: as often as samples wait at least, `BACKLOG` at most."""
-        self.closed = False
-        self.dropped = self.too_large = 0
-
-    def push(self, sample: zenoh.Sample) -> None:
-        """Accept a sample, on a thread of Zenoh's."""
-        counters = self._dispatch.counters
-        if len(sample.payload) > LARGEST:
-            self.too_large += 1
-            counters["bad_input"] += 1
-            return
-        read = _read_sample(sample)
-        with self._lock:
-            self._bytes += len(read.payload)
-            while len(self._waiting) >= BACKLOG or (self._waiting and self._bytes > ROOM):
-                self._bytes -= len(self._waiting.popleft().payload)
-                self.dropped += 1
-                counters["dropped"] += 1
-            self._waiting.append(read)
-            if self._calls >= len(self._waiting):
-                return
-            self._calls += 1
-        self._dispatch.put(self._next, None)
-
-    def _next(self, _: None) -> None:
-        with self._lock:
-            self._calls -= 1
-            if self.closed or not self._waiting:
-                return
-            sample = self._waiting.popleft()
-            self._bytes -= len(sample.payload)
-        self._handler(sample)
 
 
 def refuse_busy(query: zenoh.Query) -> None:

@@ -8,6 +8,7 @@ import math
 import time
 from collections import Counter
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from types import SimpleNamespace
 from typing import Literal, cast
 
 import msgspec
@@ -17,7 +18,7 @@ import zenoh
 from bridged.drivers.api import Outcome
 from commd.bus.bus import Bus, open_bus
 from commd.bus.loop_dispatch import LoopDispatch
-from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
+from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, Subscription
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 from tests.support.buses import async_test
@@ -329,11 +330,13 @@ async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch:
     monkeypatch.setattr("commd.bus.raw.ROOM", 100)
     monkeypatch.setattr("commd.bus.raw._read_sample", lambda sample: sample)
     told: list[Sample] = []
-    queue = _Queue(LoopDispatch(asyncio.get_running_loop(), Counter()), told.append)
+    session = cast("zenoh.Session", SimpleNamespace(declare_subscriber=lambda *_, **__: None))
+    dispatch = LoopDispatch(asyncio.get_running_loop(), Counter())
+    queue = Subscription(session, "k/*", dispatch, told.append, lambda *_: lambda: None)
     samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
     for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
         for sample in some:
-            queue.push(cast("zenoh.Sample", sample))
+            queue._push(cast("zenoh.Sample", sample))
         await until(lambda: not queue._calls, "what is kept is handled")
         assert queue.dropped == dropped
     assert told == samples[1:]
