@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import zenoh
 
@@ -35,7 +35,7 @@ from commd.process.systemd import Loop, Member, Unit
 from commd.router import config as router_config
 from commd.router.admission import Admission, open_admission
 from commd.router.link_monitor import Links
-from commd.router.link_watchdog import open_link_watchdog
+from commd.router.link_watchdog import LinkWatchdog
 from commd.router.self_check import SelfCheck
 from commd.router.tls_rejections import hear_refusals
 from schemas.files.findings import Findings, did_you_mean
@@ -134,15 +134,20 @@ def router_setup(mission: Mission, board: str, args: Namespace) -> RouterSetup:
 class Parts:
     """The running parts of the daemon: their health, and the tasks that must not end."""
 
-    def __init__(self) -> None:
+    def __init__(self, stack: AsyncExitStack) -> None:
+        """The tasks are cancelled when `stack` ends."""
+        self._stack = stack
         self.health: list[Callable[[], Health]] = []
         self.work: dict[asyncio.Task[None], str] = {}
         """What each task does, for the log."""
 
-    def add(self, name: str, health: Callable[[], Health], work: Iterable[asyncio.Task[None]] = ()) -> None:
-        """Add a part."""
+    def add(self, name: str, health: Callable[[], Health], *work: Coroutine[Any, Any, None]) -> None:
+        """Add a part, and run what it does for ever."""
         self.health.append(health)
-        self.work |= dict.fromkeys(work, name)
+        for each in work:
+            task = asyncio.create_task(each)
+            self._stack.callback(task.cancel)
+            self.work[task] = name
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
@@ -200,13 +205,14 @@ async def open_parts(
     stack: AsyncExitStack, bus: Bus, mission: Mission, board: str, router: RouterSetup, folder: Path, clock: Clock
 ) -> Parts:
     """Open the parts that the mission and the router need, until `stack` ends."""
-    parts, enter = Parts(), stack.enter_async_context
+    parts, enter = Parts(stack), stack.enter_async_context
     # The gateway and the radio are imported only if needed: few missions have them, and they take memory.
     air = gateway = None
     if mission.radio is not None:
-        from commd.gateway.radio_model import open_air
+        from commd.gateway.radio_model import RadioAir
 
-        air = await enter(open_air(bus, mission, mission.radio, board))
+        air = RadioAir(bus, mission, mission.radio, board)
+        parts.add("the radio", air.health, air.run())
     if mission.gateway is not None and mission.gateway.board == board:
         from commd.gateway.gateway import open_gateway
 
@@ -217,22 +223,18 @@ async def open_parts(
     )
     parts.add("the mail", mail_service.health)
     directory = await enter(open_directory(bus, board, mission, mail_service, clock, router.secured))
-    parts.add("the directory", directory.health, directory.work)
+    parts.add("the directory", directory.health, directory.run())
     if gateway is not None:
-        await enter(gateway.serving(mail_service))
-        parts.add("the gateway", gateway.health, gateway.work)
-    if air is not None:
-        parts.add("the radio", air.health, air.work)
+        parts.add("the gateway", gateway.health, gateway.run(mail_service))
     if router.admission is not None:
         await enter(open_admission(router.admission, bus))
         parts.add("admission", router.admission.health)
     if router.mode == "router":
         if router.tls is not None:
             links = Links(bus, mission, board, router.tls, most=router.most_links)
-            stack.callback(asyncio.create_task(links.watch()).cancel)
-            parts.add("the links", links.health)
-        watchdog = await enter(open_link_watchdog(bus, [other for other in mission.boards if other != board]))
-        parts.add("the watch over the links", watchdog.health, [watchdog.running])
+            parts.add("the links", links.health, links.watch())
+        watchdog = LinkWatchdog(bus, [other for other in mission.boards if other != board])
+        parts.add("the watch over the links", watchdog.health, watchdog.run())
     if router.tls is not None and not router.secured:
         log.warning("%s", NO_RULES.text)
         parts.add("no rules", lambda: Health(notes=(NO_RULES,)))

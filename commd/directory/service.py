@@ -84,8 +84,6 @@ class Directory:
         self._putting: asyncio.TimerHandle | None = None
         self._around: asyncio.Task[None] | None = None
         self._around_at = -AROUND_EVERY
-        self.work: list[asyncio.Task[None]] = []
-        """Tasks that must not end."""
         self._tasks = Tasks("directory of services")
         self._reported_doubles: set[str] = set()
         self._unread = ""
@@ -149,15 +147,16 @@ class Directory:
             self._absent[name] = self._clock.wall()
         return True
 
-    async def read_and_follow(self, read: bool) -> None:
-        """Retry to read the file if needed, then `follow`."""
+    async def run(self) -> None:
+        """Read the directory if that has failed, then serve it, follow the others, and forget who is gone, for ever."""
         pause = READ_AGAIN
-        while not read:
+        while self._unread:
             await asyncio.sleep(pause)
-            read, pause = await self.load(), min(2 * pause, READ_EVERY)
-        await self.follow()
+            pause = min(2 * pause, READ_EVERY)
+            await self.load()
+        await asyncio.gather(self._follow(), self._forget_who_is_gone())
 
-    async def follow(self) -> None:
+    async def _follow(self) -> None:
         """Serve, and watch the agents and the other boards, for ever."""
         fleet = self._bus.fleet
         self._bus.serve(keys.services(fleet, self._board), ServiceRequest, self._answer)
@@ -172,7 +171,7 @@ class Directory:
             for board in [board for board, boots in self._boards.items() if boots]:
                 self._ask_soon(board)
 
-    async def forget_who_is_gone(self) -> None:
+    async def _forget_who_is_gone(self) -> None:
         """Remove agents that joined here and were absent for `FORGOTTEN_AFTER`, for ever."""
         while True:
             await asyncio.sleep(LOOK_EVERY)
@@ -418,23 +417,14 @@ class Directory:
 async def open_directory(
     bus: Bus, board: str, mission: Mission, mail_service: MailService, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
-    """Read the directory of a board, retrying while its disk fails, and keep it up to date until the end.
-
-    The caller must watch `work`: when one of these tasks ends, the directory is not kept up to date.
-    """
+    """Read the directory of a board; the caller must `run` it, which keeps it up to date, until the end."""
     directory = Directory(bus, board, mission, mail_service, clock, secured)
-    read = await directory.load()
-    if not read:  # a file that was just set aside as corrupt is a new one at the second attempt
+    if not await directory.load():  # a file that was just set aside as corrupt is a new one at the second attempt
         await asyncio.sleep(READ_AGAIN)
-        read = await directory.load()
-    following, forgetting = directory.read_and_follow(read), directory.forget_who_is_gone()
-    work = directory.work = [asyncio.create_task(following), asyncio.create_task(forgetting)]
+        await directory.load()
     try:
         yield directory
     finally:
-        for task in work:
-            task.cancel()
-        await asyncio.gather(*work, return_exceptions=True)
         await directory.close()
 
 

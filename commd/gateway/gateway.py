@@ -142,8 +142,6 @@ class Gateway(asyncio.DatagramProtocol):
 
     def __init__(self, nodes: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         self.nodes = {name: Node(name, address) for name, address in nodes.items()}
-        self.work: list[asyncio.Task[None]] = []
-        """Tasks that must not end while it serves."""
         self.counters: Counter[str] = Counter()
         """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
         gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
@@ -166,17 +164,12 @@ class Gateway(asyncio.DatagramProtocol):
             lambda: self, local_addr=(host.strip("[]"), port), family=self._family
         )
 
-    @asynccontextmanager
-    async def serving(self, mail_service: MailService) -> AsyncIterator[None]:
-        """Exchange mail between the nodes and `mail_service` until the end."""
+    async def run(self, mail_service: MailService) -> None:
+        """Exchange mail between the nodes and `mail_service`, for ever."""
         detach = [mail_service.attach(name, self.deliver) for name in self.nodes]
-        running = self.work = [asyncio.create_task(self._take(mail_service)), asyncio.create_task(self._seek())]
         try:
-            yield
+            await asyncio.gather(self._take(mail_service), self._seek())
         finally:
-            for task in running:
-                task.cancel()
-            await asyncio.gather(*running, return_exceptions=True)
             for end in detach:
                 end()
 

@@ -12,8 +12,7 @@ import logging
 import math
 import random
 from collections import Counter
-from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from commd.bus.bus import Bus
@@ -88,8 +87,6 @@ class RadioAir:
     """
 
     def __init__(self, bus: Bus, mission: Mission, radio: Radio, board: str) -> None:
-        self.work: list[asyncio.Task[None]] = []
-        """Tasks that must not end."""
         self.counters: Counter[str] = Counter()
         """radio_sent, radio_lost, radio_out_of_range: transmissions so far."""
         self._bus, self._robots = bus, robots_of(mission)
@@ -141,18 +138,6 @@ class RadioAir:
         match position:
             case [float(latitude), float(longitude)] if math.isfinite(latitude) and math.isfinite(longitude):
                 self._model.place(robot, (latitude, longitude))
-
-
-@asynccontextmanager
-async def open_air(bus: Bus, mission: Mission, radio: Radio, board: str) -> AsyncIterator[RadioAir]:
-    """Model the mission's radio for this board until the end."""
-    air = RadioAir(bus, mission, radio, board)
-    air.work = [asyncio.create_task(air.run())]
-    try:
-        yield air
-    finally:
-        for task in air.work:
-            task.cancel()
 
 
 def robots_of(mission: Mission) -> Mapping[str, str]:

@@ -19,8 +19,7 @@ import os
 import socket
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Collection
-from contextlib import asynccontextmanager
+from collections.abc import Collection
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import Any
 
@@ -57,7 +56,6 @@ class LinkWatchdog:
         """When the link to a board was renewed last."""
         self.counters: Counter[str] = Counter()
         bus.watch(keys.alive(bus.fleet, "*", "commd", "*"), self._token)
-        self.running = asyncio.create_task(self._run())
 
     def look(self, now: float) -> None:
         """Renew the links to boards that were linked without a token for too long; `now` in monotonic seconds."""
@@ -100,20 +98,11 @@ class LinkWatchdog:
             tokens = self._tokens.setdefault(parsed[1], set())
             (tokens.add if alive else tokens.discard)(key)
 
-    async def _run(self) -> None:
+    async def run(self) -> None:
+        """Look every `LOOK` seconds, for ever."""
         while True:
             await asyncio.sleep(LOOK)
             self.look(time.monotonic())
-
-
-@asynccontextmanager
-async def open_link_watchdog(bus: Bus, boards: Collection[str]) -> AsyncIterator[LinkWatchdog]:
-    """Watch the links of a board's router until the end; arguments as in `LinkWatchdog`."""
-    watchdog = LinkWatchdog(bus, boards)
-    try:
-        yield watchdog
-    finally:
-        watchdog.running.cancel()
 
 
 def _close_connection(ours: str, theirs: str) -> bool:

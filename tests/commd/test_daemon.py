@@ -256,8 +256,8 @@ def arguments(endpoint: str, state: Path) -> Namespace:
     ("owner", "name", "broken", "part"),
     [
         (Bus, "put", put_in_vain, "the router"),
-        (Directory, "follow", fail, "the directory"),
-        (Directory, "forget_who_is_gone", fail, "the directory"),
+        (Directory, "_follow", fail, "the directory"),
+        (Directory, "_forget_who_is_gone", fail, "the directory"),
     ],
 )
 @async_test

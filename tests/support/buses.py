@@ -115,6 +115,18 @@ async def session(
         yield bus
 
 
+@asynccontextmanager
+async def under_way(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """Run what has no end until the block ends; it has begun when the block does."""
+    task = asyncio.create_task(work)
+    await asyncio.sleep(0)
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
 async def subscribed(bus: Bus, key: str) -> None:
     """Wait until what `bus` puts on `key` reaches a subscriber: declarations take their time on a busy machine."""
     with bus._session.declare_publisher(key) as publisher:

@@ -23,7 +23,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
-from tests.support.buses import FLEET, async_test, session, subscribed, until
+from tests.support.buses import FLEET, async_test, session, subscribed, under_way, until
 from tests.support.notes import identities
 
 MISSION = """\
@@ -57,7 +57,10 @@ class Fleet:
         ):
             await bus.claim(name)
             clock = Clock()
-            async with open_directory(bus, name, self.mission, mail_service, clock) as directory:
+            async with (
+                open_directory(bus, name, self.mission, mail_service, clock) as directory,
+                under_way(directory.run()),
+            ):
                 yield directory
 
     @asynccontextmanager

@@ -20,7 +20,7 @@ from schemas.mission.model import Mission, read_mission
 from schemas.wire.records import Message, Refusal
 from schemas.wire.terms import Atom, Structure, Term
 from tests.commd.old_comm import OldCommNode, PostOffice
-from tests.support.buses import run_by, until
+from tests.support.buses import run_by, under_way, until
 
 MISSION = """
 mission: mixed
@@ -75,7 +75,7 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
             asyncio.timeout(240),
             nodes(f"127.0.0.1:{port}") as field,
             opened(field) as field.gateway,
-            field.gateway.serving(field.post),
+            under_way(field.gateway.run(field.post)),
         ):
             await body(field)
 

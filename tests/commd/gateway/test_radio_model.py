@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from commd.bus.bus import Bus, Query
-from commd.gateway.radio_model import RadioAir, RadioModel, open_air
+from commd.gateway.radio_model import RadioAir, RadioModel
 from schemas.files.units import Distance, Duration
 from schemas.mission.model import Mission, Radio, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Header, Perception
 from schemas.wire.terms import Number, Term
-from tests.support.buses import FLEET, Connect, bus_test, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, subscribed, under_way, until
 
 HOME = (-27.604033, -48.518363)
 MISSION = """
@@ -92,7 +92,8 @@ def mission(text: str = MISSION) -> Mission:
 async def on_air(connect: Connect, declared: Mission) -> AsyncIterator[tuple[RadioAir, Bus]]:
     """The air of a board, and a session that stands for the bridges."""
     assert declared.radio is not None
-    async with open_air(await connect("pi1", "commd"), declared, declared.radio, "pi1") as air:
+    air = RadioAir(await connect("pi1", "commd"), declared, declared.radio, "pi1")
+    async with under_way(air.run()):
         yield air, await connect("uav2", "bridged")
 
 

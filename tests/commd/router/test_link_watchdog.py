@@ -16,11 +16,11 @@ import zenoh
 from commd.bus.bus import Bus
 from commd.bus.session import session_config
 from commd.router import link_watchdog
-from commd.router.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, open_link_watchdog
+from commd.router.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, LinkWatchdog
 from schemas.wire import keys
 from schemas.wire.records import Receipt
 from tests.attacks.world import NAME, TEXT, World, ask
-from tests.support.buses import FLEET, async_test, session, until
+from tests.support.buses import FLEET, async_test, session, under_way, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 from tests.support.relay import Relay
@@ -101,7 +101,8 @@ async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: 
         for _ in range(TRIES):
             await fleet.become_deaf()
             deaf = not await fleet.answered()
-            async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
+            watchdog = LinkWatchdog(fleet.b, ["a", "c"])
+            async with under_way(watchdog.run()):
                 await until(fleet.hears, "b hears a again")
             await until(fleet.answered, "a answers, to which b may have no route for 0.1 s more")
             if not deaf or not watchdog.counters["links_renewed"]:
@@ -114,14 +115,13 @@ async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: 
 
 
 @async_test
-async def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+async def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom() -> None:
     port = free_port()
     async with (
         session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
         session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]) as silent,
-        open_link_watchdog(a, ["b"]) as watchdog,
     ):
+        watchdog = LinkWatchdog(a, ["b"])
         await until(lambda: a.link_ends() != [], "b is linked")
         now, patience = 0.0, PATIENCE
         watchdog.look(now)
@@ -140,15 +140,14 @@ async def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeyp
 
 
 @async_test
-async def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+async def test_a_router_that_is_slow_or_no_board_keeps_its_link() -> None:
     port = free_port()
     foreign = session_config("router", f"tcp/127.0.0.1:{free_port()}", "zenohd", connect=[f"tcp/127.0.0.1:{port}"])
     async with (
         session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
         session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]) as slow,
-        open_link_watchdog(a, ["b"]) as watchdog,
     ):
+        watchdog = LinkWatchdog(a, ["b"])
         with await asyncio.to_thread(zenoh.open, foreign):
             await until(lambda: len(a.link_ends()) == 2, "both are linked")
             before = sorted(a.link_ends())
@@ -163,19 +162,17 @@ async def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pyt
 
 
 @async_test
-async def test_a_link_that_is_no_tcp_connection_is_not_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+async def test_a_link_that_is_no_tcp_connection_is_not_judged(tmp_path: Path) -> None:
     place = f"unixsock-stream/{tmp_path}/a.sock"
     async with (
         session(f"tcp/127.0.0.1:{free_port()}", "a", "commd", router=True, listen=[place]) as a,
         session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[place]),
-        open_link_watchdog(a, ["b"]) as watchdog,
     ):
+        watchdog = LinkWatchdog(a, ["b"])
         await until(lambda: a.link_ends() != [], "b is linked")
         for now in (0.0, PATIENCE, 10 * PATIENCE_MOST):
             watchdog.look(now)
         assert not watchdog.counters
-        assert not watchdog.running.done()
 
 
 def test_a_board_that_stood_still_for_longer_than_its_lease_takes_mail_again() -> None:
