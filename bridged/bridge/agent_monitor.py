@@ -70,9 +70,11 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     """
     robot, agents = mission.robots[part.name], part.agents
     boards, patience = mission.mailboxes, robot.agent_silence
-    presence, silence, changed = Presence(agents, boards.get), Silence(patience), asyncio.Event()
+    answers = bridge.lease.answers  # it may have ended with our last run, or the mission has it no more
+    presence, silence = Presence({*agents, answers} - {""}, boards.get), Silence(patience)
+    changed = asyncio.Event()
     idleness = Idleness(robot.idle_after)
-    presence.expect(bridge.lease.answers, clock.wall())  # the holder may have ended together with our last run
+    presence.expect(answers, clock.wall())
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):

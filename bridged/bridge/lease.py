@@ -42,9 +42,11 @@ class Lease:
         return "" if self.free else self.answers
 
     def restore(self, agent: str, free: bool) -> None:
-        """Restore the lease of a former run of the bridge."""
-        if agent in self._agents:
-            self.answers, self.free = agent, free
+        """Restore the lease of a former run of the bridge.
+
+        An agent that has the robot no more by the mission still answers for it, until another takes it or it is lost.
+        """
+        self.answers, self.free = agent, free or agent not in self._agents
 
     def refuses(self, agent: str, doing: str, now: float) -> str:
         """Why an agent may not act, empty if it may; `doing`: the holder's running actions."""

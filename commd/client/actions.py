@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus, Reply
 from commd.bus.errors import BusClosed, BusError
 from commd.client.percept_sync import PerceptSync
-from commd.common.tasks import Alarm
+from commd.common.tasks import Alarm, Tasks
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys
@@ -60,6 +60,8 @@ class _Request:
     """Whether the agent still wants it."""
     taken: bool = False
     """Whether this query had a status."""
+    begun: bool = False
+    """Whether the bridge may have begun it."""
     close: Callable[[], None] | None = None
     """Ends the query; None between two queries."""
 
@@ -82,8 +84,12 @@ class ActionRequests:
         self._loop = asyncio.get_running_loop()
         self._running: dict[str, _Request] = {}
         self._alarm = Alarm(self._look)
+        self._unwanted: set[str] = set()
+        """Ids of actions that are over for the agent, and that the bridge may still carry out."""
+        self._tasks = Tasks("cancelling an action")
         self._closed = False
         bridge.fell_silent.append(self._look)
+        bridge.came.append(self._cancel_unwanted)
 
     async def perform(
         self,
@@ -124,8 +130,9 @@ class ActionRequests:
         The bridge has `patience` wall seconds to accept it. The query is repeated with the same id after
         `ACTION_ASKED_AGAIN` without a status, and when the router is lost or back; the bridge joins it to the running
         action, or replies how that ended. It always ends: the action has failed after `BUS_GRACE` without a status, and
-        after the bridge's deadline. `on_status` is called with each status before the final one. An `attempt` above 1
-        follows a request of an earlier process: the bridge starts nothing, and refuses an unknown id.
+        after the bridge's deadline; a bridge that may have begun it is then told to end it, when it is back.
+        `on_status` is called with each status before the final one. An `attempt` above 1 follows a request of an
+        earlier process: the bridge starts nothing, and refuses an unknown id.
         """
         if self._closed:
             return
@@ -140,6 +147,7 @@ class ActionRequests:
         for identity in list(self._running):
             self._forget(identity)
         self._alarm.cancel()
+        self._tasks.cancel()
 
     def _forget(self, identity: str) -> _Request | None:
         one = self._running.pop(identity, None)
@@ -157,7 +165,7 @@ class ActionRequests:
             return
         key = keys.action(self._bus.fleet, self._agent, one.action.name)
         request = replace(one.action, header=self._bus.header("action", self._agent), attempt=one.attempt)
-        one.taken = False
+        one.taken, one.begun = False, one.begun or self._bridge.up or one.attempt > 1
         try:
             one.close = self._bus.ask(key, request, ActionStatus, QUERY_TIMEOUT, partial(self._heard, one))
         except BadRecord as bad:
@@ -183,7 +191,7 @@ class ActionRequests:
             one.close = None  # the bridge ends the query: to cancel it costs more than to hear its end
             self._end(one, status)
         else:
-            one.heard, one.taken = self._loop.time(), True
+            one.heard, one.taken, one.begun = self._loop.time(), True, True
             if status.deadline is not None:
                 one.until = one.heard + self._to_wall(status.deadline) + ASKERS_MARGIN
                 one.late = "no outcome within its deadline"
@@ -226,6 +234,10 @@ class ActionRequests:
 
     def _fail(self, one: _Request, why: str, state: State = "failed", cause: Cause = "unreachable") -> None:
         name = one.action.name
+        if cause == "unreachable" and one.begun:
+            self._unwanted.add(one.action.id)
+            if self._bridge.up:
+                self._cancel_unwanted()
         self._end(one, ActionStatus(id=one.action.id, state=state, result=False, cause=cause, reason=why, name=name))
 
     def _end(self, one: _Request, status: ActionStatus) -> None:
@@ -247,8 +259,17 @@ class ActionRequests:
         else:
             self._perceiving.when_seen(status.header.boot, status.after, AFTER_PATIENCE, report)
 
+    def _cancel_unwanted(self) -> None:
+        """Cancel what has failed for the agent without the bridge's word: it would hinder what the agent does next."""
+        for identity in self._unwanted:
+            self._tasks.spawn(self.cancel(identity))
+
     async def cancel(self, identity: str) -> None:
-        """Ask the bridge to end an action that the agent has dropped, and do not repeat its query."""
+        """Ask the bridge to end an action that the agent has dropped, and do not repeat its query.
+
+        A bridge that is away is asked again when it is back.
+        """
+        self._unwanted.add(identity)
         if (one := self._running.get(identity)) is not None:
             one.wanted = False
         key = keys.cancel(self._bus.fleet, self._agent)
@@ -258,6 +279,7 @@ class ActionRequests:
             with suppress(BusError):
                 request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
                 await self._bus.ask_one(key, request, ActionStatus, ACTION_ASKED_AGAIN)
+                self._unwanted.discard(identity)
                 return
             await asyncio.sleep(RETRY)
         self.counters["cancels_unanswered"] += 1

@@ -43,6 +43,8 @@ class BridgePresence:
         """Whether it is lost although its token exists."""
         self.fell_silent: list[Callable[[], None]] = []
         """Called when it begins to hang."""
+        self.came: list[Callable[[], None]] = []
+        """Called when it is there, before `on_up`."""
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._presence = Presence((robot,), lambda _: board, BRIDGE_GRACE)
         self._silence = Silence(SILENT_AFTER)
@@ -87,6 +89,8 @@ class BridgePresence:
         if not self.up:
             self.up = True
             log.info("bridge_up robot=%s", self._robot)
+        for handler in self.came:
+            handler()
         self._on_up()
 
     def _router(self, up: bool) -> None:

@@ -40,3 +40,18 @@ def test_an_agent_that_is_back_at_once_joins_its_flight_and_one_that_is_late_get
             printed(third, "uav", "back 2")
             assert printed(third, "uav", "interrupted") == "interrupted failed, agent uav is lost: no liveliness token"
             printed(third, "uav", "arrived")
+
+
+def test_the_robot_of_an_agent_that_an_edited_mission_has_no_more_is_brought_to_safety_by_a_restarted_bridge(
+    tmp_path: Path,
+) -> None:
+    field = Field(tmp_path, FLIER, "!nothing. +!nothing.", failsafe=0)
+    mission = Path(field.mission)
+    with field.router, field.copter, running(*field.agents("uav")) as agent:
+        with running(*field.bridge) as bridge:
+            printed(agent, "uav", "going")
+            bridge.kill()
+        mission.write_text(mission.read_text().replace("  uav: {program", "  renamed: {program"))
+        with running(*field.bridge) as again:
+            again.says("agent uav is lost (it has not come back since the bridge restarted)")
+            again.until(lambda text: "rtl (agent uav is lost: rtl): succeeded" in text, "the copter returns")

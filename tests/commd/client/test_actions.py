@@ -413,3 +413,38 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     await until(lambda: watch.up and not watch.hangs, "the bridge is back")
     speaking.cancel()
     looking.cancel()
+
+
+@bus_test
+async def test_what_has_failed_for_the_agent_or_was_dropped_while_its_bridge_was_away_is_cancelled_when_it_is_back(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
+    cancelled: list[str] = []
+
+    async def serve(query: Query[Action]) -> None:
+        answer(query, "accepted", deadline=600.0)
+        await asyncio.sleep(60)
+
+    async def end(query: Query[Cancel]) -> None:
+        assert query.record is not None
+        cancelled.append(query.record.id)
+        answer(query, "cancelled", result=False)
+
+    action_requests, _, bridge, watch = await act(connect, serve)
+    accepted, ends = asyncio.Event(), list[ActionStatus]()
+    action_requests.begin(request("goto"), ends.append, on_status=lambda status: accepted.set())
+    await asyncio.wait_for(accepted.wait(), 60)
+    await bridge.close()  # as one that is stopped, which goes on with the action later
+    await until(lambda: bool(ends), "the agent is told")
+    assert ends[0].reason.startswith("bridge_lost: ")
+    await action_requests.cancel("uav:b:2")
+    assert action_requests.counters["cancels_unanswered"] == 1
+    back = await connect("uav1", "bridged")
+    back.serve(keys.cancel(FLEET, "uav"), Cancel, end)
+    await back.claim("uav1")
+    await until(lambda: len(cancelled) == 2, "the bridge ends both")
+    assert sorted(cancelled) == ["uav:b:1", "uav:b:2"]
+    watch.came[0]()
+    await asyncio.sleep(0.1)
+    assert len(cancelled) == 2, "once"

@@ -67,7 +67,8 @@ WING = """\
 class Field:
     """The processes of one flight: router, copter with a second link for a pilot, bridge, agents."""
 
-    def __init__(self, folder: Path, uav: str, wing: str) -> None:
+    def __init__(self, folder: Path, uav: str, wing: str, failsafe: int = 1) -> None:
+        """`failsafe`: whether the copter comes home by itself without a ground station."""
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         port, self.pilots = free_port(), free_port()
         for name, text in (("uav.asl", uav), ("wing.asl", wing), ("m.yaml", MISSION.replace("PORT", str(port)))):
@@ -75,7 +76,9 @@ class Field:
         self.mission = str(folder / "m.yaml")
         self.router = running("commd", "serve", self.mission, "--router", self.endpoint)
         links = ("--link", f"udpout:127.0.0.1:{port}", "--link", f"udpin:127.0.0.1:{self.pilots}")
-        self.copter = running("bridged", "simulate", "copter", *links, "--speed", "10", "--param", "FS_GCS_ENABLE=1")
+        self.copter = running(
+            "bridged", "simulate", "copter", *links, "--speed", "10", "--param", f"FS_GCS_ENABLE={failsafe}"
+        )
         self._state = folder / "state"
         self.bridge = ("bridged", "serve", self.mission, "uav1", *self._common())
 
