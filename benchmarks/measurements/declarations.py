@@ -29,7 +29,7 @@ from typing import Any, Final
 import zenoh
 
 from benchmarks.measurements.fleet import start, wait_for_all, write_mission
-from benchmarks.parts import progress, table
+from benchmarks.parts import progress, row, table
 from benchmarks.processes import BenchmarkFailed, Watched, pss, watched
 from benchmarks.results import Origin
 from tests.support.ports import free_port
@@ -269,8 +269,8 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         "What a real board declares at its router:",
         "",
         *table("| | tokens | queryables | subscribers |"),
-        "| a vehicle and its agent | " + " | ".join(f"{figures.vehicle(kind):.0f}" for kind in KINDS) + " |",
-        "| a board besides | " + " | ".join(f"{figures.board(kind):.0f}" for kind in KINDS) + " |",
+        row("a vehicle and its agent", *(f"{figures.vehicle(kind):.0f}" for kind in KINDS)),
+        row("a board besides", *(f"{figures.board(kind):.0f}" for kind in KINDS)),
         "",
         f"What {figures.count:,} declarations of one board's client, and {PUTS:,} puts of {PUT_BYTES} bytes that one "
         "client of another board hears, cost each router (bare Zenoh, one process each):",
@@ -279,12 +279,9 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     ]
     for step in figures.steps:
         for cost in step.costs:
-            held = f"{cost.held:,}" if step.kind in KINDS else ""
-            memory = f"{cost.memory:.1f}" if step.kind in KINDS else ""
-            lines.append(
-                f"| {step.topology} | {step.kind} | {cost.router} | {held} | {1000 * cost.cpu:.0f} "
-                f"| {memory} | {step.link:.0f} |"
-            )
+            held, memory = (f"{cost.held:,}", f"{cost.memory:.1f}") if step.kind in KINDS else ("", "")
+            costs = held, f"{1000 * cost.cpu:.0f}", memory, f"{step.link:.0f}"
+            lines.append(row(step.topology, step.kind, cost.router, *costs))
     lines += [
         "",
         f"Calculated from these, with {SITE} boards on a site:",
@@ -337,19 +334,19 @@ def _calculated(figures: Figures, topology: str, boards: int, each: int) -> Iter
     in_board = own | {"token": everywhere["token"]} if topology == REGIONS else everywhere
     unit = {kind: figures.step(MESH, kind) for kind in KINDS}
 
-    def row(name: str, links: int, numbers: dict[str, float], more: str) -> str:
+    def of_router(name: str, links: int, numbers: dict[str, float], *more: str) -> str:
         costs = {kind: unit[kind].of("other board") for kind in KINDS}
         memory = sum(number * costs[kind].memory / 1000 for kind, number in numbers.items())
         cpu = sum(number * costs[kind].cpu / 1000 for kind, number in numbers.items())
-        declared = f"{sum(numbers.values()):,.0f}"
-        where = f"| {boards:,}, {boards * each:,} | {topology} | {name} "
-        return f"{where}| {links:,} | {declared} | {memory:,.0f} MB | {cpu:,.1f} s | {more} |"
+        held = f"{sum(numbers.values()):,.0f}", f"{memory:,.0f} MB", f"{cpu:,.1f} s"
+        return row(f"{boards:,}, {boards * each:,}", topology, name, f"{links:,}", *held, *more)
 
     once = sum(number * unit[kind].link for kind, number in (in_board if has_site else own).items()) / 1000
     health = 3 * (boards if has_site else 1) * figures.step(topology, BY_WILDCARD).link / 1000
-    yield row("a board", 1 if has_site else boards - 1, in_board, f"{once:,.0f} kB | {health:,.1f} kB/s")
+    links = 1 if has_site else boards - 1
+    yield of_router("a board", links, in_board, f"{once:,.0f} kB", f"{health:,.1f} kB/s")
     if has_site:
-        yield row("a site", min(SITE, boards) + sites - 1, everywhere, "|")
+        yield of_router("a site", min(SITE, boards) + sites - 1, everywhere, "", "")
 
 
 def main(mode: str, listen: str, *connect: str) -> None:

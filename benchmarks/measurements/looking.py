@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.parts import Goal, line_of_goals, progress, table
+from benchmarks.parts import Goal, line_of_goals, progress, row, table
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
 from benchmarks.serving import Site
@@ -121,8 +121,8 @@ class Cost:
         """Return a row of the table."""
         rate = {"activity": PUT_AT_MOST, **dict.fromkeys(LOOKING, RATE)}.get(self.key)
         often = "" if rate is None else f" at {rate:g} Hz"
-        cells = (self.title, f"{self.extra.count}", f"{self.work:.1f} ms", self.extra.text(" ms", 2))
-        return f"| {' | '.join(cells)} | {self.lost().text(' %', 2)}{often} |"
+        lost = f"{self.lost().text(' %', 2)}{often}"
+        return row(self.title, self.extra.count, f"{self.work:.1f} ms", self.extra.text(" ms", 2), lost)
 
 
 @dataclass
@@ -259,6 +259,7 @@ def goals(figures: Figures) -> list[Goal]:
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the figures of docs/measurements/daemons.md."""
+    head = "| observer | bursts | a burst alone | more by one query, or by publishing | lost |"
     lines = [
         origin.line(),
         "",
@@ -267,7 +268,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Processor time of agentd, all threads, for a burst of {STEPS} steps of a program, with and without somebody; "
         "medians of differences, in brackets their intervals of 95 %.",
         "",
-        *table("| who looks on | bursts | a burst alone | more by one look, or by being heard | lost |"),
-        *(one.row() for one in figures.costs),
+        *table(head, (one.row() for one in figures.costs)),
     ]
     return {"looking": "\n".join(lines)}

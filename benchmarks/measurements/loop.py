@@ -20,7 +20,7 @@ import msgspec
 
 from benchmarks.health import DAEMONS, Records, grown, listening
 from benchmarks.measurements.loop_board import Board, Sizes, board, payload, raw
-from benchmarks.parts import Goal, at_least, table
+from benchmarks.parts import Goal, at_least, row, table
 from benchmarks.processes import BenchmarkFailed, until
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
@@ -248,12 +248,7 @@ def measure(quick: bool) -> Figures:
     count, seconds = (20, 0.5) if quick else (TURNS, SECONDS)
     carried = sizes()
     return Figures(
-        bytes={
-            "sample": carried.sample,
-            "percept": carried.perception,
-            "action": carried.action,
-            "status": carried.status,
-        },
+        bytes={"percept": carried.perception, "action": carried.action, "status": carried.status},
         kept=turn(count),
         fresh=turn(count, kept=False),
         replaced=list(_floods("tick", [100.0] if quick else RATES, seconds)),
@@ -306,26 +301,16 @@ def fastest(floods: list[Flood]) -> Flood | None:
 def goals(figures: Figures) -> list[Goal]:
     """Return what is asked of the figures."""
     ratio = times(figures.kept)
-    made = [
-        Goal(
-            title="percept → belief → plan → action → status → next action at the robot, p50",
-            wanted=f"< {GOAL_TIMES:g} times the bare exchanges in it, at p50",
-            found=f"{ratio:.1f} times (at p99 {times(figures.kept, 0.99):.1f})",
-            met=ratio < GOAL_TIMES,
-            why=f"{_WHERE}; {_TRIED}",
-        )
-    ]
+    title = "percept → belief → plan → action → status → next action at the robot, p50"
+    wanted = f"< {GOAL_TIMES:g} times the bare exchanges in it, at p50"
+    found = f"{ratio:.1f} times (at p99 {times(figures.kept, 0.99):.1f})"
+    made = [Goal(title, wanted, found, ratio < GOAL_TIMES, f"{_WHERE}; {_TRIED}")]
     if figures.kept.status:
         status, of_bare = median(figures.kept.status) / 1000, times(figures.kept, ways="status")
-        made.append(
-            Goal(
-                title="percept → belief → plan → action → status on the bus, p50",
-                wanted=f"{GOAL_STATUS:g} ms, {GOAL_STATUS_TIMES:g} times the bare exchanges in it",
-                found=f"{status:.1f} ms, {of_bare:.1f} times",
-                met=status <= GOAL_STATUS and of_bare <= GOAL_STATUS_TIMES,
-                why=f"{_WHERE}; {_TRIED}",
-            )
-        )
+        title = "percept → belief → plan → action → status on the bus, p50"
+        wanted = f"{GOAL_STATUS:g} ms, {GOAL_STATUS_TIMES:g} times the bare exchanges in it"
+        met = status <= GOAL_STATUS and of_bare <= GOAL_STATUS_TIMES
+        made.append(Goal(title, wanted, f"{status:.1f} ms, {of_bare:.1f} times", met, f"{_WHERE}; {_TRIED}"))
     for what, floods in (("replaced", figures.replaced), ("added", figures.added)):
         best = fastest(floods)
         title = f"percepts a second that are {what}, for one agent, none lost"
@@ -378,8 +363,8 @@ def _latencies(figures: Figures) -> Iterator[str]:
     )
     yield ""
     yield from table("| | bare exchanges in it | p50 | p99 | max | times the bare ones: p50 | p99 |")
-    yield f"| bare: a put, and put back | | {_row(figures.kept.put)} | | |"
-    yield f"| bare: a query and its reply | | {_row(figures.kept.ask)} | | |"
+    yield row("bare: a put, and put back", "", *_times(figures.kept.put), "", "")
+    yield row("bare: a query and its reply", "", *_times(figures.kept.ask), "", "")
     for what, turns, ways in (
         ("percept → action at the robot", figures.kept, "pong"),
         *([("percept → action → status on the bus", figures.kept, "status")] if figures.kept.status else []),
@@ -387,26 +372,27 @@ def _latencies(figures: Figures) -> Iterator[str]:
         ("the same, agent with `on_restart: fresh`", figures.fresh, "seen"),
     ):
         puts, asks = CONTAINS[ways]
-        contains = f"{puts:g} puts, {asks:g} queries"
-        ratios = f"{times(turns, 0.5, ways=ways):.1f} | {times(turns, 0.99, ways=ways):.1f}"
-        yield f"| {what} | {contains} | {_row(getattr(turns, ways))} | {ratios} |"
+        ratios = (f"{times(turns, part, ways=ways):.1f}" for part in (0.5, 0.99))
+        yield row(what, f"{puts:g} puts, {asks:g} queries", *_times(getattr(turns, ways)), *ratios)
     yield ""
     yield _NOTES
 
 
-def _row(values: list[float]) -> str:
-    return " | ".join(f"{percentile(values, part):,.0f}" for part in PERCENTILES)
+def _times(values: list[float]) -> list[str]:
+    return [f"{percentile(values, part):,.0f}" for part in PERCENTILES]
 
 
 def _rates(figures: Figures) -> Iterator[str]:
-    heads = ("a second", "changes", "events", "behind, s", "bridge, % of a core", "agent", "router", "lost")
-    yield from table(f"| percepts for one agent | {' | '.join(heads)} |")
+    yield from table(
+        "| percepts for one agent | a second | changes | events | behind, s | bridge, % of a core | agent | router "
+        "| lost |"
+    )
     for what, floods in (("replaced", figures.replaced), ("added, each for 0.2 s", figures.added)):
         for one in floods:
             behind = "never done" if one.behind < 0 else f"{one.behind:.2f}"
             lost = ", ".join(f"{name} {value:,.0f}" for name, value in one.lost.items()) or "nothing"
-            cpu = " | ".join(f"{one.cpu[who]:.0f}" for who in ("bridged", "agentd", "commd"))
-            yield f"| {what} | {one.reached:,.0f} | {one.changes:,} | {one.heard:,} | {behind} | {cpu} | {lost} |"
+            cpu = (f"{one.cpu[who]:.0f}" for who in ("bridged", "agentd", "commd"))
+            yield row(what, f"{one.reached:,.0f}", f"{one.changes:,}", f"{one.heard:,}", behind, *cpu, lost)
     yield ""
     yield (
         "The program itself judges the order: each event must be the one after the last. A rate is raised until "

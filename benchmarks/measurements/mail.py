@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from benchmarks.measurements.boards import PROBE, Member, Synchronous, boards, fsync, member, until
-from benchmarks.parts import Goal, at_least, at_most, line_of_goals, progress, table
+from benchmarks.parts import Goal, at_least, at_most, line_of_goals, progress, row, table
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare as bare_process
@@ -128,23 +128,20 @@ def goals(figures: Figures) -> list[Goal]:
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the figures of docs/measurements/daemons.md."""
+    backlog = f"{figures.backlog:,} messages for one whose"
     rows = (
         ("latency across two commd, FULL (p50 / p99)", f"{figures.latency_full} ms"),
         ("latency across two commd, NORMAL", f"{figures.latency_normal} ms"),
         ("messages/s between agents on three boards, FULL", f"{figures.talk.rate:,.0f}"),
-        (
-            f"{figures.backlog:,} messages for one whose agentd was away: caught up in",
-            f"{figures.agent_away.seconds:.1f} s",
-        ),
-        (f"{figures.backlog:,} messages for one whose whole board was away", f"{figures.board_away.seconds:.1f} s"),
+        (f"{backlog} agentd was away: caught up in", f"{figures.agent_away.seconds:.1f} s"),
+        (f"{backlog} whole board was away", f"{figures.board_away.seconds:.1f} s"),
     )
     lines = [
         origin.line() + f" A write and fsync of its disk takes {figures.fsync:.2f} ms.",
         "",
         *line_of_goals(goals(figures)),
         "",
-        *table("| figure | measured |"),
-        *(f"| {what} | {value} |" for what, value in rows),
+        *table("| figure | measured |", (row(*one) for one in rows)),
         "",
         f"Each board's member posts batches of {BATCH} to both others, with at most {FLYING:,} messages on their way; "
         f"what has arrived in {figures.seconds:g} s counts. The latency of others is that of single messages with "

@@ -20,7 +20,7 @@ from benchmarks import peers
 from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
 from benchmarks.health import listening
 from benchmarks.measurements.control_groups import ControlGroup, Limits, limited
-from benchmarks.parts import Goal, progress, table
+from benchmarks.parts import Goal, progress, row, table
 from benchmarks.processes import BenchmarkFailed, Watched, alone
 from benchmarks.results import Origin
 from benchmarks.serving import READY
@@ -267,30 +267,28 @@ def in_comparison(figures: Figures) -> list[str]:
 
 
 def _given() -> list[str]:
-    rows = [
-        f"| {board.title} | {board.memory:.0f} MB | {SYSTEM:.0f} MB | {board.limits.memory:.0f} MB "
-        f"| {board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz "
-        f"| {board.share:.1%} |"
-        for board in BOARDS
-    ]
+    rows = []
+    for board in BOARDS:
+        memory = (f"{value:.0f} MB" for value in (board.memory, SYSTEM, board.memory - SYSTEM))
+        cores = f"{board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz"
+        rows.append(row(board.title, *memory, cores, f"{board.share:.1%}"))
     return table(
         "| board | memory | left to its system | left to the daemons | cores | a core of it, of one here |", rows
     )
 
 
 def _flights(flights: Sequence[Flown]) -> list[str]:
-    rows = [
-        f"| {one.board} | {one.form} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.held:.0f} "
-        f"| {one.cpu:.1f} | {one.throttled:.1f} | {one.lag:.2f} | {one.timed_out} |"
-        if one.completed
-        else f"| {one.board} | {one.form} | **{one.why}** | | | | | | | |"
-        for one in flights
-    ]
-    return table(
+    head = (
         "| limits of | | mission | ready, s | mission, s | held, MB | processor, % of a core | held back, s | late, s "
-        "| actions timed out |",
-        rows,
+        "| actions timed out |"
     )
+    rows = []
+    for one in flights:
+        tenths = (f"{value:.1f}" for value in (one.cpu, one.throttled))
+        used = f"{one.ready:.1f}", f"{one.mission:.1f}", f"{one.held:.0f}", *tenths, f"{one.lag:.2f}", one.timed_out
+        cells = ("completed", *used) if one.completed else (f"**{one.why}**", *[""] * len(used))
+        rows.append(row(one.board, one.form, *cells))
+    return table(head, rows)
 
 
 def given_memory(figures: Figures, one: Flown) -> float:

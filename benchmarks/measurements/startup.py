@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import progress, table
+from benchmarks.parts import progress, row, table
 from benchmarks.processes import watched_command
 from benchmarks.results import Origin
 from benchmarks.serving import FIRST, NAMES, SERVES, Site, copied, environment, serving
@@ -106,7 +106,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     ]
     for name, ready in SERVES.items():
         until = "its first plan" if ready == FIRST else "it serves" if name != "bare" else "it is open"
-        lines.append(f"| {NAMES[name]}: {until} | {' | '.join(_cell(figures, name, s) for s in STATES)} |")
+        lines.append(row(f"{NAMES[name]}: {until}", *(_cell(figures, name, state) for state in STATES)))
     lines += ["", *(f"- *{state}*: {text}." for state, text in STATES.items())]
     return {"startup": "\n".join(lines)}
 
