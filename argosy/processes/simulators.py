@@ -7,7 +7,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
+
+import msgspec
 
 from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.transport.address import LinkAddress
@@ -65,6 +68,15 @@ its board, if that is another machine."""
 def vehicle_of(robot: Robot) -> str:
     """Return the simulator of a robot; empty = no process."""
     return robot.simulate.process if robot.simulate is not None else ""
+
+
+def linked(mission: Mission, links: Callable[[list[str]], Mapping[str, str]]) -> tuple[Mission, Mapping[str, str]]:
+    """Return a mission with a link of `links` for each vehicle that it names none for, and those links by robot."""
+    found = links(
+        [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
+    )
+    robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in found.items()}
+    return replace(mission, robots=mission.robots | robots), found
 
 
 def machine_of(robot: Robot) -> str:

@@ -14,8 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, Self, TextIO
 
-import msgspec
-
 from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
 from argosy.cli.arguments import finite_number
@@ -28,7 +26,7 @@ from argosy.fleet_model.robots import MAX_POINTS
 from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
 from argosy.processes.process_table import Setup, free_after, places, real_robots
 from argosy.processes.resource_usage import Meter
-from argosy.processes.simulators import ON_MAVLINK, only_real, vehicle_of
+from argosy.processes.simulators import linked, only_real
 from argosy.recording.run_recorder import RunRecording, recording_of
 from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
@@ -115,7 +113,9 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         where = f"{name} on {link}" if (link := mission.robots[name].link) else name
         together = ",".join(group_of(mission, name))
         raise BadInput(f"{where}: {why}; fly the real one with --real {together}")
-    mission, links = _linked(mission, real)
+    mission, links = linked(mission, free_links)
+    if wanted := [name for name in links if name in real]:
+        raise BadInput(f"--real {wanted[0]}: the mission names no `link` to it")
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and mission.radio is not None:
         line = mission.positions.of(("radio",))[0]
@@ -133,16 +133,6 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
         problem = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
         raise BadInput(f"{problem}: fly all of them with --real {','.join(mixed)}")
     return setup
-
-
-def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, str]]:
-    """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
-    open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
-    if wanted := [name for name in open_ones if name in real]:
-        raise BadInput(f"--real {wanted[0]}: the mission names no `link` to it")
-    links = free_links(open_ones)
-    robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in links.items()}
-    return replace(mission, robots=mission.robots | robots), links
 
 
 def _router(mission: Mission) -> str:

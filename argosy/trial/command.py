@@ -139,7 +139,7 @@ def refusals(mission: Mission) -> Iterator[Finding]:
                 f"{name} simulates {vehicle or 'itself by its driver'}: expected `vehicle` to be one of "
                 f"{', '.join(SIMULATED)}, which a trial has in virtual time",
             )
-        elif vehicle in ON_MAVLINK and not robot.link.startswith("udp"):
+        elif vehicle in ON_MAVLINK and robot.link and not robot.link.startswith("udp"):
             yield at(("robots", name, "link"), f"{name} has link {robot.link}: expected udpin: or udpout: in a trial")
 
 

@@ -20,7 +20,7 @@ from argosy.cli.journal import Journal
 from argosy.fleet_model.model import FleetModel
 from argosy.processes.process_table import Place, Setup
 from argosy.processes.resource_usage import Meter
-from argosy.processes.simulators import vehicle_of
+from argosy.processes.simulators import linked, vehicle_of
 from argosy.run.command import reporting
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
@@ -42,7 +42,7 @@ from schemas.mission.model import Mission
 if TYPE_CHECKING:
     from argosy.trial.recording import TrialRecording
 
-FIRST_ROUTER, FIRST_LINK = 7447, 8447
+FIRST_ROUTER, FIRST_LINK, FIRST_VEHICLE = 7447, 8447, 1
 """Ports of the boards' routers, for their daemons and for other boards."""
 
 
@@ -104,13 +104,24 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     network = swap_bus(loop)
     allow_deep_calls()
     os.chdir(request.folder)
-    mission = _mission(request)
+    mission, vehicle_links = linked(_mission(request), _links)
     boards = mission.board_names
     routers = {board: f"tcp/127.0.0.1:{FIRST_ROUTER + number}" for number, board in enumerate(boards)}
     links = [f"tcp/127.0.0.1:{FIRST_LINK + number}" for number in range(len(boards))]
     places = {board: Place(routers[board], links[n], tuple(links[:n])) for n, board in enumerate(boards)}
     state = Path("state")
-    setup = Setup(mission, routers[boards[0]], 1.0, frozenset(), state, reporting(mission), places, True, state)
+    setup = Setup(
+        mission,
+        routers[boards[0]],
+        1.0,
+        frozenset(),
+        state,
+        reporting(mission),
+        places,
+        True,
+        state,
+        links=vehicle_links,
+    )
     clock = Clock(1.0)
     journal = Journal(clock.now, None)
     outcome = Outcome(request.seed, False, faults=list(request.faults))
@@ -201,6 +212,11 @@ def _mission(request: Request) -> Mission:
                 simulate = msgspec.structs.replace(robot.simulate, battery=Duration(60 * fault.minutes))
             robots[fault.robot] = msgspec.structs.replace(robot, simulate=simulate)
     return replace(mission, robots=robots)
+
+
+def _links(robots: Iterable[str]) -> dict[str, str]:
+    """Return a link for each of these vehicles, at ports that are privileged on a machine: missions name others."""
+    return {name: f"udpin:127.0.0.1:{FIRST_VEHICLE + number}" for number, name in enumerate(robots)}
 
 
 def _served(status: Status, robot: str) -> bool:

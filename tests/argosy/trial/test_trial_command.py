@@ -216,6 +216,22 @@ def test_missions_with_other_edges_are_refused_at_their_line(
     assert printed.startswith(f"{path}:{len(mission.splitlines()) + 1}:")
 
 
+def test_simulated_vehicles_that_need_no_link_are_tried_without_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = "{manifest: copter, simulate: {home: [-27.604033, -48.518363, 21.0]}}"
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        "mission: two\nagents: {a: {program: a.asl, robot: uav1}, b: {program: a.asl, robot: uav2}}\n"
+        f"robots: {{uav1: {robot}, uav2: {robot}}}\ndone: ['a: back', 'b: back']\n"
+    )
+    (tmp_path / "a.asl").write_text(
+        '!fly. +!fly <- .wait(state(_, true, _)); set_mode("GUIDED"); arm_motors(true); takeoff(5); land; +back.'
+    )
+    assert main(["trial", str(path), "--runs", "1", "--faults", "none"]) == 0
+    assert capsys.readouterr().out.startswith(f"{path}: 1 of 1 runs succeed")
+
+
 def test_too_few_successes_are_exit_code_1_with_the_seed_to_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
