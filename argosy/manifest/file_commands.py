@@ -13,9 +13,9 @@ from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import Finding, Findings
 from schemas.files.text_files import read_text
+from schemas.manifest.document import write_toml
 from schemas.manifest.json_schema import schema_text
 from schemas.manifest.loader import TABLES, Manifest
-from schemas.manifest.text import write_toml
 
 _SECTION = re.compile(r"^\[+([^\[\]]*)\]", re.MULTILINE)
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Finding, Findings
+from schemas.manifest.document import document
 from schemas.manifest.edit import changed
 from schemas.manifest.loader import Manifest, read_document
-from schemas.manifest.text import document
 from schemas.wire.records import LiveManifest, ManifestChange
 
 RESTART = "cannot change while the bridge runs: change the file and restart it"

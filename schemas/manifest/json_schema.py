@@ -17,9 +17,9 @@ import msgspec
 from msgspec import Meta, inspect
 
 from schemas.files.units import Duration
+from schemas.manifest.document import plain
 from schemas.manifest.model import WAYS, ActionEntry, Manifest, PerceptEntry, RobotEntry
 from schemas.manifest.rules import FUNCTOR, RESERVED
-from schemas.manifest.text import plain
 from schemas.wire.records import Order
 
 FILE = "manifest.schema.json"

@@ -18,8 +18,8 @@ from argosy.manifest.live_commands import taken_away
 from bridged.daemon import serve
 from commd.bus.bus import open_bus
 from schemas.files.shipped_files import shipped
+from schemas.manifest.document import document
 from schemas.manifest.loader import load_manifest
-from schemas.manifest.text import document
 from schemas.mission.model import read_mission
 from tests.argosy.beside import beside
 from tests.support.buses import until

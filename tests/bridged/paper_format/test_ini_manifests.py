@@ -13,8 +13,8 @@ from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import translate_pair
 from bridged.paper_format.mavros_names import CALLS, TOPICS, below_mavros
 from schemas.files.findings import Findings
+from schemas.manifest.document import write_toml
 from schemas.manifest.loader import ActionEntry, Manifest, PerceptEntry, load_manifest, read_manifest
-from schemas.manifest.text import write_toml
 from tests.bridged.ini_pairs import MISSIONS, of_the_uav, pair, service
 
 SAME = {

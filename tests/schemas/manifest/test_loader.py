@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
 from schemas.files.toml_positions import line_of, toml_lines
+from schemas.manifest.document import write_value
 from schemas.manifest.loader import load_manifest, read_manifest
-from schemas.manifest.text import write_value
 from tests.schemas.manifest.test_manifest_mistakes import problems
 
 WORDS = """robot percepts actions orders driver vehicle source args key buf rate ttl params name type each field fields

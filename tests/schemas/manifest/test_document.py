@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from schemas.files.findings import Findings
 from schemas.files.shipped_files import shipped, shipped_names
 from schemas.files.units import Duration
+from schemas.manifest.document import document, write_toml
 from schemas.manifest.json_schema import FILE, schema, schema_text
 from schemas.manifest.loader import load_manifest, read_document, read_manifest
 from schemas.manifest.model import ActionEntry, Field, FieldValue, Manifest, Parameter, PerceptEntry, Retry, RobotEntry
 from schemas.manifest.rules import RESERVED
-from schemas.manifest.text import document, write_toml
 
 names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,5}", fullmatch=True)
 paths = st.one_of(names, st.sampled_from(["voltages.0", "a.b.c"]))
