@@ -16,8 +16,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.toml_positions import key_parts
-from schemas.manifest.document import write_document, write_value
-from schemas.manifest.edit import BadPath, part_of
+from schemas.manifest.document import BadPath, part_of, write_document, write_value
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
 from schemas.wire.records import LiveManifest, ManifestChange

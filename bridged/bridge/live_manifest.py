@@ -10,8 +10,7 @@ from typing import Any
 
 from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Finding, Findings
-from schemas.manifest.document import document
-from schemas.manifest.edit import changed
+from schemas.manifest.document import changed, document
 from schemas.manifest.loader import Manifest, read_document
 from schemas.wire.records import LiveManifest, ManifestChange
 

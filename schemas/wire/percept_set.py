@@ -154,7 +154,8 @@ class PerceptSet:
         present = list(snapshot)
         boot = present[0].header.boot if present else self.boot
         seq = max((one.header.seq for one in present), default=self.seq if self._reported is None else self._reported)
-        meanwhile = self.seq > seq and not self.was_ahead(seq, asked_at)
+        was_ahead = asked_at is not None and seq < asked_at <= self.seq
+        meanwhile = self.seq > seq and not was_ahead
         if any(one.header.boot != boot for one in present) or (boot == self.boot and meanwhile):
             return None
         self._reported = None
@@ -164,10 +165,6 @@ class PerceptSet:
             self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
         self.boot, self.seq, self.in_doubt, self._digest = boot, seq, False, ""
         return changes
-
-    def was_ahead(self, seq: int, asked_at: int | None) -> bool:
-        """Whether a reply with this seq, asked at our seq `asked_at`, shows that ours was not the bridge's."""
-        return asked_at is not None and seq < asked_at <= self.seq
 
     def clear(self) -> list[Perception]:
         """Remove everything, as the bridge is gone. Returns the removals."""
