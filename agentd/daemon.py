@@ -77,7 +77,7 @@ def run(args: Namespace) -> int:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Compile the agents' programs, join the bus under each agent's name, and reason."""
     clock = Clock(args.speed or mission.speed)
-    unit = unit or Unit.of_environment().member("agentd")
+    unit = unit or Unit().member("agentd")
     parts = [prepare(mission, name, args.seed, args.decisions) for name in chosen(mission, args)]
     name = parts[0].name
     endpoint = args.router or mission.router.endpoint

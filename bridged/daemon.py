@@ -69,7 +69,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     with `until_home` stays with it until it is disarmed.
     """
     clock = Clock(args.speed or mission.speed)
-    unit = unit or Unit.of_environment().member("bridged")
+    unit = unit or Unit().member("bridged")
     mission, parts = prepare_all(mission, chosen(mission, args.robots, args.board), args.link, clock.speed)
     endpoint = args.router or mission.router.endpoint
     unit.status(f"waiting for the router at {endpoint}")

@@ -153,7 +153,7 @@ class Parts:
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
     """Route for the board, serve its directory, and deliver the mail of its agents. Returns the exit code."""
     clock, board = Clock(), chosen(mission, args.board)
-    unit = unit or Unit.of_environment().member("commd")
+    unit = unit or Unit().member("commd")
     router = router_setup(mission, board, args)
     async with (
         open_bus(

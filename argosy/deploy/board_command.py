@@ -85,7 +85,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
         daemons["bridged"] = bridged.daemon.serve
     if mission.agents_on(board):
         daemons["agentd"] = agentd.daemon.serve
-    parts = Parts(mission, given, daemons, Unit.of_environment())
+    parts = Parts(mission, given, daemons, Unit())
     log.info("board=%s in one process: %s", board, ", ".join(daemons))
     return await parts.run(stop)
 

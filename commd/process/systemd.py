@@ -22,7 +22,9 @@ log = logging.getLogger("notify")
 class Unit:
     """This process as a unit of its service manager, with one or more members."""
 
-    def __init__(self, environment: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, environment: Mapping[str, str] | None = None, now: Callable[[], float] = time.monotonic) -> None:
+        """`environment`: of this process by default; `now()`: wall seconds."""
+        environment = os.environ if environment is None else environment
         self._now = now
         self._socket = _connected(environment.get("NOTIFY_SOCKET", ""))
         watchdog = _watchdog(environment) if self._socket is not None else None
@@ -34,11 +36,6 @@ class Unit:
         self._owed: dict[str, str] = {}
         """Values not sent yet: the service manager's queue was full."""
         self._ready = self._stopping = False
-
-    @classmethod
-    def of_environment(cls) -> Unit:
-        """Return the unit of this process's environment."""
-        return cls(os.environ)
 
     def member(self, name: str) -> Member:
         """Add a daemon of this process, before any of them is ready."""
@@ -94,11 +91,8 @@ class Member:
         self._unit, self.name = unit, name
         self.words = ""
         self.is_ready = self.is_stopping = False
-
-    @property
-    def period(self) -> float | None:
+        self.period = unit.period
         """Wall seconds within which each loop must turn once; None = no watchdog."""
-        return self._unit.period
 
     def ready(self, words: str) -> None:
         """Report that it serves: session, subscriptions and token are up. `words` as in `status`."""
@@ -130,16 +124,13 @@ class Loop:
     def __init__(self, unit: Unit) -> None:
         self._unit = unit
         self.turned, self.resting = True, False
+        self.period = unit.period
+        """Wall seconds within which it must turn once; None = no watchdog."""
 
     @classmethod
     def unwatched(cls) -> Loop:
         """Return a loop without a watchdog."""
         return cls(Unit({}))
-
-    @property
-    def period(self) -> float | None:
-        """Wall seconds within which it must turn once; None = no watchdog."""
-        return self._unit.period
 
     def beat(self) -> None:
         """Report a turn."""

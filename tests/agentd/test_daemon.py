@@ -60,7 +60,7 @@ async def test_a_daemon_with_a_full_disk_waits_for_space_before_its_agents_join(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("agentd.daemon.probe", Mock(side_effect=OSError(28, "No space left on device")))
-    unit, stop = Unit.of_environment().member("agentd"), asyncio.Event()
+    unit, stop = Unit().member("agentd"), asyncio.Event()
     waits = asyncio.create_task(wait_for_disk(tmp_path, unit, stop))
     await asyncio.sleep(15)
     assert not waits.done()
