@@ -27,6 +27,7 @@ from agentd.mind.beliefs.dynamic_formulas import FunctionsOf
 from agentd.mind.beliefs.term_copy import with_source
 from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.persistence.change_tracking import Keeper
+from agentd.mind.persistence.pending_events import Origin
 from agentd.persistence.checkpoint import (
     DAMAGED,
     Checkpoint,
@@ -306,7 +307,7 @@ def raise_interrupted(mind: Mind, keeper: Keeper, literal: Literal) -> None:
     before = len(mind.events)
     _raise_event(mind, literal)
     if len(mind.events) > before:
-        keeper.give_in_any_case(mind.events[-1])
+        keeper.origins.mark(mind.events[-1], Origin.OTHERS)
 
 
 def _raise_event(mind: Mind, literal: Literal) -> None:

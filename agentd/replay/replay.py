@@ -259,7 +259,7 @@ def _where(
     rebuilt: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
 ) -> Difference:
     """Find the first difference in a batch with another digest, by the recorded decisions."""
-    views = [(one, view) for one in done if type(one.what) is tuple and (view := rebuilt.view_of(one)) is not None]
+    views = [(one, rebuilt.view_of(one)) for one in done if type(one.what) is tuple]
     known = {_decided(view) for _, view in views}
     own = (view for some in decisions if some.agent == rebuilt.agent for view in some.decisions)
     lost = next((view for view in own if before < view.cycle <= batch.last and _decided(view) not in known), None)
@@ -369,8 +369,7 @@ def _act(rebuilt: ReplayedMind, done: Done) -> Act:
     what = done.what
     if type(what) is tuple:
         view = rebuilt.view_of(done)
-        text = done.line if view is None else _decision_text(view)
-        return Act(done.cycle, done.time, "decision", text, view)
+        return Act(done.cycle, done.time, "decision", _decision_text(view), view)
     return Act(done.cycle, done.time, "failure" if type(what) is Failure else "effect", done.text)
 
 

@@ -22,7 +22,7 @@ from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.restore import come_back, raise_interrupted
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_loader import goal_of, read_item, recorded_program
-from agentd.trace.decision_digest import DecisionDigest, DecisionLines, effect_text
+from agentd.trace.decision_digest import DecisionDigest, effect_text
 from agentd.trace.initial_state import Texts, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, InitialMind, MindInputs
@@ -47,6 +47,7 @@ class Done:
     what: Any
     """An effect, or a record of `agentd.mind.introspection.decision_log`."""
     text: str
+    """Empty for a decision: see `ReplayedMind.view_of`."""
 
     @property
     def line(self) -> str:
@@ -76,7 +77,6 @@ class ReplayedMind:
         self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)
         """The last inputs."""
         self._done: list[Done] = []
-        self._line = DecisionLines().of
         self._steps: deque[tuple[int, float]] = deque()
         self._given: deque[tuple[int, Given]] = deque()
         self._times: deque[float] = deque()
@@ -136,7 +136,9 @@ class ReplayedMind:
         self._did(mail)
 
     def _decided(self, entries: list[Any]) -> None:
-        self._done += [Done(entry[0], self.now, entry, self._line(entry)) for entry in entries]
+        for entry in entries:
+            failed = f"failure {entry.intention} {entry.failed.error}" if type(entry) is Failure else ""
+            self._done.append(Done(entry[0], self.now, entry, failed))
 
     def _did(self, effect: Effect) -> None:
         self._done.append(Done(self.mind.cycle, self.now, effect, effect_text(effect)))
@@ -242,12 +244,11 @@ class ReplayedMind:
             case _:
                 self.mind.feed(item)
 
-    def view_of(self, done: Done) -> DecisionView | None:
-        """Return a decision with its rejected plans; None for other acts."""
-        if type(done.what) is not tuple:
-            return None
-        view = view_of(self.mind, Decision(*done.what))
-        return view if isinstance(view, DecisionView) else None
+    def view_of(self, decision: Done) -> DecisionView:
+        """Return a decision with its rejected plans."""
+        view = view_of(self.mind, Decision(*decision.what))
+        assert isinstance(view, DecisionView)
+        return view
 
 
 def _read(record: Any) -> tuple[int, Given]:

@@ -204,7 +204,7 @@ class AgentHost:
     def _in_hand(self) -> Held:
         """Return the event and the message that the mind is working on; called on another thread."""
         return Held(
-            "" if self._keeper is None else self._keeper.in_hand(),
+            "" if self._keeper is None else self._keeper.origins.in_hand(),
             self._mailing.inbox.taken_last(len(self._mind.mailbox)),
         )
 
@@ -214,7 +214,7 @@ class AgentHost:
         if poison is None or poison.died_at is None or keeper is None:
             return
         held = poison.died_at
-        if keeper.set_aside(held.event):
+        if keeper.origins.drop(held.event):
             poison.poison = None  # else a message brings it, and is refused
         poison.keep(held)
         what = text_of(held)

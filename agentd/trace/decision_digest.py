@@ -84,23 +84,6 @@ class DecisionDigest:
         return count, found.hexdigest()
 
 
-class DecisionLines:
-    """Writes records of `agentd.mind.introspection.decision_log.Decisions` as lines: fast, not readable."""
-
-    def __init__(self) -> None:
-        self._names = Names()
-
-    def of(self, entry: Any) -> str:
-        """Return a record as a line, without its cycle."""
-        if type(entry) is Failure:
-            return f"failure {entry.intention} {entry.failed.error}"
-        relevant, args, _, _ = entry[2]
-        frame, rejected = entry[6], entry[5]
-        place = self._names[None if frame is None else frame[PLAN]]
-        terms = " ".join(map(brief, args))
-        return f"{self._names[relevant]} {terms} {0 if rejected is None else len(rejected)} {place}"
-
-
 def brief(term: Any) -> str:
     """Return what mostly distinguishes a term, in the same time for large ones."""
     kind = type(term)

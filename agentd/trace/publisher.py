@@ -216,7 +216,9 @@ class Tracing:
     def flush(self) -> None:
         """Publish the events since the last call."""
         if "activity" in self._heard:
-            self._put_activity()
+            events, left_out = self.activity.take()
+            if events or left_out:
+                self._put_record("activity", MindActivity(agent=self._agent, events=events, left_out=left_out))
         if "decisions" in self._heard:
             self._put_decisions()
         if self.inputs.listened:
@@ -247,11 +249,6 @@ class Tracing:
         """Return the next header on a channel. Its `boot` is that of the agent: a process may have several."""
         header = self._bus.header(f"trace/{channel}", self._agent)
         return msgspec.structs.replace(header, boot=self.agent_boot)
-
-    def _put_activity(self) -> None:
-        events, left_out = self.activity.take()
-        if events or left_out:
-            self._put_record("activity", MindActivity(agent=self._agent, events=events, left_out=left_out))
 
     def _put_record(self, channel: Channel, record: MindActivity | MindDecisions) -> None:
         now, speed = self._clock.now(), self._clock.speed

@@ -176,10 +176,11 @@ class Intention:
     """The event of its next goal, which ``.suspend`` has taken out of the queue; with an empty stack its first one."""
 
     def __init__(self, number: int, stack: list[Frame], trail: list[Var]) -> None:
-        self.id, self.stack, self.trail = number, stack, trail
+        self.id, self.stack = number, stack
+        self.trail = trail
+        """The variables bound so far that a failure may have to free again."""
         self.last: Step | None = None
         """The formula that was run last: the one that it waits in, while it waits."""
-        """The variables bound so far that a failure may have to free again."""
         self.waiting = self.suspended = self.action = self.branch = self.held = None
 
     def trim(self, mark: int) -> None:

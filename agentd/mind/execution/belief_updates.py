@@ -177,19 +177,13 @@ def _change_code(mind: MindState, operator: str, code: Code) -> None:
             add_rule(mind, code.syntax, values, last=operator == "+>")
     elif isinstance(code.syntax, nodes.Plan):
         if operator in ("-", "--"):
-            if code.syntax.label is not None:
-                _remove_plans(mind, code.syntax.label)
+            name = getattr(code.syntax.label, "functor", "")
+            for plan in [plan for plan in mind.plans if plan.label.sig.functor == name]:
+                mind.plans.remove(plan)
         else:
             mind.plans.add(mind.plans.make(code.syntax, values), first=operator != "+>")
     else:
         raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
-
-
-def _remove_plans(mind: MindState, label: nodes.Structure | nodes.Variable) -> None:
-    """Take out the plans with a label, given as syntax."""
-    for plan in list(mind.plans):
-        if plan.label.sig.functor == getattr(label, "functor", None):
-            mind.plans.remove(plan)
 
 
 # --- rules ---

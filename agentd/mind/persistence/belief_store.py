@@ -68,16 +68,14 @@ class _Book:
             self._marks = marks = [marks[0], *marks[2:half:2], *marks[half:]]
         marks.append((self._newest, now))
 
-    def since(self, rank: int) -> float | None:
-        """Return by when (mission seconds) an entry was added; None if it was restored or is not marked yet."""
+    def since(self, rank: int) -> tuple[float | None, bool]:
+        """Return by when (mission seconds) an entry was added, None if it was restored or is not marked yet; and
+        whether that is final."""
         marks = self._marks
-        if not marks[0][0] < rank <= marks[-1][0]:
-            return None
-        return marks[bisect_left(marks, rank, key=itemgetter(0))][1]
-
-    def is_marked(self, rank: int) -> bool:
-        """Return whether `since` is final for an entry."""
-        return rank <= self._marks[-1][0]
+        final = rank <= marks[-1][0]
+        if not final or rank <= marks[0][0]:
+            return None, final
+        return marks[bisect_left(marks, rank, key=itemgetter(0))][1], True
 
     def rank(self, last: bool) -> int:
         """Return the rank of a new entry."""
@@ -202,7 +200,7 @@ class KeptBeliefs(BeliefBase):
         """
         predicate = self._predicates[fact.sig]
         rank = predicate.ranks.get(fact.args) if isinstance(predicate, KeptPredicate) else None
-        return (None, True) if rank is None else (self._book.since(rank), self._book.is_marked(rank))
+        return (None, True) if rank is None else self._book.since(rank)
 
     # --- keeping ---
 

@@ -20,7 +20,6 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.source_annotations import SOURCE_SELF
 from agentd.language.terms.terms import Code, Literal, Term, make_list, proper
-from agentd.mind.data.intention import Event
 from agentd.mind.execution.program_loading import load_program, register_functions, warn
 from agentd.mind.persistence.belief_store import KeptBeliefs, Tell
 from agentd.mind.persistence.pending_events import Origin, Origins, Pending
@@ -77,10 +76,11 @@ class Keeper:
         else:
             self._restore(mind, program, self._stored)
             self._stored = None
-        self._origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
-        mind.origins = self._origins
+        self.origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
+        """Knows where the events and intentions of the mind come from."""
+        mind.origins = self.origins
         for event in mind.events:
-            self._origins.mark(event, Origin.NEVER)
+            self.origins.mark(event, Origin.NEVER)
 
     # --- for the runtime ---
 
@@ -95,21 +95,9 @@ class Keeper:
             before = len(mind.events)
             mind.post(relevant, item.literal.args, item.literal.annots)
             if len(mind.events) > before:
-                self._origins.mark(mind.events[-1], item.origin)
+                self.origins.mark(mind.events[-1], item.origin)
                 count += 1
         return count
-
-    def give_in_any_case(self, event: Event) -> None:
-        """Give a queued event of the mind's own again like those of others: the mind has no other word of it."""
-        self._origins.mark(event, Origin.OTHERS)
-
-    def in_hand(self) -> str:
-        """Return the event that the mind works at, as text. Safe to call from another thread."""
-        return self._origins.in_hand()
-
-    def set_aside(self, event: str) -> int:
-        """Take the queued events that are written so out of the mind; return how many."""
-        return self._origins.drop(event)
 
     @property
     def dirty(self) -> bool:
@@ -154,7 +142,7 @@ class Keeper:
     def _change_pending(self, changes: MindChanges) -> None:
         before = self._pending
         now: dict[PendingKey, tuple[Any, ...]] = {}
-        for key, origin, event in self._origins.pending():
+        for key, origin, event in self.origins.pending():
             relevant, args, annots = event
             known = before.get(key)
             if known is not None and known[0] is relevant and known[1] is args and known[2] is annots:

@@ -316,7 +316,7 @@ def test_intentions_that_have_ended_are_not_remembered() -> None:
     for _ in range(10_000):
         life.mind.feed(told("achieve", "g"))
     life.settle()
-    assert len(life.keeper._origins._roots) <= 4096 + 1
+    assert len(life.keeper.origins._roots) <= 4096 + 1
 
 
 def test_the_keeper_says_when_there_may_be_something_to_save() -> None:
