@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from agentd.environment import ActionFailed, Deferred, Environment
+    from agentd.extensions.plugins import function, unify
     from agentd.language.terms.terms import Literal, atom, deref
     from agentd.mind import Mind
-    from agentd.mind.beliefs.unification import undo, unify
+    from agentd.mind.beliefs.unification import undo
     from agentd.mind.data.formula_failure import Failed
-    from agentd.mind.data.registry import function, internal_action
+    from agentd.mind.data.registry import internal_action
     from agentd.mind.execution.waiting import suspend
     from agentd.mind.state import MindState
     from agentd.runtime.program_paths import compile_file, compile_text
@@ -24,13 +25,14 @@ if TYPE_CHECKING:
 _PLACES = {
     "agentd.runtime.program_paths": ("compile_file", "compile_text"),
     "agentd.environment": ("ActionFailed", "Deferred", "Environment"),
+    "agentd.extensions.plugins": ("function", "unify"),
     "agentd.language.terms.terms": ("Literal", "atom", "deref"),
     "agentd.mind": ("Mind",),
     "agentd.mind.data.formula_failure": ("Failed",),
     "agentd.mind.state": ("MindState",),
     "agentd.mind.execution.waiting": ("suspend",),
-    "agentd.mind.beliefs.unification": ("undo", "unify"),
-    "agentd.mind.data.registry": ("function", "internal_action"),
+    "agentd.mind.beliefs.unification": ("undo",),
+    "agentd.mind.data.registry": ("internal_action",),
     "agentd.values": ("literal", "term_of", "value_of"),
 }
 

@@ -17,8 +17,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentd.language.terms.numbers import UndefinedNumber
+from agentd.mind.beliefs import unification
+from agentd.mind.data import registry
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import ACTIONS, FUNCTIONS, SOURCES
+from agentd.values import term_of
 from commd.process.user_code import MISTAKES, describe_error
 
 GROUP = "argosy.internal_actions"
@@ -26,6 +29,25 @@ GROUP = "argosy.internal_actions"
 
 class PluginError(RuntimeError):
     """An error in another package's code; the text gives its name, the error and the place."""
+
+
+def unify(one: Any, other: Any, trail: unification.Trail) -> bool:
+    """Unify as `unification.unify` does, terms or Python values (`term_of`)."""
+    return unification.unify(term_of(one), term_of(other), trail)
+
+
+def function(name: str, *arities: int, pure: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function as `registry.function` does. Its result is a term or a Python value; None: there is none."""
+
+    def register(compute: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(compute)
+        def term(*arguments: Any) -> Any:
+            return None if (result := compute(*arguments)) is None else term_of(result)
+
+        registry.function(name, *arities, pure=pure)(term)
+        return compute
+
+    return register
 
 
 def discover() -> None:

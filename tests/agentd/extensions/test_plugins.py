@@ -75,6 +75,14 @@ def broken(mind, trail, what):
 def twice(mind, number):
     return 2 * number
 
+@function("mylib.parts", 1)
+def parts(mind, text):
+    return [len(text), True, *text.split()]
+
+@internal_action("mylib.same", 2)
+def same(mind, trail, index, found):
+    return unify(found, [3, "three", {3}][int(index)], trail)
+
 @internal_action(".print", 1)
 def silence(mind, trail, text):
     return True
@@ -103,6 +111,19 @@ def test_actions_and_functions_serve_in_bodies_contexts_rules_facts_and_register
     )
     assert (done.stderr, done.returncode) == ("", 0)
     assert done.stdout.splitlines() == ["[bob] 6", "[bob] [2,4]", "[bob] 9", "[bob] ia_failed"]
+
+
+def test_python_values_that_a_package_unifies_or_returns_are_terms(ran) -> None:
+    done = ran(
+        """
+        !s.
+        +!s <- [N,B|Words] = mylib.parts("a bc"); B == true; mylib.same(0, M); X = N + M; .print(X, Words);
+               mylib.same(1, S); .length(S, L); .print(L); mylib.same(2, _).
+        -!s[error_msg(Why)] <- .print(Why).
+        """
+    )
+    assert done.stdout.startswith('[bob] 7["a","bc"]\n[bob] 5\n[bob] PluginError: mylib.same: TypeError: {3} cannot be')
+    assert done.stderr == ""
 
 
 def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(ran) -> None:
