@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import gc
 import importlib
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,6 +37,8 @@ def _starting() -> Iterator[None]:
     gc.disable()
     try:
         yield
+    except KeyboardInterrupt:  # imports take seconds on a small board
+        sys.exit(128 + signal.SIGINT)
     finally:
         gc.freeze()
         gc.enable()
