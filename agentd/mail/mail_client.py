@@ -78,6 +78,7 @@ class AgentInbox(ReceiveOnce):
         super().__init__(bus, agent, read, room, lambda: PATIENCE, missing)
 
     def restore(self, done: Mapping[Numbered, int]) -> None:
+        """Continue where the process before this one ended."""
         super().restore(done)
         self._by_commd |= done.keys()
 

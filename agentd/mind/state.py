@@ -136,17 +136,28 @@ class Drops:
 class Recorder(Protocol):
     """Takes a mind's decisions and failures: `agentd.mind.introspection.decision_log.Decisions`."""
 
-    def given(self, cycle: int, item: Input) -> None: ...
-    def posted(self, event: Event) -> None: ...
-    def decided(
-        self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool
-    ) -> None: ...
+    def given(self, cycle: int, item: Input) -> None:
+        """Note an input of the cycle with this number."""
+
+    def posted(self, event: Event) -> None:
+        """Note the origin of an event that has just been queued."""
+
+    def decided(self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool) -> None:
+        """Note which plan was chosen for an event."""
+
     def failed(
         self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Relevant | None
-    ) -> None: ...
-    def dropped(self, frames: Sequence[Frame]) -> None: ...
-    def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]: ...
-    def last_rejected(self) -> Sequence[tuple[Any, Any]]: ...
+    ) -> None:
+        """Note a failure, and the plans that end with it."""
+
+    def dropped(self, frames: Sequence[Frame]) -> None:
+        """Note plans that are dropped, the innermost last."""
+
+    def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]:
+        """Return whether a plan was dropped, and the formula that has done it."""
+
+    def last_rejected(self) -> Sequence[tuple[Any, Any]]:
+        """Return the plans that were tried in vain for the last event, and why."""
 
 
 class Turns(Protocol):

@@ -66,7 +66,8 @@ LEAVE = 2.0
 class Team(Protocol):
     """Fulfils the requests of minds to their team."""
 
-    async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply: ...
+    async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply:
+        """Fulfil a request; the reply has the error if that fails."""
 
 
 class AgentHost:

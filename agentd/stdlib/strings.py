@@ -85,6 +85,7 @@ def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
 
 
 def length_of(term: Term) -> float | None:
+    """Return the number of members or characters; None for a term that has none."""
     term = deref(term)
     if type(term) is List:
         if term is not EMPTY and term.tail is EMPTY:

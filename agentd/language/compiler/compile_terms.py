@@ -44,7 +44,8 @@ class Action(Protocol):
     suspends: bool
     names: int
 
-    def guarded(self) -> Callable[..., Any]: ...
+    def guarded(self) -> Callable[..., Any]:
+        """Return the function for contexts and rules, where an error only makes the condition false."""
 
 
 class Library(Protocol):
@@ -55,13 +56,17 @@ class Library(Protocol):
     namespaced: bool
     """Whether literals of other namespaces than the default one may occur."""
 
-    def is_function(self, name: str, arity: int) -> bool: ...
+    def is_function(self, name: str, arity: int) -> bool:
+        """Return whether a function has this name and number of arguments."""
 
-    def function(self, name: str, arity: int) -> Callable[..., Any]: ...
+    def function(self, name: str, arity: int) -> Callable[..., Any]:
+        """Return the function of this name and number of arguments."""
 
-    def action(self, name: str, arity: int) -> Action | None: ...
+    def action(self, name: str, arity: int) -> Action | None:
+        """Return the internal action of this name and number of arguments, if there is one."""
 
-    def unknown_action(self, node: nodes.InternalAction) -> None: ...
+    def unknown_action(self, node: nodes.InternalAction) -> None:
+        """Note an internal action that does not exist."""
 
 
 class _Written(NamedTuple):

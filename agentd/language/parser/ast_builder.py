@@ -60,6 +60,7 @@ class Builder(TermBuilder):
         self._trigger_bodies: dict[int, tuple[nodes.TriggerTerm, nodes.Body]] = {}
 
     def program(self, at: int, *parts: _ItemPart) -> nodes.Program:
+        """Return the program, with blocks that are closed and subplans in their plans; what is neither is refused."""
         open_blocks: list[tuple[_Begin, list[nodes.Item]]] = []
         items: list[nodes.Item] = []
         for part in parts:
@@ -100,18 +101,22 @@ class Builder(TermBuilder):
             self.refuse(block.at, "plans in { } belong to the plan before them, and there is none here")
 
     def belief(self, at: int, literal: nodes.Structure) -> nodes.Belief | FactRun:
+        """Return an initial belief, or the run of facts that it represents."""
         run = self._runs.get(at)
         return nodes.Belief(literal, self.position(at)) if run is None else run
 
     def rule(self, at: int, head: nodes.Structure, body: nodes.Term) -> nodes.Rule:
+        """Return a rule of beliefs."""
         return nodes.Rule(head, self.condition_of(at, body, "the body of a rule"), self.position(at))
 
     def goal(self, at: int, operator: str, literal: nodes.Structure) -> nodes.Goal:
+        """Return an initial goal."""
         return nodes.Goal(literal, operator, self.position(at))
 
     def plan(
         self, at: int, label: nodes.Structure | nodes.Variable | None, trigger: nodes.Trigger, *details: _Detail
     ) -> nodes.Plan:
+        """Return a plan without its subplans; a context ``true`` counts as none, as in Jason."""
         context: nodes.Formula | None = None
         condition: nodes.Formula | None = None
         body = nodes.Body()
@@ -127,9 +132,11 @@ class Builder(TermBuilder):
         return nodes.Plan(trigger, context, body, label, condition, (), self.position(at))
 
     def context(self, at: int, term: nodes.Term) -> _Context:
+        """Return the context of a plan, for `plan`."""
         return _Context(self.condition_of(at, term, "the context of a plan"), ":")
 
     def condition(self, at: int, term: nodes.Term) -> _Context:
+        """Return the goal condition of a plan, for `plan`."""
         return _Context(self.condition_of(at, term, "the goal condition of a plan"), "<:")
 
     def only(self, at: int, part: _Part) -> _Part:
@@ -139,6 +146,7 @@ class Builder(TermBuilder):
     arrow = any_label = lone_expression = lone_literal = lone_plan = lone_trigger = only
 
     def label(self, at: int, label: nodes.Structure | nodes.ListTerm) -> nodes.Structure:
+        """Return a label; annotations alone are one without a name."""
         if isinstance(label, nodes.ListTerm):
             return nodes.Structure("", (), label, position=self.position(at))
         return label
@@ -146,14 +154,17 @@ class Builder(TermBuilder):
     def goal_trigger(
         self, at: int, operator: str, goal: str, literal: nodes.Structure | nodes.Variable
     ) -> nodes.Trigger:
+        """Return the trigger of an event of a goal."""
         return nodes.Trigger(operator, goal, literal, self.position(at))
 
     def belief_trigger(self, at: int, operator: str, literal: nodes.Structure | nodes.Variable) -> nodes.Trigger:
+        """Return the trigger of an event of a belief; ``^`` is refused."""
         if operator == "^":
             self.refuse(at, "^ is for events of goals: ^!g or ^?g, often with [state(S)]")
         return nodes.Trigger(operator, "", literal, self.position(at))
 
     def subplans(self, at: int, *parts: nodes.Plan | _Subplans) -> _Subplans:
+        """Return plans in braces, for `program`."""
         plans: list[nodes.Item] = []
         for part in parts:
             if isinstance(part, _Subplans):
@@ -163,6 +174,7 @@ class Builder(TermBuilder):
         return _Subplans(tuple(plan for plan in plans if isinstance(plan, nodes.Plan)), at)
 
     def directive(self, at: int, call: nodes.Structure) -> nodes.Directive | _End:
+        """Return a directive, or the end of a block."""
         if call.functor == "end" and not call.args:
             return _End(at)
         if call.functor == "register_function" and call.args and isinstance(call.args[0], nodes.String):
@@ -172,6 +184,7 @@ class Builder(TermBuilder):
         return nodes.Directive(call, None, self.position(at))
 
     def begin(self, at: int, word: str, call: nodes.Structure) -> _Begin:
+        """Return the beginning of a block; any other word than ``begin`` is refused."""
         if word != "begin":
             if word == "end":
                 self.refuse(at, "the end of a block is written { end }")
@@ -182,14 +195,17 @@ class Builder(TermBuilder):
         return _Begin(call, at)
 
     def call(self, at: int, name: str, arguments: tuple[nodes.Term, ...] | None) -> nodes.Structure:
+        """Return the name and arguments of a directive."""
         return nodes.Structure(name, arguments or (), position=self.position(at))
 
     def body(self, at: int, *formulas: nodes.BodyFormula) -> nodes.Body:
+        """Return a plan body; one that is nested too deep is refused."""
         body = nodes.Body(formulas, self.position(at))
         self._depths.body(at, body)
         return body
 
     def braced(self, at: int, body: nodes.Body | None) -> nodes.Body:
+        """Return a body in braces, which may be empty."""
         return body if body is not None else nodes.Body((), self.position(at))
 
     def if_block(
@@ -199,24 +215,30 @@ class Builder(TermBuilder):
         body: nodes.Body,
         *rest: tuple[nodes.Formula, nodes.Body] | nodes.Body | None,
     ) -> nodes.If:
+        """Return an ``if`` with its ``elif`` and ``else``."""
         otherwise = rest[-1]
         branches = tuple(branch for branch in rest if isinstance(branch, tuple))
         first = (self.formula_of(at, condition, "the condition of if"), body)
         return nodes.If((first, *branches), otherwise if isinstance(otherwise, nodes.Body) else None, self.position(at))
 
     def elif_(self, at: int, condition: nodes.Term, body: nodes.Body) -> tuple[nodes.Formula, nodes.Body]:
+        """Return the condition and body of an ``elif``."""
         return self.formula_of(at, condition, "the condition of elif"), body
 
     def while_block(self, at: int, condition: nodes.Term, body: nodes.Body) -> nodes.While:
+        """Return a ``while``."""
         return nodes.While(self.formula_of(at, condition, "the condition of while"), body, self.position(at))
 
     def for_block(self, at: int, condition: nodes.Term, body: nodes.Body) -> nodes.For:
+        """Return a ``for``."""
         return nodes.For(self.formula_of(at, condition, "the condition of for"), body, self.position(at))
 
     def fork_or(self, at: int, *branches: nodes.BodyFormula) -> nodes.Fork:
+        """Return a fork of which one branch is needed."""
         return nodes.Fork("|||", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
     def fork_and(self, at: int, *branches: nodes.BodyFormula) -> nodes.Fork:
+        """Return a fork of which all branches are needed."""
         return nodes.Fork("|&|", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
     def _branch(self, at: int, formula: nodes.BodyFormula) -> nodes.Body:
@@ -231,10 +253,12 @@ class Builder(TermBuilder):
         return body
 
     def group(self, at: int, *formulas: nodes.BodyFormula) -> nodes.Step:
+        """Return formulas in round brackets as one step."""
         position = self.position(at)
         return nodes.Step(nodes.Operator.ACTION, nodes.BodyTerm(self.body(at, *formulas), position), position)
 
     def expression_step(self, at: int, term: nodes.Term) -> nodes.Step:
+        """Return an expression as a formula of a body: an action, a condition, or with a sign a change of beliefs."""
         position = self.position(at)
         signed = self.signed.get(id(term))
         if signed is not None:
@@ -262,6 +286,7 @@ class Builder(TermBuilder):
         return False
 
     def operator_step(self, at: int, operator: str, term: nodes.Term) -> nodes.Step:
+        """Return a goal, a test, or an addition at one end of the belief base."""
         kind = nodes.Operator(operator)
         if kind in (nodes.Operator.ADD_FIRST, nodes.Operator.ADD_LAST):
             term = self._changed(at, term)
@@ -287,6 +312,7 @@ class Builder(TermBuilder):
         return term
 
     def body_term(self, at: int, body: nodes.Body | None) -> nodes.BodyTerm | nodes.TriggerTerm:
+        """Return a body as a term; one change of a belief alone is a trigger."""
         position = self.position(at)
         if body is not None and len(body.formulas) == 1:
             step = body.formulas[0]
@@ -301,9 +327,11 @@ class Builder(TermBuilder):
         return nodes.BodyTerm(body if body is not None else nodes.Body((), position), position)
 
     def trigger_term(self, at: int, trigger: nodes.Trigger) -> nodes.TriggerTerm:
+        """Return a trigger as a term."""
         return nodes.TriggerTerm(trigger, self.position(at))
 
     def plan_term(self, at: int, *parts: nodes.Structure | nodes.Variable | nodes.Trigger | _Detail) -> nodes.PlanTerm:
+        """Return a plan as a term."""
         first = parts[0]
         label = None
         if isinstance(first, nodes.Structure | nodes.Variable):
@@ -314,6 +342,7 @@ class Builder(TermBuilder):
         return nodes.PlanTerm(self.plan(at, label, trigger, *details), self.position(at))
 
     def rule_term(self, at: int, head: nodes.Structure, body: nodes.Term) -> nodes.RuleTerm:
+        """Return a rule as a term."""
         return nodes.RuleTerm(self.rule(at, head, body), self.position(at))
 
 
@@ -340,6 +369,7 @@ class _BlockDepths:
             self._depths.pop(id(owner), None)
 
     def refuse(self, at: int) -> None:
+        """Report blocks that are nested too deep, at an offset in characters."""
         message = (
             f"blocks are nested more than {MOST_BLOCKS} deep; write the inner ones as goals with plans of their own"
         )

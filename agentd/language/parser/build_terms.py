@@ -74,26 +74,32 @@ class TermBuilder:
         return nodes.Position(self.source.file, *self.source.place(at))
 
     def refuse(self, where: int | nodes.Position, message: str) -> None:
+        """Report a problem at a position, or at an offset in characters."""
         line, column = (where.line, where.column) if isinstance(where, nodes.Position) else self.source.place(where)
         self.problems.append(problem_on(self.source, line, column, message))
 
     def or_(self, at: int, left: nodes.Term, right: nodes.Term) -> nodes.Or:
+        """Return a disjunction."""
         return nodes.Or(
             self.formula_of(at, left, "left of |"), self.formula_of(at, right, "right of |"), self.position(at)
         )
 
     def and_(self, at: int, left: nodes.Term, right: nodes.Term) -> nodes.And:
+        """Return a conjunction."""
         return nodes.And(
             self.formula_of(at, left, "left of &"), self.formula_of(at, right, "right of &"), self.position(at)
         )
 
     def not_(self, at: int, operand: nodes.Term) -> nodes.Not:
+        """Return a negation."""
         return nodes.Not(self.formula_of(at, operand, "what follows not"), self.position(at))
 
     def relate(self, at: int, left: nodes.Term, operator: str, right: nodes.Term) -> nodes.Relation:
+        """Return a comparison, unification or construction of a term."""
         return nodes.Relation(operator, left, right, self.position(at))
 
     def binary(self, at: int, left: nodes.Term, operator: str, right: nodes.Term) -> nodes.Arithmetic:
+        """Return an operation on two numbers; ``5--2`` is ``5 - (-2)``."""
         self._operand(at, left, operator)
         if id(left) not in self.bad_signs:  # else `+a +b`, two changes of beliefs, reported once
             self._operand(at, right, operator)
@@ -104,6 +110,7 @@ class TermBuilder:
         return nodes.Arithmetic(operator, (left, right), position)
 
     def unary(self, at: int, sign: str, operand: nodes.Term) -> nodes.Arithmetic:
+        """Return a signed expression, which in a body may be a change of beliefs."""
         position = self.position(at)
         expression = nodes.Arithmetic(sign[-1], (operand,), position)
         if len(sign) == 2:
@@ -129,12 +136,15 @@ class TermBuilder:
         self.refuse(at, message)
 
     def number(self, at: int, text: str) -> nodes.Number:
+        """Return a numeral."""
         return nodes.Number(float(text), self.position(at))
 
     def string(self, at: int, text: str) -> nodes.String:
+        """Return a string without its escapes."""
         return nodes.String(string_value(text), self.position(at))
 
     def truth(self, at: int, text: str) -> nodes.Structure:
+        """Return ``true`` or ``false``."""
         return nodes.Structure(text, position=self.position(at))
 
     def literal(
@@ -146,28 +156,35 @@ class TermBuilder:
         arguments: tuple[nodes.Term, ...] | None,
         annotations: nodes.ListTerm | None,
     ) -> nodes.Structure:
+        """Return a literal."""
         return nodes.Structure(name, arguments or (), annotations, tilde is not None, scope, self.position(at))
 
     def negated_literal(self, at: int, tilde: str, scope: Scope, *rest: Any) -> nodes.Structure:
+        """Return a literal whose ``~`` precedes its namespace."""
         return self.literal(at, scope, tilde, *rest)
 
     def variable(
         self, at: int, scope: Scope | None, tilde: str | None, name: str, annotations: nodes.ListTerm | None
     ) -> nodes.Variable:
+        """Return a variable, maybe with annotations, a namespace or ``~``."""
         return nodes.Variable(name, annotations, tilde is not None, scope, self.position(at))
 
     def negated_variable(self, at: int, tilde: str, scope: Scope, *rest: Any) -> nodes.Variable:
+        """Return a variable whose ``~`` precedes its namespace."""
         return self.variable(at, scope, tilde, *rest)
 
     def internal(self, at: int, name: str, arguments: tuple[nodes.Term, ...] | None) -> nodes.InternalAction:
+        """Return an internal action, or a call of a function with a dot in its name."""
         return nodes.InternalAction(name, arguments or (), self.position(at))
 
     def scope(self, at: int, name: str | None) -> Scope:
+        """Return a namespace; empty for ``::`` alone."""
         if name is None:
             return ""
         return nodes.Variable(name, position=self.position(at)) if name[0].isupper() or name[0] == "_" else name
 
     def arguments(self, at: int, *terms: nodes.Term) -> tuple[nodes.Term, ...]:
+        """Return several terms."""
         return terms
 
     elements = arguments
@@ -175,14 +192,17 @@ class TermBuilder:
     def list_(
         self, at: int, items: tuple[nodes.Term, ...] = (), tail: nodes.Variable | nodes.ListTerm | None = None
     ) -> nodes.ListTerm:
+        """Return a list, or annotations."""
         return nodes.ListTerm(items, tail, self.position(at))
 
     annotations = list_
 
     def annotations_rest(self, at: int, tail: nodes.Variable | nodes.ListTerm) -> nodes.ListTerm:
+        """Return annotations that are a tail alone."""
         return nodes.ListTerm((), tail, self.position(at))
 
     def formula_of(self, at: int, term: nodes.Term, where: str) -> nodes.Formula:
+        """Return a term that may be true or false; another one is refused; `where` it is, for the message."""
         if is_formula(term):
             return term
         if self.bad_signs.pop(id(term), None):
@@ -193,6 +213,7 @@ class TermBuilder:
         return nodes.Structure("false", position=self.position(at))
 
     def condition_of(self, at: int, term: nodes.Term, where: str) -> nodes.Formula:
+        """Return a formula in which nothing may have to wait; `where` it is, for the message."""
         formula = self.formula_of(at, term, where)
         pending: list[nodes.Term] = [formula]
         while pending:

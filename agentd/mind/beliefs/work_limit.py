@@ -41,7 +41,8 @@ class Computing(Protocol):
 
     steps_left: int
 
-    def warn_once(self, text: str) -> None: ...
+    def warn_once(self, text: str) -> None:
+        """Log a warning, once."""
 
 
 def too_much_work(mind: Computing) -> NoReturn:
