@@ -34,7 +34,6 @@ from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
-from bridged.drivers.mavlink.vehicle.payload_components import MESSAGES, PAYLOAD
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
 from bridged.drivers.mavlink.vehicle.readings import LinkState, derived
 from bridged.drivers.mavlink.vehicle.state import Vehicle
@@ -57,6 +56,8 @@ STALE = (5.0, 2.0)
 """Mission and wall seconds after which the vehicle's report of its position is stale."""
 REBOOT_REPORTED_FOR = (60.0, 30.0)
 """Mission and wall seconds for which health reports a restart of the vehicle."""
+PAYLOAD_MESSAGES = ("CAMERA_", "GIMBAL_", "VIDEO_", "STORAGE_")
+"""Beginnings of the names of messages of cameras and gimbals that become percepts and confirm actions."""
 TEXT = "VEHICLE_TEXT"
 """The source of the vehicle's own warnings."""
 MAX_RUNS = 16
@@ -168,13 +169,13 @@ class VehicleSession:
     def _hear_payload(self, message: dialect.MAVLink_message) -> None:
         """Take in a message of a camera or gimbal: nothing of it is the vehicle's state."""
         component, name = message.get_srcComponent(), message.get_type()
-        if component not in PAYLOAD:
+        if component not in self.vehicle.payload_heard_at:
             return
         self.flight.now = max(self.clock.now(), self.flight.now)
-        self.flight.payload.hear(component, self.flight.now)
+        self.vehicle.payload_heard_at[component] = self.flight.now
         if name == "COMMAND_ACK":
             self.commands.acknowledge(message, self.flight.now, component)
-        elif name.startswith(MESSAGES):
+        elif name.startswith(PAYLOAD_MESSAGES):
             self.streams.received[name] += 1
             self._report(name, message)
         else:

@@ -16,10 +16,8 @@ from bridged.drivers.mavlink.actions.confirmation import Poll, acknowledged, ask
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.outputs import shown
 from bridged.drivers.mavlink.vehicle.commands import Parameters
-from bridged.drivers.mavlink.vehicle.payload_components import ATTACHED, CAMERAS
+from bridged.drivers.mavlink.vehicle.state import ATTACHED, CAMERAS
 
-PRESENT_FOR = (5.0, 3.0)
-"""Mission and wall seconds since it was heard last for which a component counts as there; a HEARTBEAT comes each s."""
 APPEARS_WITHIN = (2.5, 1.5)
 """Mission and wall seconds after the vehicle in which a camera or gimbal is heard, if there is one."""
 COUNTS_WITHIN = (1.5, 1.0)
@@ -104,9 +102,8 @@ def find_camera(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Gen
     `wanted`: a component, one of 1 to 6 that are attached, or 0: the first that is heard, or else an attached one.
     """
     run.waits_for = "the HEARTBEAT of a camera"
-    while True:
-        there = flight.payload.present(CAMERAS, flight.now - flight.wait(*PRESENT_FOR))
-        if there or flight.now > flight.connected_since + flight.wait(*APPEARS_WITHIN):
+    while not (there := flight.present(CAMERAS)):
+        if flight.now > flight.connected_since + flight.wait(*APPEARS_WITHIN):
             break
         yield
     if wanted in ATTACHED or (wanted == 0 and not there):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.api import Execution, FinalState, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
-from bridged.drivers.mavlink.vehicle.payload_components import PayloadComponents
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from schemas.manifest.loader import Retry
@@ -32,6 +31,9 @@ TEXT_WINDOW = (1.0, 0.3)
 """Mission and wall seconds around an acknowledgement in which the vehicle's texts belong to it."""
 EXPECTED_FOR = (5.0, 2.0)
 """Mission and wall seconds for which a mode that we asked for may still appear."""
+PRESENT_FOR = (5.0, 3.0)
+"""Mission and wall seconds since it was heard last for which a camera or gimbal counts as there; a HEARTBEAT comes
+each second."""
 POSITION_ONLY = 0b110111111000
 """Type mask of a position target: velocity, acceleration, yaw and yaw rate ignored."""
 POSITION_IGNORED, VELOCITY_IGNORED, YAW_IGNORED, YAW_RATE_IGNORED = 0b111, 0b111000, 1 << 10, 1 << 11
@@ -206,8 +208,6 @@ class ProcedureContext:
         """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
         self.files = NO_FILES
         self.plan = Plan()
-        self.payload = PayloadComponents()
-        """Cameras and gimbals beside the autopilot."""
         self.pictures = 0
         """The number of the last picture that a camera was commanded to take."""
         self.connected_since = -math.inf
@@ -219,6 +219,11 @@ class ProcedureContext:
         self.send = send
         self._speed = speed
         self._expected: dict[int, float] = {}
+
+    def present(self, components: Iterable[int]) -> list[int]:
+        """Return the cameras or gimbals, by component id, that have been heard lately."""
+        since = self.now - self.wait(*PRESENT_FOR)
+        return [one for one in components if self.vehicle.payload_heard_at[one] >= since]
 
     def goes_on(self, action: BoundAction) -> bool:
         """Whether the last pause has interrupted this action, and it is begun again for the first time."""

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.camera import PRESENT_FOR
 from bridged.drivers.mavlink.actions.confirmation import ABOVE_HOME, Poll, acknowledged, comes_true, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
@@ -23,7 +22,7 @@ from bridged.drivers.mavlink.actions.context import (
     Steps,
     Triple,
 )
-from bridged.drivers.mavlink.vehicle.payload_components import ATTACHED, GIMBALS
+from bridged.drivers.mavlink.vehicle.state import ATTACHED, GIMBALS
 from schemas.geo import EARTH_RADIUS
 
 MANAGER_ANSWERS_WITHIN = (5.0, 3.0)
@@ -152,8 +151,7 @@ def _manager(
     flight: ProcedureContext, run: ProcedureRun, fits: Callable[[Manager], bool]
 ) -> Generator[None, None, Manager | None]:
     """Wait for the state of a manager that fits: the autopilot and the gimbals are asked. None if none answers."""
-    gimbals = flight.payload.present(GIMBALS, flight.now - flight.wait(*PRESENT_FOR))
-    polls = [Poll(flight, run, "GIMBAL_MANAGER_STATUS", component=one) for one in (0, *gimbals)]
+    polls = [Poll(flight, run, "GIMBAL_MANAGER_STATUS", component=one) for one in (0, *flight.present(GIMBALS))]
     run.waits_for = "the state of a gimbal manager"
 
     def request() -> None:

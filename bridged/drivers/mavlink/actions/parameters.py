@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -69,52 +69,49 @@ class Parameter(NamedTuple):
 
 
 def read_parameter(flight: ProcedureContext, run: ProcedureRun, name: str) -> Generator[None, None, Parameter | None]:
-    """Request a parameter, under each spelling of its name. Returns it, None if the vehicle has none.
-
-    An error (PARAM_ERROR) ends the search; of a vehicle that reports none, silence is the only sign of an unknown name.
-    """
-    names = set(spellings(name))
-    for _ in range(READ_TRIES):
-        for one in sorted(names):
-            _request(flight, one)
-        until = flight.now + flight.wait(*READ_EVERY)
-        while names and flight.now <= until:
-            run.waits_for = f"the value of {name}"
-            yield
-            match flight.message:
-                case dialect.MAVLink_param_value_message(param_id=found, param_value=value, param_type=kind) if (
-                    found in names
-                ):
-                    return Parameter(found, value, kind)
-                case dialect.MAVLink_param_error_message(param_id=unknown, error=error) if error == UNKNOWN:
-                    names.discard(unknown)
-        if not names:
-            break
-    return None
+    """Request a parameter, under each spelling of its name. Returns it, None if the vehicle has none."""
+    found = yield from _read(flight, run, sorted(spellings(name)), f"the value of {name}", enough=1)
+    return next(iter(found.values()), None)
 
 
 def read_parameters(
-    flight: ProcedureContext, run: ProcedureRun, names: tuple[str, ...]
+    flight: ProcedureContext, run: ProcedureRun, names: Sequence[str]
 ) -> Generator[None, None, dict[str, float]]:
     """Request several parameters together. Returns those that arrived."""
-    values: dict[str, float] = {}
+    what = f"the values of {names[0]} to {names[-1]}"
+    found = yield from _read(flight, run, names, what, enough=len(names))
+    return {name: one.value for name, one in found.items()}
+
+
+def _read(
+    flight: ProcedureContext, run: ProcedureRun, names: Sequence[str], what: str, enough: int
+) -> Generator[None, None, dict[str, Parameter]]:
+    """Request parameters until `enough` of them have arrived; `what` is awaited, for people. Returns them by name.
+
+    An error (PARAM_ERROR) shows that there is none of a name; of a vehicle that reports none, silence is the only sign.
+    """
+    found: dict[str, Parameter] = {}
     awaited = dict.fromkeys(names)
     for _ in range(READ_TRIES):
         for name in awaited:
-            _request(flight, name)
+            flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, name.encode(), -1))
         until = flight.now + flight.wait(*READ_EVERY)
         while awaited and flight.now <= until:
-            run.waits_for = f"the values of {names[0]} to {names[-1]}; {len(values)} of {len(names)} came"
+            run.waits_for = f"{what}; {len(found)} of {enough} came" if enough > 1 else what
             yield
             match flight.message:
-                case dialect.MAVLink_param_value_message(param_id=found, param_value=value) if found in names:
-                    values[found] = value
-                    awaited.pop(found, None)
-                case dialect.MAVLink_param_error_message(param_id=unknown, error=error) if error == UNKNOWN:
-                    awaited.pop(unknown, None)
+                case dialect.MAVLink_param_value_message(param_id=name, param_value=value, param_type=kind) if (
+                    name in names
+                ):
+                    found[name] = Parameter(name, value, kind)
+                    awaited.pop(name, None)
+                    if len(found) >= enough:
+                        return found
+                case dialect.MAVLink_param_error_message(param_id=name, error=error) if error == UNKNOWN:
+                    awaited.pop(name, None)
         if not awaited:
             break
-    return values
+    return found
 
 
 def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -216,7 +213,3 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
     flight.learn(name, reported)
     if reported != wanted:
         raise Ended("failed", f"{name}: {wanted:g} was asked for, the vehicle has {reported:g}")
-
-
-def _request(flight: ProcedureContext, name: str) -> None:
-    flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, name.encode(), -1))

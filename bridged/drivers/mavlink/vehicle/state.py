@@ -23,6 +23,11 @@ OFF_GROUND = 0.5
 UNKNOWN_HEADING = 65535
 CRITICAL_WITHIN = 1.5
 """Mission seconds after the report of a failsafe within which a HEARTBEAT, one a second, has the state CRITICAL."""
+CAMERAS = range(dialect.MAV_COMP_ID_CAMERA, dialect.MAV_COMP_ID_CAMERA6 + 1)
+GIMBALS = (dialect.MAV_COMP_ID_GIMBAL, *range(dialect.MAV_COMP_ID_GIMBAL2, dialect.MAV_COMP_ID_GIMBAL6 + 1))
+"""MAVLink component ids of a vehicle's system."""
+ATTACHED = range(1, 7)
+"""Ids of cameras and gimbals that are attached to the autopilot, which speaks for them."""
 REBOOT_MS = 3000
 """`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
 
@@ -113,6 +118,8 @@ class Vehicle:
         """The item of the mission that it reported last as reached; -1 = none."""
         self.reached_again = False
         """Whether the last such report repeats the one before, as PX4's does each second."""
+        self.payload_heard_at = dict.fromkeys((*CAMERAS, *GIMBALS), -math.inf)
+        """When each camera or gimbal that is a component of its system was heard last; nothing of it is its state."""
         self.reboots = 0
         self._boot_ms = 0
 

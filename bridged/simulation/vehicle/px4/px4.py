@@ -14,7 +14,6 @@ from bridged.simulation.vehicle.px4 import missions
 from bridged.simulation.vehicle.px4.failsafes import Failsafes
 from bridged.simulation.vehicle.px4.modes import Mode, name_of
 from bridged.simulation.vehicle.px4.navigator import Navigator
-from bridged.simulation.vehicle.px4.outputs import Outputs
 from bridged.simulation.vehicle.px4.state import Px4State
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 
@@ -35,8 +34,6 @@ class Px4(Px4State):
         super()._assemble(before)
         self.failsafes = Failsafes(self)
         self.navigator = Navigator(self)
-        self.outputs = Outputs(self.parameters)
-        self.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
         self._returning = False
 
     def arm(self, *, force: bool = False) -> Result:

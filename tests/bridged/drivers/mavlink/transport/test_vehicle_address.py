@@ -208,7 +208,7 @@ async def test_a_camera_at_an_address_of_its_own_is_spoken_to_there() -> None:
         vehicle, camera = Speaker(port), Speaker(port, component=100)
         vehicle.say(BEAT)
         camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
-        await until(lambda: ride.driver.flight.payload.present([100], 0.0), "the camera is heard")
+        await until(lambda: ride.driver.flight.present([100]), "the camera is heard")
         for component, mark in ((100, 1.0), (1, 2.0)):
             ride.driver._send(dialect.MAVLink_command_long_message(1, component, 2000, 0, mark, 0, 0, 0, 0, 0, 0))
 
