@@ -1,7 +1,7 @@
-"""A part of the benchmarks in a process of its own: it is given its time, and nothing that it started outlives it.
+"""Run a part of the benchmarks in a process of its own, with a time limit; nothing that it started outlives it.
 
-python -m benchmarks.apart NAME MODULE [--quick]             measures a part in this process, and saves what it found
-python -m benchmarks.apart NAME MODULE --probe [--quick]     prints what it costs, as JSON behind `FOUND `
+python -m benchmarks.apart NAME MODULE [--quick]             measures a part in this process, and saves its figures
+python -m benchmarks.apart NAME MODULE --probe [--quick]     prints its costs, as JSON behind `FOUND `
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Part `earlier`: what other parts cost beside an earlier revision of the product, in one run.
+"""Part `earlier`: the costs of other parts beside an earlier revision of the product, in one run.
 
-The tree of that revision is taken from git and is given today's benchmarks, so that both run the same probes
-(`probe` of each part) in turn, in changing order. A ratio is the median over neighbouring runs.
+The tree of that revision is taken from git and gets today's benchmarks, so that both run the same probes (`probe` of
+each part) in turn, in alternating order. A ratio is the median over neighbouring runs.
 
     python -m benchmarks.earlier loop mail --pairs 6 --revision HEAD~3       some probes; nothing is written
 """
@@ -131,11 +131,11 @@ def _git(*arguments: str) -> str:
 
 def run_probe(where: Path, name: str, quick: bool) -> dict[str, float]:
     """Run a probe with the product and the benchmarks of a folder. Raises BenchmarkFailed."""
-    # as a module of that folder: it finds the packages of that folder first, and so does what it starts
+    # daemons are started with -P, without their folder on the path: they find its packages by PYTHONPATH alone
     part = next(one for one in PARTS if one.name == name)
     options = ("--probe", *(["--quick"] if quick else []))
     module = (sys.executable, "-m", "benchmarks.apart", part.name, part.where, *options)
-    with started(["env", "-C", str(where), *module]) as process:
+    with started(["env", "-C", str(where), f"PYTHONPATH={where}", *module]) as process:
         printed = list(lines(process, LONGEST))
     for line in printed:
         if line.startswith("FOUND "):

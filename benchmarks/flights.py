@@ -1,4 +1,4 @@
-"""A mission flown by its own processes, with the AgentSpeak agents or with imperative programs in their place.
+"""Fly a mission by its own processes, with the AgentSpeak agents or with imperative programs in their place.
 
 Minds are not queried in flight: a mission is done when its `done` formulas hold, and these are queried only after an
 agent has printed that it is done. Imperative programs are done when their last lines are printed. The mission's referee

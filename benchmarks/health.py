@@ -1,4 +1,4 @@
-"""Health records of a fleet's daemons during a benchmark, each with the time of its arrival.
+"""Collect the health records of a fleet's daemons during a benchmark, each with the time of its arrival.
 
 Records are read as JSON and not by their declaration, so that those of an earlier revision can be read: a count is the
 sum of all values of its name, wherever they are in the record.

@@ -1,4 +1,4 @@
-"""The figures of README and docs: each block of a page between two marks is written from a part's results.
+"""Write the figures of README and docs: each block of a page between two marks comes from a part's results.
 
     <!-- figures NAME -->
     ...

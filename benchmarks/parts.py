@@ -1,18 +1,18 @@
-"""The table of what `make bench` measures, and what each part of it is.
+"""The table of the parts that `make bench` measures, and the interface of a part.
 
 A part is a module with
 
-- `Figures`: a dataclass of all that it measures, plain enough for JSON;
-- `measure(quick) -> Figures`: with `quick` each thing is tried, in little time: for tests, never for pages.
+- `Figures`: a dataclass of all measured figures, plain enough for JSON;
+- `measure(quick) -> Figures`: with `quick` everything is tried, in little time: for tests, never for pages.
   Raises BenchmarkFailed;
 - `blocks(origin, figures) -> dict[str, str]`: Markdown for the blocks of pages (`benchmarks.pages`), by their names;
 
 and, where it has some,
 
 - `pictures(figures) -> dict[str, str]`: SVG texts, by the names of their files;
-- `goals(figures) -> list[Goal]`: what is asked of the figures;
-- `probe(quick) -> dict[str, float]`: what it costs in a shorter run, less is better, by titles with the unit in
-  brackets: for a comparison with an earlier revision (`benchmarks.earlier`);
+- `goals(figures) -> list[Goal]`: the goals of its figures;
+- `probe(quick) -> dict[str, float]`: its costs in a shorter run, less is better, by titles with the unit in brackets:
+  for a comparison with an earlier revision (`benchmarks.earlier`);
 - `in_short(figures) -> list[str]`, `in_comparison(figures) -> list[str]`: its rows in tables of several parts
   (`benchmarks.pages`).
 """

@@ -1,4 +1,4 @@
-"""What others have measured and published: data with a source, and nothing that was measured here.
+"""Figures that others have measured and published: data with a source; none of them was measured here.
 
 The paper is *Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots*: agents in
 Jason 2 with rosjava, and Python programs in their place, on Raspberry Pi 3 (1 GB) with ArduPilot SITL on another

@@ -1,4 +1,4 @@
-"""How the pictures of the benchmarks look: one size, one set of colours, SVG that comes out the same each time."""
+"""Draw the pictures of the benchmarks: one size, one set of colours, SVG that is the same each time."""
 
 from __future__ import annotations
 

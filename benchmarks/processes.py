@@ -1,4 +1,4 @@
-"""Processes of a benchmark: how they are started, what they print, what they use at one moment or over a time."""
+"""Start the processes of a benchmark, read their output, and measure their use of processor and memory."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import array
 import os
 import re
 import select
-import signal
 import statistics
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -53,7 +52,7 @@ class Speeds:
 
 @contextmanager
 def started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process with its output in a pipe; it and what it has started are killed at the end if they still run."""
+    """Start a process with its output in a pipe; it is killed at the end if it still runs."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
     process = subprocess.Popen(
         command,
@@ -66,12 +65,8 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
-        below = descendants(process.pid)
         process.kill()
         process.wait()
-        for pid in below:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
         assert process.stdout is not None
         process.stdout.close()
 
@@ -94,27 +89,11 @@ def lines(process: subprocess.Popen[bytes], patience: float = PATIENCE) -> Itera
             return
 
 
-def descendants(pid: int) -> list[int]:
-    """The processes that a process has started, and those that they have; none if it has ended."""
-    found: list[int] = []
-    with suppress(OSError):
-        for task in os.listdir(f"/proc/{pid}/task"):
-            with suppress(OSError):
-                for child in map(int, Path(f"/proc/{pid}/task/{task}/children").read_text(encoding="ascii").split()):
-                    found += [child, *descendants(child)]
-    return found
-
-
 def memory(pid: int, field: str) -> float:
     """Return ``VmHWM`` (peak) or ``VmRSS`` (now) of a process in MB (10^6 bytes); 0 when it has ended.
 
-    Not `os.wait4`: its figure includes what the parent held when it forked. A command may be a script that starts the
-    real process: what it has started counts.
+    Not `os.wait4`: its figure includes what the parent held when it forked.
     """
-    return sum(_memory(one, field) for one in (pid, *descendants(pid)))
-
-
-def _memory(pid: int, field: str) -> float:
     try:
         status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     except OSError:

@@ -1,6 +1,6 @@
-"""What a part of the benchmarks found, in a file of its own: the figures, and on which machine, when and by what.
+"""Save and load the results of a part: its figures, with machine, date and versions.
 
-`benchmarks/results/PART.json` is what pages and pictures are made of (`benchmarks.pages`): no figure is typed by hand.
+`benchmarks/results/PART.json` is the source of pages and pictures (`benchmarks.pages`): no figure is typed by hand.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The daemons of a board, started for a mission in a folder, and a bare process with a Zenoh session beside them."""
+"""Start the daemons of a board for a mission in a folder, and a bare process with a Zenoh session beside them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """The parts of the benchmarks, a module each (`benchmarks.parts`), and what several of them share.
 
-`boards` are boards with mail, of `mail` and `crowd`; `fleet` and `vehicles` are UAVs that only talk, of `scale` and
-`bridge`; `loop_board` is that of `loop`; `control_groups` are those of `small_boards`.
+`boards`: boards with mail, for `mail` and `crowd`; `fleet` and `vehicles`: UAVs that only talk, for `scale` and
+`bridge`; `loop_board`: the board of `loop`; `control_groups`: limits of `small_boards`.
 """

@@ -1,4 +1,4 @@
-"""Boards of a benchmark on one machine, a commd each, and members that post and take mail as agents' daemons do."""
+"""Run boards of a benchmark on one machine, a commd each, and members that post and take mail as daemons do."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Part `bridge`: three vehicles on one link in one bridge: what it costs, and how long a byte takes to become an event.
+"""Part `bridge`: the cost of three vehicles on one link in one bridge, and the latency from a byte to an event.
 
 The fleet is that of part `scale`. The latency goes from the moment before a datagram is sent to the line that a plan
-prints for the event, so it holds the bridge, the bus, the mind's cycle and the way of the line back to here.
+prints for the event: it includes the bridge, the bus, the mind's cycle and the pipe of the output.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Processes kept within the memory and the processor of a small board by control groups of the kernel, version 1 or 2.
+"""Limit processes to the memory and the processor of a small board by control groups of the kernel, version 1 or 2.
 
 Only root may make them, as a rule. A group is made before its processes, and each is started by `ControlGroup.command`.
 """

@@ -1,8 +1,8 @@
-"""Part `crowd`: 1 to 1,000 agents in one agentd, as agents of a fleet are: mail on disk, checkpoints, health.
+"""Part `crowd`: 1 to 1,000 agents in one agentd, with mail on disk, checkpoints and health as in a fleet.
 
-Agents sit in a ring: each asks the one behind it for a belief, and waits for the answer: two messages. All begin at one
-moment, which each gets in advance, and ask so many questions that they are busy for some seconds; what counts is the
-time from the first question to the last answer by their own clock.
+Agents form a ring: each asks the one behind it for a belief, and waits for the answer: two messages. All begin at the
+same time, which each gets in advance, and ask so many questions that they are busy for some seconds. The rate is taken
+from the first question to the last answer by their own clock.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Part `declarations`: what a fleet of many boards declares, and what that costs its routers and links.
+"""Part `declarations`: the declarations of a fleet of many boards, and their cost for routers and links.
 
 Unit costs are measured with bare Zenoh routers, each a process of its own, in a chain: a board, a site's router where
-there is one, and another board. A client of the first board declares; how many of these declarations each router then
-has is read in its admin space. What vehicles and boards declare is counted at the router of a real board. The rest is
-calculation.
+there is one, and another board. A client of the first board declares; the number of these declarations at each router
+is read in its admin space. The declarations of vehicles and boards are counted at the router of a real board. The rest
+is calculated.
 
     python -m benchmarks.measurements.declarations MODE LISTEN [CONNECT]
 

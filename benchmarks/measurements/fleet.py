@@ -1,4 +1,4 @@
-"""Vehicles that only talk with their agents on one board, started as the product starts them, and observed."""
+"""Run vehicles that only talk, with their agents, on one board, as the product starts them, and observe them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What each daemon holds at rest, in times of a bare Python process with a Zenoh session that runs beside it.
+"""Part `footprint`: the memory of each daemon at rest, as a multiple of a bare Python process with a Zenoh session.
 
-All are measured when they have served for a while and nothing flies: the difference to the bare process is what Argosy
-itself costs. `tests/test_footprint.py` holds the ratios against bounds.
+All are measured some seconds after they serve, while nothing flies: the difference to the bare process is the cost of
+Argosy itself. `tests/test_footprint.py` holds the ratios against bounds.
 """
 
 from __future__ import annotations

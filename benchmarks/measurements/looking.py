@@ -1,9 +1,9 @@
-"""Part "looking": what it costs an agent that somebody looks at it, or hears what it does.
+"""Part `looking`: the cost for an agent of queries of its mind and of subscriptions to its trace.
 
-The agent works in bursts that are alike: in each everything changes that a look would show. Bursts with somebody who
-looks on are mixed with bursts with nobody, in one process; the processor time of the process is read to the nanosecond.
-Differences are taken between bursts of one round, so that what changes on the machine meanwhile is in both. From them
-follows what an agent loses that reasons without a pause.
+The agent works in equal bursts, in each of which everything changes that a query shows. Bursts with an observer are
+mixed with bursts without one, in one process, whose processor time is read to the nanosecond. Differences are taken
+between bursts of one round, so that changes of the machine are in both. From them follows the loss of throughput of an
+agent that reasons without a pause.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The board on which the decision loop is measured: router, bridge, agent, and a robot that is this process.
+"""Run the board of the decision loop: router, bridge, agent, and a robot that is this process.
 
-The robot speaks on Zenoh keys (driver `zenoh`), so that no physics of a vehicle is in the way: it puts `ping`, its
-agent answers each `+ping(N)` by the actions `pong(N)` and, when that has succeeded, `seen(N)`.
+The robot speaks on Zenoh keys (driver `zenoh`), without the physics of a vehicle: it puts `ping`, its agent answers
+each `+ping(N)` by the action `pong(N)` and, when that has succeeded, by `seen(N)`.
 
 `python -m benchmarks.measurements.loop_board ENDPOINT SIZE` is the other side of bare exchanges through the same
-router, the least cost of those in the loop: it puts back each put, and answers each query.
-It has a session, two callbacks and nothing else: no asyncio, no records, no checks.
+router, the least cost of those in the loop: it puts back each put, and answers each query. It has a session and two
+callbacks: no asyncio, no records, no checks.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Part `scale`: 1 to 100 vehicles with their agents on one router: what they cost, how late, what is missed.
+"""Part `scale`: the cost, latency and losses of 1 to 100 vehicles with their agents on one router.
 
-Vehicles that only talk (`vehicles`) send what copters send that fly a circle and cost next to nothing, so that the
-measurement is the product's and not its vehicles'. Daemons are started as the product starts them: one commd, one
-bridged for all vehicles of a link, one agentd for all agents of a board; in a second row each vehicle has a link, and
-so a bridged, of its own.
+Vehicles that only talk (`vehicles`) send the messages of copters that fly a circle and cost next to nothing, so that
+the cost is that of the product. Daemons are started as the product starts them: one commd, one bridged for all vehicles
+of a link, one agentd for all agents of a board; in a second series each vehicle has a link, and so a bridged, of its
+own.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Part `sizes`: how long the programs of the paper's missions are, AgentSpeak beside imperative Python (tables 4, 6).
+"""Part `sizes`: the sizes of the programs of the paper's missions, AgentSpeak beside imperative Python (tables 4, 6).
 
 The paper's measures: bytes of the source files compressed by gzip, lines and words, summed over the files of all
 agents. A file that several agents run counts once. Not counted for either side: the mission file, the manifests, and
-what starts a program and gives it its values.
+the start of a program with its values.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The paper's first mission with its board kept within the limits of a small one.
+"""Part `small-boards`: the paper's first mission with its board within the limits of a small one.
 
 All daemons of the board are in one control group; the simulator, on another computer in the paper (section 5.1), is
 outside. The flights without limits are the first, and show that the machine is quiet enough.

@@ -1,4 +1,4 @@
-"""Part `startup`: how long the daemons take from the start of their process until they serve.
+"""Part `startup`: the time from the start of a daemon's process until it serves.
 
 Each is started several times, with its byte code and without. A bare Python process that opens a Zenoh session is
 started in the same run: starts are given as multiples of its start. A router runs all the time, except for `commd` and

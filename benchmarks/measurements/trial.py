@@ -1,4 +1,4 @@
-"""Part `trial`: how fast `argosy trial` flies missions in virtual time, and what a run takes.
+"""Part `trial`: the speed and the memory of `argosy trial` in virtual time.
 
 Runs without faults, one at a time, each in its own process as in any trial. The fleet is flown once.
 """

@@ -1,8 +1,8 @@
-"""The paper's tables 3 and 5 anew: processor and memory of each daemon over whole missions, by either approach.
+"""Part `usage`: processor and memory of each daemon over whole missions, as in the paper's tables 3 and 5.
 
 Both missions are flown at speed 1 and 5, by the AgentSpeak agents and by imperative programs in their place, in pairs
-of which every second one is flown in the opposite order: what drifts on the machine meanwhile drifts for both. Each
-second psutil is asked what each process used.
+of which every second one is flown in the opposite order: a drift of the machine affects both. psutil reads the use of
+each process once a second.
 """
 
 from __future__ import annotations

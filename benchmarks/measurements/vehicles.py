@@ -1,12 +1,12 @@
 """Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
 
 `python -m benchmarks.measurements.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints
-what was sent (`Report`) of each EVERYth metre.
+the times (`Report`) of each EVERYth metre.
 
-They fly a circle: place, velocity and heading change from one position to the next as in a flight that was recorded
-(`tests/data`), so that a bridge has as much to publish. They also climb a metre with each position, which copters
-do not: by its altitude a position is known again. Percepts of the height so come at the most that the manifest lets
-through, where a copter on its way has fewer.
+They fly a circle: place, velocity and heading change from one position to the next as in a recorded flight
+(`tests/data`), so that a bridge has as much to publish. They also climb a metre with each position, which copters do
+not: the altitude identifies the position. So percepts of the height come at the full rate of the manifest, where a
+copter on its way has fewer.
 """
 
 from __future__ import annotations

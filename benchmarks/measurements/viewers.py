@@ -1,7 +1,6 @@
 """Part `viewers`: the cost of `argosy watch` and `argosy record` beside a crowd that publishes what flying copters do.
 
-The crowd is `tests/argosy/fleet_model/crowd.py`. The terminal of `argosy watch` is a real one, of which nobody reads
-but this.
+The crowd is `tests/argosy/fleet_model/crowd.py`. `argosy watch` has a terminal of its own, whose output is discarded.
 """
 
 from __future__ import annotations

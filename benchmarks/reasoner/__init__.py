@@ -1,1 +1,1 @@
-"""The reasoner beside its peers: speed, start, memory."""
+"""Part `reasoner`: speed, start and memory of the reasoner beside its peers."""

@@ -1,7 +1,7 @@
-"""Runs the benchmark programs on python-agentspeak (PyPI ``agentspeak``), through its public API only.
+"""Run the benchmark programs on python-agentspeak (PyPI ``agentspeak``), through its public API only.
 
-The programs run as written. What they use and python-agentspeak lacks is registered here as actions: ``.nano_time``
-and ``.stopMAS``; for the percept row ``next``, the external action, which is answered at once.
+The programs run unchanged. Internal actions that python-agentspeak lacks are registered here: ``.nano_time`` and
+``.stopMAS``; for the percept row also ``next``, the external action, which is answered immediately.
 
     python -m benchmarks.reasoner.agentspeak_driver [--percepts ROUNDS,CYCLES] NAME=FILE.asl ...
 """

@@ -1,4 +1,4 @@
-"""The environment of the percept row: one percept ``counter(N)`` replaced per cycle, ``next`` answered at once.
+"""The environment of the percept row: one percept ``counter(N)`` replaced per cycle, ``next`` answered immediately.
 
 agentd run --env benchmarks.reasoner.counter:Counter --env-arg 10 --env-arg 20000 \\
         ag=benchmarks/reasoner/programs/h_percept.asl

@@ -1,4 +1,4 @@
-"""The percept row on agentd as a library: the one who embeds the mind feeds percepts and answers ``next`` itself.
+"""Run the percept row on agentd as a library, which feeds percepts and answers ``next`` itself.
 
 This is how python-agentspeak is driven too (`benchmarks.reasoner.agentspeak_driver`).
 

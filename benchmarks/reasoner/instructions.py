@@ -1,9 +1,9 @@
-"""Where a row's time goes, counted: the interpreter's instructions per cycle of the mind, by function.
+"""Count the interpreter's instructions per cycle of the mind, by function.
 
     python -m benchmarks.reasoner.instructions f
 
-Counts do not depend on how busy the machine is, so that two versions can be compared by them. What is done in C (dicts,
-deques, calls of built-ins) is not in them.
+Counts do not depend on the load of the machine, so that two versions can be compared by them. Work in C (dicts, deques,
+calls of built-ins) is not counted.
 """
 
 from __future__ import annotations

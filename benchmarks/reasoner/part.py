@@ -1,9 +1,9 @@
-"""Measures the reasoner of agentd beside its peers, interleaved in one run: the part `reasoner` of `make bench`.
+"""Measure the reasoner of agentd beside its peers, interleaved in one run: the part `reasoner` of `make bench`.
 
-    python -m benchmarks.reasoner --rows f,h [--repeat 3]      some rows, for whoever works on them: nothing is written
+    python -m benchmarks.reasoner --rows f,h [--repeat 3]      some rows; nothing is written
 
-Each program is run by each reasoner in a fresh process, A B A B ..., so that a machine that is slow for a while is
-slow for all of them. Ratios are medians of the ratios of neighbouring runs. Peers that are not installed are left out.
+Each program is run by each reasoner in a fresh process, A B A B ..., so that a slow phase of the machine affects all of
+them. Ratios are medians of the ratios of neighbouring runs. Peers that are not installed are left out.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""What was measured of the reasoner as Markdown and as a picture: the blocks of docs/measurements/reasoner.md and
-other pages."""
+"""Make Markdown and a picture of the reasoner's results, for docs/measurements/reasoner.md and other pages."""
 
 from __future__ import annotations
 

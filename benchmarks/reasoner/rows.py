@@ -1,4 +1,4 @@
-"""What is compared: rows, each with its programs, its operation and what is asked of it; start, load and memory."""
+"""The rows of the comparison, each with its programs, operation and goal; start, load and memory."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks import results
 from benchmarks import spread as fits
-from benchmarks.earlier import PAIRS, Costs, cost_rows
+from benchmarks.earlier import PAIRS, Costs, cost_rows, run_probe
 from benchmarks.earlier import Figures as Compared
 from benchmarks.earlier import goals as compared_goals
 from benchmarks.flights import RESCUE, SINGLE
@@ -103,6 +103,21 @@ def test_a_cost_may_be_five_per_cent_more_than_in_an_earlier_revision(
     assert (goal.met, goal.decided) == (met, decided)
     assert "| mail: b (MB) | 10 | 9 | 0.900 (0.900 to 0.900) |" in cost_rows(figures)[-1]
     assert PAIRS.keys() == {part.name for part in PARTS if hasattr(part.module(), "probe")}
+
+
+PROBE = """
+import subprocess, sys
+code = "import agentd, os; print('FOUND', '{\\"own\\": %d}' % agentd.__file__.startswith(os.getcwd()))"
+subprocess.run([sys.executable, "-P", "-c", code], check=True)
+"""
+"""Starts a Python as the product starts daemons: without its folder on the path."""
+
+
+def test_a_probe_runs_the_product_of_its_tree(tmp_path: Path) -> None:
+    for file, text in (("agentd/__init__.py", ""), ("benchmarks/__init__.py", ""), ("benchmarks/apart.py", PROBE)):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(text)
+    assert run_probe(tmp_path, "bridge", True) == {"own": 1}
 
 
 Flown = tuple[float, list[Sample]]
