@@ -271,10 +271,8 @@ class MailClient:
             accepted = self._accepted[sender, performative] = self._rights.accepts(sender, performative)
         return accepted
 
-    def release(self) -> bool:
-        """Give the held messages to their receivers. Return whether there were any."""
-        if not self.held:
-            return False
+    def release(self) -> None:
+        """Give the held messages to their receivers."""
         held, self.held = self.held, []
         for other, message in held:
             if self._neighbours.get(message.receiver) is other:
@@ -284,7 +282,6 @@ class MailClient:
             else:  # it has left
                 self.outbox.put(message.encoded(self._bus.wire, self._bus.stamp()), message.receiver, message.seq)
         self.counters["near"] += len(held)
-        return True
 
     def rows(self) -> list[tuple[int, bytes]]:
         """Return the new rows of messages that the mind, as it was captured last, has not taken."""

@@ -159,7 +159,9 @@ class Checkpointer:
                 if self._exposed:
                     commits.busy.add(self)
                 return
-        self._exposed |= mailing.release()
+        if mailing.held:
+            mailing.release()
+            self._exposed = True
         commits.busy.discard(self)
         commits.ask(self, 0.0 if self._begun else MAIL_EVERY if mail else NEAR_EVERY if near else OTHERS_EVERY)
 
@@ -176,7 +178,9 @@ class Checkpointer:
             return False
         mailing, outbox, inbox = self._mailing, self._mailing.outbox, self._mailing.inbox
         inbox.absorb(len(self._mind.mailbox))
-        exposed, self._exposed, self._since = mailing.release() or self._exposed, False, None
+        exposed, self._exposed, self._since = self._exposed or bool(mailing.held), False, None
+        if mailing.held:
+            mailing.release()
         self._commits.busy.discard(self)
         sent, outbox.unsaved = outbox.unsaved, []
         delivered: list[int] = []

@@ -23,7 +23,7 @@ from agentd.persistence.restore import come_back, raise_interrupted
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_loader import goal_of, read_item, recorded_program
 from agentd.trace.decision_digest import DecisionDigest, effect_text
-from agentd.trace.initial_state import Texts, unpack, zone_of
+from agentd.trace.initial_state import Texts, make_mind, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, InitialMind, MindInputs
 
@@ -94,26 +94,12 @@ class ReplayedMind:
     def _make(self, initial: InitialMind, texts: dict[str, str]) -> Mind:
         program, self._instead = program_of(initial, texts)
         try:
-            zone = zone_of(initial.zone)
+            zone_of(initial.zone)
             stored = unpack(initial.memory) if initial.memory else None
         except ValueError as error:
             raise CannotReplay(f"the initial state of {self.agent} cannot be read: {error}") from None
         self.keeper = Keeper(stored) if initial.kept else None
-        mind = Mind(
-            self.agent,
-            program,
-            seed=initial.seed,
-            start=initial.start,
-            names_variables=initial.names_variables,
-            clock=self._clock,
-            agents=lambda: self._names,
-            has_team=initial.has_team,
-            ask_timeout=initial.ask_timeout,
-            epoch=initial.epoch,
-            zone=zone,
-            decisions=REMEMBERED,
-            keeper=self.keeper,
-        )
+        mind = make_mind(self.agent, program, initial, self._clock, lambda: self._names, self.keeper, REMEMBERED)
         self._times.clear()
         for text in initial.formulas:
             mind.query(parse_formula(text, initial.mission))

@@ -15,7 +15,6 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mail.mail_client import MailClient
 from agentd.mail.neighbours import Neighbours
-from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import (
     PerceptRemoved,
@@ -36,7 +35,7 @@ from agentd.runtime.operator_control import OperatorControl
 from agentd.runtime.program_loader import Part
 from agentd.runtime.view_server import Viewer
 from agentd.trace import Tracing
-from agentd.trace.initial_state import InitialState
+from agentd.trace.initial_state import InitialState, make_mind
 from agentd.trace.input_records import CameBack, Included, Interrupted
 from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus, Token, boot_id
@@ -120,21 +119,9 @@ class AgentHost:
         )
         initial = InitialState(settings, part.sources, stored)
         self._tracing = Tracing(bus, clock, part.name, initial, directory, life, self._tasks, subscribers)
-        self._mind = Mind(
-            part.name,
-            part.program,
-            seed=part.own_seed,
-            start=settings.start,
-            on_input=self._tracing.inputs.given,
-            names_variables=part.names_variables,
-            clock=clock.now,
-            agents=self._tracing.inputs.names,
-            has_team=True,
-            ask_timeout=ASK_TIMEOUT,
-            epoch=clock.epoch,
-            zone=clock.zone,
-            decisions=part.decisions,
-            keeper=self._keeper,
+        inputs = self._tracing.inputs
+        self._mind = make_mind(
+            part.name, part.program, settings, clock.now, inputs.names, self._keeper, part.decisions, inputs.given
         )
         self._tracing.follow(self._mind)
         for formula in (*part.done.values(), *part.failed.values()):

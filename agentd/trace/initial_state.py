@@ -6,7 +6,7 @@ import base64
 import binascii
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, timedelta, timezone, tzinfo
 from functools import lru_cache
@@ -15,9 +15,13 @@ from typing import Final
 
 import msgspec
 
+from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.parse import parse_program, parse_source
 from agentd.language.syntax_tree.nodes import Program
 from agentd.language.syntax_tree.source import Source, read_source
+from agentd.mind import Mind
+from agentd.mind.data.inputs import Input
+from agentd.mind.persistence.change_tracking import Keeper
 from agentd.mind.persistence.rows import StoredMind
 from schemas.wire.mind_records import InitialMind
 
@@ -114,6 +118,38 @@ class InitialState:
             memory=memory,
             unknown=unknown,
         )
+
+
+def make_mind(
+    agent: str,
+    program: CompiledProgram,
+    settings: InitialMind,
+    clock: Callable[[], float],
+    agents: Callable[[], Iterable[str]],
+    keeper: Keeper | None,
+    decisions: int,
+    on_input: Callable[[int, Input], None] | None = None,
+) -> Mind:
+    """Return a mind as it begins, also where it is replayed; it remembers its last `decisions`, 0 or more.
+
+    `clock`, `agents` and `on_input` are the hooks of `Mind`. Raises ValueError for settings with an invalid time zone.
+    """
+    return Mind(
+        agent,
+        program,
+        seed=settings.seed,
+        start=settings.start,
+        on_input=on_input,
+        names_variables=settings.names_variables,
+        clock=clock,
+        agents=agents,
+        has_team=settings.has_team,
+        ask_timeout=settings.ask_timeout,
+        epoch=settings.epoch,
+        zone=zone_of(settings.zone),
+        decisions=decisions,
+        keeper=keeper,
+    )
 
 
 _Rows = tuple[
