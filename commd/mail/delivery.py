@@ -139,7 +139,7 @@ class Peers:
             if not timed_out.nobody:
                 return NotTaken(f"{peer}: {timed_out}", certain=False)
             if there or peer in self._alive:
-                # A router that denies a query ends it at once, as it does when nobody serves the key.
+                # A router that denies a query ends it immediately, as it does when nobody serves the key.
                 denied = ": or does its router deny it?" if self._clock.now() - now < timeout / 2 else ""
                 return NotTaken(f"{peer} does not answer{denied}", certain=False)
             return NotTaken(f"{peer} is away", certain=True, away=True)

@@ -167,7 +167,7 @@ async def greet(bus: Bus, boards: Iterable[str]) -> None:
 
 
 GRID: Final = 0.25
-"""Health records are put at multiples of so many wall seconds, when other tasks of the process wake as well."""
+"""Wall seconds; health records are put at multiples of this, when other tasks of the process wake as well."""
 
 Agents: TypeAlias = Mapping[str, Callable[[], AgentHealth]]
 """What returns the health of each agent."""
