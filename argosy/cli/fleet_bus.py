@@ -21,6 +21,7 @@ from commd.bus.loop_dispatch import BACKLOG
 from commd.bus.router_endpoints import endpoint_of
 from commd.bus.tls import Tls
 from commd.common.tasks import Tasks
+from commd.liveness.presence import Tokens
 from schemas.files.findings import Findings
 from schemas.mission.access_rules import hidden
 from schemas.mission.model import Mission
@@ -100,15 +101,10 @@ class FleetBus(Bus):
 
     def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
         """Like `Bus.watch`: a token exists as long as one board has it."""
-        seen_by: dict[str, set[str]] = {}
+        seen = Tokens()
 
         def changed(board: str, token: str, alive: bool) -> None:
-            boards = seen_by.setdefault(token, set())
-            was = bool(boards)
-            (boards.add if alive else boards.discard)(board)
-            if not boards:
-                del seen_by[token]
-            if was != bool(boards):
+            if seen.note(token, board, alive):
                 handler(token, alive)
 
         self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(changed, board)))

@@ -22,6 +22,7 @@ from commd.bus.errors import BusClosed, CannotServe
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
+from commd.liveness.presence import Tokens
 from commd.mail import queries
 from commd.mail.age_clock import RollbackWitness
 from commd.mail.message import named
@@ -74,11 +75,11 @@ class Directory:
         self._mail_service, self._store = mail_service, mail_service.store
         self._witness = RollbackWitness(board, bus.boot, mail_service.clock)
         self._one_at_a_time = asyncio.Lock()
-        self._alive: dict[str, set[str]] = {}
+        self._alive = Tokens()
         """Tokens of the agents that joined here."""
         self._absent: dict[str, float] = {}
         """Absent agents that joined here: since when, on the process clock."""
-        self._boards: dict[str, set[str]] = {}
+        self._boards = Tokens()
         """Boots of the commd of each board, this one too."""
         self._put_at = -PUT_EVERY
         self._putting: asyncio.TimerHandle | None = None
@@ -93,7 +94,7 @@ class Directory:
     async def ask_around(self) -> None:
         """Query the other boards: an agent may know a new name before this board does."""
         if self._around is None or (self._around.done() and self._clock.wall() >= self._around_at + AROUND_EVERY):
-            boards = [board for board, boots in self._boards.items() if boots and board != self._board]
+            boards = [board for board in self._boards if board != self._board]
             self._around, self._around_at = self._tasks.spawn(self._ask_all(boards)), self._clock.wall()
         await asyncio.wait((self._around,), timeout=AROUND_EVERY)
 
@@ -111,7 +112,7 @@ class Directory:
     def health(self) -> Health:
         """Return counters and warnings for the daemon's health."""
         counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
-        counters["boards_there"] = float(sum(map(bool, self._boards.values())))
+        counters["boards_there"] = float(len(self._boards))
         counters["names_known"] = float(len(self._mail_service.homes))
         return Health(counters=counters, notes=self.notes())
 
@@ -168,7 +169,7 @@ class Directory:
         self._put()
         while True:
             await asyncio.sleep(ASK_EVERY)
-            for board in [board for board, boots in self._boards.items() if boots]:
+            for board in list(self._boards):
                 self._ask_soon(board)
 
     async def _forget_who_is_gone(self) -> None:
@@ -233,7 +234,7 @@ class Directory:
                 self._now_is(after)
             for name in set(after.own.joined) - set(before.own.joined):
                 self._mail_service.host(name)
-                if not self._alive.get(name):
+                if name not in self._alive:
                     self._absent[name] = self._clock.wall()
             if after.own.version != before.own.version:
                 self._put()
@@ -346,15 +347,14 @@ class Directory:
                 self._witness.seen = {**self._witness.seen, record.board: seen}
 
     def _board_token(self, key: str, alive: bool) -> None:
-        if (parsed := keys.parse(key)) is None or parsed[1] not in self.services.boards:
+        if (parsed := keys.parse_alive(key)) is None or parsed[1] not in self.services.boards:
             return
-        board, boots = parsed[1], self._boards.setdefault(parsed[1], set())
-        if not alive:
-            boots.discard(parsed[2][-1])
-        elif parsed[2][-1] not in boots:
-            boots.add(parsed[2][-1])
+        _, board, _, boot = parsed
+        known = boot in self._boards.get(board, ())
+        self._boards.note(board, boot, alive)
+        if alive and not known:
             self._ask_soon(board)
-            if board == self._board and len(boots) > 1:
+            if board == self._board and len(self._boards[board]) > 1:
                 log.error(
                     "another commd serves board `%s` as well: its mail goes now to one and now to the other", board
                 )
@@ -366,7 +366,7 @@ class Directory:
     async def _ask(self, board: str) -> None:
         """Query a board for its record: its token may arrive before its queryable."""
         pause = ASK_AGAIN
-        while not await self._asked(board) and self._boards.get(board) and pause < ASK_EVERY:
+        while not await self._asked(board) and board in self._boards and pause < ASK_EVERY:
             await asyncio.sleep(pause)
             pause *= 2
 
@@ -388,16 +388,12 @@ class Directory:
         """Note that an agent appeared or ended; only those that joined here count."""
         if (parsed := keys.parse(key)) is None:
             return
-        name, tokens = parsed[1], self._alive.setdefault(parsed[1], set())
+        name = parsed[1]
+        ended = self._alive.note(name, key, alive)
         if alive:
-            tokens.add(key)
             self._absent.pop(name, None)
-            return
-        tokens.discard(key)
-        if not tokens:
-            del self._alive[name]
-            if name in self.services.own.joined:
-                self._absent[name] = self._clock.wall()
+        elif ended and name in self.services.own.joined:
+            self._absent[name] = self._clock.wall()
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         if len(self._tasks) >= MOST_TASKS:

@@ -14,6 +14,21 @@ from collections.abc import Callable, Iterable
 from schemas.liveness import AGENT_GRACE, BUS_GRACE, FIRST_HEALTH, ROUTER_GRACE, SILENT_AFTER
 
 
+class Tokens(dict[str, set[str]]):
+    """The present liveliness tokens of each name that has any."""
+
+    def note(self, name: str, token: str, alive: bool) -> bool:
+        """Note that a token appeared or ended. Returns whether the name appeared or ended with it."""
+        there = name in self
+        if alive:
+            self.setdefault(name, set()).add(token)
+        elif there:
+            self[name].discard(token)
+            if not self[name]:
+                del self[name]
+        return there != (name in self)
+
+
 class Presence:
     """The tokens of some agents (None: of all). An agent that never appeared cannot be lost, unless it is expected.
 
@@ -32,13 +47,12 @@ class Presence:
         self._grace = grace
         self._agents = None if agents is None else frozenset(agents)
         self._board_of = board_of
-        self._tokens: dict[str, set[str]] = {}
-        """Present tokens by agent; none is empty."""
+        self._tokens = Tokens()
         self._absent_since: dict[str, float] = {}
         self._expected: dict[str, float] = {}
         """Of agents that are absent since the start: until when they may appear."""
         self._lost: dict[str, str] = {}
-        self._boards: dict[str, set[str]] = {}
+        self._boards = Tokens()
         self._board_since: dict[str, float] = {}
         """When the `commd` of a board last appeared or ended, if it ever ended."""
         self._router_since = -math.inf
@@ -53,26 +67,16 @@ class Presence:
         """Note that a token of an agent appeared or ended at `wall` seconds."""
         if not self._watches(agent):
             return
-        tokens = self._tokens.get(agent)
+        changed = self._tokens.note(agent, boot, alive)
         if alive:
-            self._tokens.setdefault(agent, set()).add(boot)
             for known in (self._absent_since, self._expected, self._lost):
                 known.pop(agent, None)
-        elif tokens is not None and boot in tokens:
-            tokens.discard(boot)
-            if not tokens:
-                del self._tokens[agent]
-                self._absent_since[agent] = wall
+        elif changed:
+            self._absent_since[agent] = wall
 
     def board(self, board: str, boot: str, alive: bool, wall: float) -> None:
         """Note that the token of a board's `commd` appeared or ended."""
-        boots = self._boards.setdefault(board, set())
-        there = bool(boots)
-        if alive:
-            boots.add(boot)
-        else:
-            boots.discard(boot)
-        if there != bool(boots) and (there or board in self._board_since):
+        if self._boards.note(board, boot, alive) and (not alive or board in self._board_since):
             self._board_since[board] = wall
 
     def router(self, up: bool, wall: float) -> None:
@@ -118,7 +122,7 @@ class Presence:
             at = max(at, self._router_since + ROUTER_GRACE)
         board = self._board_of(agent)
         if board is not None and board in self._board_since:
-            if not self._boards[board]:
+            if board not in self._boards:
                 at = max(at, since + ROUTER_GRACE)
             elif since <= self._board_since[board]:
                 at = max(at, self._board_since[board] + ROUTER_GRACE)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter, defaultdict, deque
+from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,6 +17,7 @@ from typing import TypeAlias
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
+from commd.liveness.presence import Tokens
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.message import StoredMessage, adds_up, read, read_plain
@@ -78,7 +79,7 @@ class Peers:
         self._bus, self._clock = bus, clock
         self._in_flight: Counter[str] = Counter()
         """Bytes of the batches that wait for their receipts, by board."""
-        self._alive: defaultdict[str, set[str]] = defaultdict(set)
+        self._alive = Tokens()
 
     def watch(self, arrived: Callable[[str], None]) -> None:
         """Watch the fleet's liveliness tokens; call `arrived(name)` when a board or a receiver appears."""
@@ -88,13 +89,9 @@ class Peers:
             if parsed is None or parsed[2] in ("bridged", "argosy"):
                 return
             _, name, daemon, boot = parsed
+            self._alive.note(name, f"{daemon}/{boot}", alive)
             if alive:
-                self._alive[name].add(f"{daemon}/{boot}")
                 arrived(name)
-            elif name in self._alive:
-                self._alive[name].discard(f"{daemon}/{boot}")
-                if not self._alive[name]:
-                    del self._alive[name]
 
         self._bus.watch(keys.alive(self._bus.fleet, "*", "*", "*"), token)
 

@@ -25,6 +25,7 @@ from typing import Any
 
 from commd.bus.bus import Bus
 from commd.bus.session import owner_of
+from commd.liveness.presence import Tokens
 from schemas.files.units import host_and_port
 from schemas.wire import keys
 from schemas.wire.records import Health, Note
@@ -47,8 +48,8 @@ class LinkWatchdog:
     def __init__(self, bus: Bus, boards: Collection[str]) -> None:
         """`boards` are the other boards of the mission. Make it when the router has claimed its own name."""
         self._bus, self._boards = bus, boards
-        self._tokens: dict[str, set[str]] = {}
-        """Present tokens of the `commd` of each board."""
+        self._tokens = Tokens()
+        """Of the `commd` of each board."""
         self._deaf_since: dict[str, float] = {}
         self._patience: dict[str, float] = {}
         """By board, after a renewal without effect."""
@@ -63,7 +64,7 @@ class LinkWatchdog:
         for zid, ours, theirs in self._bus.link_ends():
             if ours.startswith(("tcp/", "tls/")) and (board := owner_of(zid, self._boards)):
                 ends.setdefault(board, []).append((ours, theirs))
-        deaf = {board for board in ends if not self._tokens.get(board)}
+        deaf = ends.keys() - self._tokens.keys()
         for board in ends.keys() - deaf:
             self._patience.pop(board, None)
         self._deaf_since = {board: self._deaf_since.get(board, now) for board in deaf}
@@ -95,8 +96,7 @@ class LinkWatchdog:
 
     def _token(self, key: str, alive: bool) -> None:
         if (parsed := keys.parse(key)) is not None and parsed[1] in self._boards:
-            tokens = self._tokens.setdefault(parsed[1], set())
-            (tokens.add if alive else tokens.discard)(key)
+            self._tokens.note(parsed[1], key, alive)
 
     async def run(self) -> None:
         """Look every `LOOK` seconds, for ever."""
