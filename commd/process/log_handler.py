@@ -41,29 +41,6 @@ PRIORITIES = {
 _SUBJECT = re.compile(r"(?:agent|robot|board)=%s")
 
 
-class Flood:
-    """Counts the records of each kind in one window: `BURST` of each pass, the rest is suppressed."""
-
-    def __init__(self) -> None:
-        self._counts: Counter[object] = Counter()
-        self._last: dict[object, logging.LogRecord] = {}
-        """The newest suppressed record of each kind."""
-
-    def passes(self, kind: object, record: logging.LogRecord) -> bool:
-        """Return whether a record may be written."""
-        if kind not in self._counts and len(self._counts) >= KINDS:
-            kind = None
-        self._counts[kind] += 1
-        if self._counts[kind] <= BURST:
-            return True
-        self._last[kind] = record
-        return False
-
-    def suppressed(self) -> list[tuple[int, logging.LogRecord]]:
-        """Return the number of suppressed records of each kind, and the newest of each."""
-        return [(self._counts[kind] - BURST, record) for kind, record in self._last.items()]
-
-
 @dataclass(frozen=True)
 class LastError:
     """A logged error."""
@@ -79,7 +56,10 @@ class LogHandler(logging.Handler):
     def __init__(self, output: Output, now: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self._output, self._now = output, now
-        self._flood = Flood()
+        self._counts: Counter[object] = Counter()
+        """The records of each kind in this window."""
+        self._suppressed: dict[object, logging.LogRecord] = {}
+        """The newest suppressed record of each kind."""
         self._window_end = 0.0
         self._timer: threading.Timer | None = None
         self._errors: OrderedDict[str, LastError] = OrderedDict()
@@ -103,12 +83,22 @@ class LogHandler(logging.Handler):
             self.end_window()
             self._window_end = self._now() + WINDOW
         reports = getattr(record, "event", None) is not None  # the supervisor acts on it
-        if reports or self._flood.passes((record.name, record.levelno, record.msg, subject), record):
+        if reports or self._passes((record.name, record.levelno, record.msg, subject), record):
             self._write(record)
         elif self._timer is None:
             self._timer = threading.Timer(self._window_end - self._now(), self.end_window)
             self._timer.daemon = True
             self._timer.start()
+
+    def _passes(self, kind: object, record: logging.LogRecord) -> bool:
+        """Return whether a record of a kind may be written: the first `BURST` of a window."""
+        if kind not in self._counts and len(self._counts) >= KINDS:
+            kind = None
+        self._counts[kind] += 1
+        if self._counts[kind] <= BURST:
+            return True
+        self._suppressed[kind] = record
+        return False
 
     def end_window(self) -> None:
         """Log the number of suppressed records of each kind, and end the window."""
@@ -117,9 +107,10 @@ class LogHandler(logging.Handler):
             if self._timer is not None:
                 self._timer.cancel()
             self._timer = None
-            flood, self._flood, self._window_end = self._flood, Flood(), 0.0
-            for count, last in flood.suppressed():
-                text = f"suppressed={count} the last: {_plain_text(last)}"
+            counts, suppressed = self._counts, self._suppressed
+            self._counts, self._suppressed, self._window_end = Counter(), {}, 0.0
+            for kind, last in suppressed.items():
+                text = f"suppressed={counts[kind] - BURST} the last: {_plain_text(last)}"
                 self._write(logging.LogRecord(last.name, last.levelno, "", 0, text, None, None))
         finally:
             self.release()
