@@ -17,7 +17,7 @@ from commd.common.clock import Clock
 from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import note_start
-from commd.process.state_dir import DISK_FAILS, state_directory
+from commd.process.state_dir import MAY_PASS, state_directory
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
 from schemas.liveness import HEALTH_EVERY
@@ -134,7 +134,7 @@ async def bind(
             logs=args.logs,
         )
     except (ValueError, OSError) as error:
-        if isinstance(error, OSError) and error.errno in DISK_FAILS:  # no input is bad: a later start may succeed
+        if isinstance(error, OSError) and error.errno in MAY_PASS:  # no input is bad: a later start may succeed
             raise
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         problem = f"robot {part.name} cannot be served: {why}"

@@ -134,6 +134,11 @@ class ActionLog:
                 raise
             self._failed(error)
 
+    @property
+    def damaged(self) -> bool:
+        """Whether the file could not be read as a whole: who had the robot may be forgotten."""
+        return self._damaged is not None
+
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
         failing = None

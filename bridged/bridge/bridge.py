@@ -110,7 +110,10 @@ class Bridge:
         self.orders = SafetyOrders(
             self.action_server, self.driver, self.action_log, clock, mission.robots[robot].idle_after
         )
-        self.lease.restore(*self.action_log.held())  # the agent of our last run still has the robot
+        agent, free = self.action_log.held()  # the agent of our last run still has the robot
+        if not agent and agents and self.action_log.damaged:  # it may be in flight: somebody has to answer for it
+            agent, free = agents[0], True
+        self.lease.restore(agent, free)
         if self.lease.answers:
             self.driver.may_be_moving()
         self._tell_holder()

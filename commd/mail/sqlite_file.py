@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from commd.mail.page_checksums import ENDING
-from commd.process.state_dir import DISK_FAILS, make_private_file, make_private_folder
+from commd.process.state_dir import MAY_PASS, make_private_file, make_private_folder
 from schemas.files.findings import Findings
 
 CACHE_KIB = 256
@@ -37,11 +37,13 @@ PASSING = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqli
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Lock a mail file for this process. Raises Findings if another process has it."""
+    """Lock a mail file for this process. Raises Findings if another process has it, OSError of `MAY_PASS`."""
     try:
         make_private_folder(path.parent)
         lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
+        if error.errno in MAY_PASS:
+            raise
         raise Findings.about(path, f"cannot store mail in this file: {error}") from None
     try:
         try:
@@ -107,7 +109,7 @@ def may_pass(path: Path, error: Exception) -> bool:
     """Whether a file that cannot be opened now may be opened later: its disk is full or failing."""
     if code_of(error) in DISK - {sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY}:
         return not path.is_dir() and os.access(path if path.exists() else path.parent, os.R_OK | os.W_OK)
-    return isinstance(error, OSError) and error.errno in DISK_FAILS
+    return isinstance(error, OSError) and error.errno in MAY_PASS
 
 
 def words_for(error: Exception) -> str:

@@ -26,7 +26,7 @@ from commd.common.wakeup_coalescing import CoalescingLoop, loop_lag
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
-from commd.process.state_dir import DISK_FAILS
+from commd.process.state_dir import MAY_PASS
 from commd.process.user_code import where
 from schemas.files.findings import Findings
 from schemas.files.units import check_endpoint
@@ -116,7 +116,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of Zenoh's is no Exception
-        disk = isinstance(error, OSError) and error.errno in DISK_FAILS
+        disk = isinstance(error, OSError) and error.errno in MAY_PASS
         words = f"the disk cannot be written: {error}" if disk else f"defect in argosy: {type(error).__name__}: {error}"
         if os.environ.get("ARGOSY_DEBUG"):
             raise

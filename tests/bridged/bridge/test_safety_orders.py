@@ -616,6 +616,17 @@ def test_a_restarted_bridge_answers_for_nobody_if_its_vehicle_is_not_armed(sky: 
     assert parked.bridge.lease.answers == ""
 
 
+def test_a_bridge_that_cannot_read_who_had_the_robot_lets_its_first_agent_answer_for_it_until_another_takes_it(
+    sky: Sky, tmp_path: Path
+) -> None:
+    (tmp_path / "uav1.actions").write_bytes(b"noise")
+    flying = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    flying.wait(2)
+    assert (flying.bridge.lease.answers, flying.bridge.lease.holder) == ("uav", "")
+    assert flying.begin("set_mode", "GUIDED", agent="other")[0].state == "accepted"
+    assert flying.bridge.lease.answers == "other"
+
+
 @async_test
 async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
     sky: Sky, caplog: pytest.LogCaptureFixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -36,18 +37,19 @@ import errno, os
 from commd.process.process import run_daemon
 
 async def main(stop):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/state")
+    raise OSError(NUMBER, os.strerror(NUMBER), "/state")
 
 raise SystemExit(run_daemon("test", main))
 """
 
 
-def test_a_full_disk_is_an_error_that_a_later_start_may_not_have_and_no_defect() -> None:
-    ended = subprocess.run([sys.executable, "-c", FULL], capture_output=True, text=True, timeout=30, cwd=ROOT)
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.ENFILE])
+def test_a_full_disk_or_file_table_is_an_error_that_a_later_start_may_not_have_and_no_defect(number: int) -> None:
+    script = FULL.replace("NUMBER", str(number))
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, cwd=ROOT)
     assert ended.returncode == 1
-    assert ended.stderr.strip().endswith(
-        "error: test: the disk cannot be written: [Errno 28] No space left on device: '/state'"
-    )
+    said = f"error: test: the disk cannot be written: [Errno {number}] {os.strerror(number)}: '/state'"
+    assert ended.stderr.strip().endswith(said)
 
 
 _PROCESS = """\
