@@ -70,11 +70,14 @@ def vehicle_of(robot: Robot) -> str:
     return robot.simulate.process if robot.simulate is not None else ""
 
 
+def linkless(mission: Mission) -> list[str]:
+    """Return the simulated vehicles that the mission names no link to."""
+    return [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
+
+
 def linked(mission: Mission, links: Callable[[list[str]], Mapping[str, str]]) -> tuple[Mission, Mapping[str, str]]:
     """Return a mission with a link of `links` for each vehicle that it names none for, and those links by robot."""
-    found = links(
-        [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
-    )
+    found = links(linkless(mission))
     robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in found.items()}
     return replace(mission, robots=mission.robots | robots), found
 

@@ -174,6 +174,10 @@ def test_one_process_is_one_unit_with_what_the_three_may(tmp_path: Path) -> None
     ("change", "said"),
     [
         (("done:", "router: {external: true}\ndone:"), "router.external: the units run commd as the board's router"),
+        (
+            (', link: "LINK"', ", simulate: {home: [1, 2, 3]}"),
+            "9:9: error: uav1 needs the field `link`: only `argosy run`",
+        ),
         (("code/scout.asl", "../elsewhere.asl"), "is not below the mission file, whose folder is what a board gets"),
         (("code/scout.asl", "code/none.asl"), "there is no file"),
         (
