@@ -115,7 +115,7 @@ def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission 
     if mission is not None:
         findings += check_links(mission)
         if not mission.done:
-            text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
+            text = "no `done`: the run can only fail, by its timeout or ctrl-C"
             findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
     manifests = {robot: _manifest(named, robot, mission, findings) for robot in named.robots}
     if mission is not None:

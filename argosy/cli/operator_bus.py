@@ -63,7 +63,7 @@ class Where:
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
     """Declare `--mission`, `--fleet`, `--router` and `--keys`; `without` is the help of `--fleet`, with its default."""
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--mission", metavar="FILE", help="mission file: fleet and router")
+    which.add_argument("--mission", metavar="FILE", help="mission file, for its fleet and router")
     which.add_argument("--fleet", type=name, metavar="NAME", help=without)
     add_router_argument(parser, DEFAULT_ROUTER)
 
@@ -175,7 +175,7 @@ async def fleet_of(bus: Bus, where: Where, robot: str) -> str:
     there = await bridges(bus, where.fleet)
     fleets = [its for its, name in there if name == robot]
     if not fleets:
-        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
+        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is running"
         missing = "".join(f"\n  {line}" for line in await unreached(bus))
         raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
     if len(fleets) > 1:
@@ -226,7 +226,7 @@ async def replies(
                 async with asyncio.timeout(ACTION_SILENT):
                     reply = await anext(found, None)
             except TimeoutError:
-                text = f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off"
+                text = f"its bridge has sent nothing for {ACTION_SILENT:g} s: it hangs, or is cut off"
                 raise TimeoutError(text) from None
             if reply is None:
                 return

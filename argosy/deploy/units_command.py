@@ -45,7 +45,9 @@ def run(args: Namespace) -> int:
     try:
         written = write(board, args.out)
     except FileExistsError:
-        raise BadInput(f"{args.out} is not empty: files of an older mission must not stay there") from None
+        raise BadInput(
+            f"{args.out} is not empty: name a new folder, as files of an older mission must not stay"
+        ) from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         raise CommandError(f"{where}{error.strerror or error}") from None

@@ -145,7 +145,7 @@ def _pip(*arguments: str, doing: str) -> None:
     except subprocess.TimeoutExpired:
         raise NoWheel(f"{doing}: not done within {PATIENCE:.0f} s") from None
     if done.returncode:
-        raise NoWheel(f"{doing}: pip failed, see above: a wheelhouse needs a machine that reaches a package index")
+        raise NoWheel(f"{doing}: pip failed, see above; this machine must reach a package index")
 
 
 def _recipe(out: Path) -> str:

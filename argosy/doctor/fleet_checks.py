@@ -45,7 +45,7 @@ def daemons(facts: Facts) -> list[Diagnosis]:
         diagnoses += _complaints(facts, row)
     strangers = [f"{row.daemon} {row.name}" for row in facts.rows if not row.in_mission and row.daemon != "agentd"]
     if strangers:
-        do = "if it belongs to another mission, give that another `fleet:`; else end it"
+        do = "if it belongs to another mission, give that mission another `fleet`; else stop it"
         diagnoses.append(Diagnosis("warning", "daemons", f"not in the mission: {', '.join(strangers)}", do))
     if all(row.well for row in facts.rows):
         oldest = max((row.age or 0.0 for row in facts.rows), default=0.0)
@@ -93,10 +93,10 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Diagnosis]:
     before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
     if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
         text = f"{who} dropped {health.drops - before.drops} messages within {health.uptime - before.uptime:.0f} s"
-        do = "it is overloaded: declare fewer percepts or a lower `rate` in the manifest"
+        do = "it is overloaded: declare fewer percepts, or a lower `rate`, in the manifest"
         yield Diagnosis("warning", "daemons", text, do)
     if health.lag >= LAG_LATE:
-        do = "reduce the load of the board: fewer agents, lower rates, no endless plans; `top` shows the processes"
+        do = "reduce the board's load: fewer agents, lower rates, no plan that loops without a wait; `top` shows it"
         yield Diagnosis("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
 
 
@@ -166,7 +166,7 @@ def links(facts: Facts) -> list[Diagnosis]:
     for board, why in facts.boards.items():
         if isinstance(why, str) and board in there:
             text = f"{board} runs but answers no checkup: clock, disk and links are unknown ({why})"
-            do = "use an operator's keys, not an observer's; Argosy before 0.2 does not answer checkups"
+            do = "use an operator's keys: observers get no answer"
             diagnoses.append(Diagnosis("warning", "links", text, do))
         elif isinstance(why, str):
             do = f"is it switched on and in the network? {logs_of('commd', facts.mission, board)}"
@@ -223,7 +223,7 @@ def mail(facts: Facts) -> list[Diagnosis]:
             text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered"
             diagnoses.append(Diagnosis("warning", "mail", text, f"see `argosy mail {facts.mission.path} --dead`"))
     if facts.mail and not diagnoses:
-        diagnoses.append(Diagnosis("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
+        diagnoses.append(Diagnosis("ok", "mail", f"no mail waits for long on {count(len(facts.mail), 'board')}"))
     return diagnoses
 
 
@@ -274,7 +274,7 @@ def failsafes(facts: Facts) -> list[Diagnosis]:
         if gcs not in (None, "none")
     ]
     if undeclared := [name for name, gcs in vehicles.items() if gcs is None]:
-        text = f"{', '.join(undeclared)}: none declared: the vehicle does not return if its bridge dies"
+        text = f"{', '.join(undeclared)}: no failsafe is declared: the vehicle does not return if its bridge dies"
         diagnoses.append(Diagnosis("warning", "failsafe", text, REMEDIES["failsafe_none"]))
     return diagnoses
 

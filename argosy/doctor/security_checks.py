@@ -56,7 +56,7 @@ class Trial:
 async def findings(bus: Bus, mission: Mission) -> list[Diagnosis]:
     """Compare the rights of this machine with what each reachable router allows."""
     if bus.endpoint.startswith("tcp/"):
-        text = "the router accepts plain TCP: everybody who reaches it has all rights"
+        text = "the router accepts plain TCP: everybody who can reach it has all rights"
         do = "for boards in the field: `argosy keys init`, `argosy units` (docs/guides/security.md)"
         return [Diagnosis("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
     try:
@@ -103,7 +103,7 @@ async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str,
             trials = _trials(mission, rights, board, present)
             done = await _try(speaker, listener, trials)
     except BusClosed as closed:
-        return [Diagnosis("warning", WHAT, f"{router} is not reached, its rules were not tried: {closed}")]
+        return [Diagnosis("warning", WHAT, f"{router} cannot be reached, so its rules were not tried: {closed}")]
     wrong = [trial for trial in trials if trial.allowed != (trial in done)]
     may, may_not = sum(trial.allowed for trial in trials), sum(not trial.allowed for trial in trials)
     if not wrong:
@@ -280,7 +280,9 @@ def certificates(mission: Mission, folder: Path | None) -> list[Diagnosis]:
         seen.append(theirs.ends)
         if theirs.name != board:
             text = f"`{theirs.name}` answers for {board} at {entry.address}"
-            found.append(Diagnosis("error", "certificates", text, "two boards have each other's address or keys"))
+            found.append(
+                Diagnosis("error", "certificates", text, "were the addresses or the keys of two boards swapped?")
+            )
         found += _dates(f"{board}'s", theirs, now)
     if not found:
         text = f"{count(len(seen), 'certificate')}, the first ends on {day(min(seen))}"

@@ -31,11 +31,11 @@ Who = tuple[str, str, str]
 Standing = Literal["up", "coming", "silent", "twice", "unclaimed", "missing"]
 WELL: frozenset[Standing] = frozenset({"up", "coming"})
 MEANING: dict[Standing, str] = {
-    "up": "it holds its name and reports its health",
-    "coming": "it holds its name and has not reported its health yet",
-    "silent": "it holds its name and reports no health: it hangs, or its messages are not arriving",
-    "twice": "two daemons hold this name: end one of them",
-    "unclaimed": "it reports its health and does not hold its name: its liveliness token is not arriving",
+    "up": "it is on the bus and reports its health",
+    "coming": "it is on the bus and has not reported its health yet",
+    "silent": "it is on the bus and reports no health: it hangs, or its messages do not arrive",
+    "twice": "two daemons have this name: stop one of them",
+    "unclaimed": "it reports its health, but its liveliness token does not arrive",
     "missing": "it is in the mission and not on the bus",
 }
 

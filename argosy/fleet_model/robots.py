@@ -164,7 +164,7 @@ class RobotSeen:
                     setattr(self, percept.name, "")
                 case "paused" if self.paused:
                     self.paused = False
-                    tell(self.name, "goes on: it is not paused any longer", "warning")
+                    tell(self.name, "goes on: no longer paused", "warning")
             return
         if not self.mode and (percept.name, len(percept.parameters)) != ("state", 3):
             text = printable(write(Structure(percept.name, percept.parameters)))

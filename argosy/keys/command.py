@@ -52,7 +52,10 @@ COMMANDS = {
         "replace certificates that end soon, or those of the named machines",
         "missions/search_and_rescue.yaml pi1",
     ),
-    "revoke": ("disown machines: all others refuse their certificates", "missions/search_and_rescue.yaml pi3"),
+    "revoke": (
+        "revoke machines: all others refuse their certificates from then on",
+        "missions/search_and_rescue.yaml pi3",
+    ),
     "show": (
         "show who has which certificate and until when, for a mission's fleet or one machine's folder",
         "missions/search_and_rescue.yaml",
@@ -124,7 +127,7 @@ def add_renew_arguments(parser: ArgumentParser) -> None:
 def add_revoke_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy keys revoke`."""
     add_where(parser)
-    parser.add_argument("names", nargs="+", metavar="NAME", help="machine to disown")
+    parser.add_argument("names", nargs="+", metavar="NAME", help="machine to revoke")
 
 
 def _add_address(parser: ArgumentParser) -> None:
@@ -273,7 +276,7 @@ def _print_members(folder: KeyStore, names: Sequence[str]) -> None:
 def described(member: Member) -> str:
     """Return a certificate's kind, end and hosts as text."""
     hosts = f", for {', '.join(member.hosts)}" if member.hosts else ""
-    which = f" ({member.generation}. of its name)" if member.generation > 1 else ""
+    which = f" (number {member.generation} of this name)" if member.generation > 1 else ""
     return f"{member.kind}{which} until {member.ends:%Y-%m-%d}{hosts}"
 
 
@@ -289,7 +292,7 @@ def _new_password() -> bytes:
     if PASSWORD not in os.environ and first != _asked("once more: "):
         raise Findings.about("--password", "the passwords differ: nothing was changed")
     if not first:
-        raise Findings.about("--password", "an empty password locks nothing: nothing was done")
+        raise Findings.about("--password", "the password is empty: nothing was done")
     return first.encode()
 
 
@@ -349,9 +352,9 @@ def _show_folder(folder: Path) -> int:
     hosts = f", for {', '.join(identity.addresses)}" if identity.addresses else ""
     print(f"{identity.name}: until {day(identity.ends)}{hosts}")
     try:
-        print(f"believes: {', '.join(believed_in(folder / ROOT))}")
+        print(f"accepts: {', '.join(believed_in(folder / ROOT))}")
     except (OSError, ssl.SSLError):
-        print(f"believes whom {folder / ROOT} names")
+        print(f"accepts the machines in {folder / ROOT}")
     return EXIT_FAILED if identity.ends - now < SOON_DAYS * 86_400 else EXIT_DONE
 
 

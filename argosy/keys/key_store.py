@@ -120,7 +120,7 @@ def read_secret(path: Path) -> bytes:
         text = f"the fleet's secret cannot be read ({error.strerror}): it is needed to create certificates"
         raise Findings.about(file, text) from None
     if mode & 0o077:
-        raise Findings.about(file, f"other users of this machine can read the fleet's secret: `chmod 600 {file}`")
+        raise Findings.about(file, f"other users of this machine can read the fleet's secret: run `chmod 600 {file}`")
     return pem
 
 

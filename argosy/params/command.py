@@ -134,7 +134,7 @@ async def _read(bus: Bus, fleet: str, robot: str) -> dict[str, float]:
     if found.problem:
         raise CommandError(f"{robot}: {found.problem}")
     if found.left_out:
-        note(f"{robot}: left out, their values are no numbers: {some(found.left_out)}")
+        note(f"{robot}: left out, as their values are no numbers: {some(found.left_out)}")
     return found.values
 
 

@@ -40,7 +40,7 @@ def add_show_arguments(parser: ArgumentParser) -> None:
 def add_save_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy plan save`."""
     parser.add_argument("robot", help="a running robot")
-    parser.add_argument("file", type=Path, metavar="FILE", help="file to write; its end says how: .plan or .waypoints")
+    parser.add_argument("file", type=Path, metavar="FILE", help="file to write, *.plan or *.waypoints")
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     add_fleet_arguments(parser, "the robot's fleet (default: whichever has the robot)")
 
@@ -89,7 +89,7 @@ def save_plan(args: Namespace) -> int:
     """Save the mission of a vehicle. Returns 0 if the file is written."""
     kind = args.file.suffix
     if kind not in SUFFIXES:
-        raise BadInput(f"{args.file}: expected a file {' or '.join(f'*{one}' for one in SUFFIXES)}")
+        raise BadInput(f"{args.file}: expected a file name {' or '.join(f'*{one}' for one in SUFFIXES)}")
     check_new(args.file, args.force)
 
     async def save(bus: Bus, where: Where) -> int:

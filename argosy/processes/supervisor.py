@@ -244,7 +244,7 @@ class Restarts:
         times, now = self._times.setdefault(child.name, deque(maxlen=MOST)), time.monotonic()
         recent = sum(now - one < WINDOW for one in times)
         if recent == MOST:
-            child.in_vain = f"; it was restarted {MOST} times within {WINDOW:g} s, and is not any more"
+            child.in_vain = f"; it was restarted {MOST} times within {WINDOW:g} s and is given up"
             return
         times.append(now)
         child.replaced = True

@@ -76,7 +76,7 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
 def run_mind(args: Namespace) -> int:
     """Replay the mind of an agent. Returns 0 if all agrees, 1 if it differs or is incomplete. Raises BadInput."""
     if ignored := _given(args, NOT_FOR_A_MIND):
-        raise BadInput(f"{ignored}: has no meaning with --mind, which publishes nothing")
+        raise BadInput(f"{ignored}: not with --mind, which publishes nothing")
     try:
         edited = {path: _text(path) for path in args.program}
     except SyntaxErrors as errors:
@@ -106,7 +106,7 @@ def _text(path: Path) -> str:
 def without_a_mind(args: Namespace) -> str:
     """Return what is wrong with the arguments of a replay without `--mind`; empty = nothing."""
     ignored = _given(args, FOR_A_MIND)
-    return f"{ignored}: has a meaning with --mind AGENT only" if ignored else ""
+    return f"{ignored}: only with --mind AGENT" if ignored else ""
 
 
 def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:

@@ -138,7 +138,7 @@ class ReplayCheck:
         if self.followed:
             found.append(f"{NO_END}: it was killed, at most 0.25 s later, and started again")
         elif recording.missing:
-            found.append("the recording was cut off: what went in after its end is not known")
+            found.append("the recording was cut off: later inputs are not known")
         elif not self.still_runs:
             found.append(f"{NO_END}: it was killed, or its last inputs were lost")
         return found
@@ -151,7 +151,7 @@ class ReplayCheck:
             return ""
         until = max((step.now for batch in batches[: silent[-1] + 1] for step in batch.steps), default=0.0)
         return (
-            f"nobody listened to what it decided in {len(silent)} of {len(batches)} batches, the last one at "
+            f"its decisions had no subscriber in {len(silent)} of {len(batches)} batches, the last one at "
             f"{until:.1f} s: record from before the agent begins"
         )
 
@@ -188,10 +188,12 @@ class ReplayCheck:
                 agrees = f"agrees up to second {self.args.until:g}, as asked"
             elif not self.recorded_mind.ended:
                 agrees = "agrees as far as the recording goes"
-                notes.append("the recording ends before the agent: what became of it is not in it")
+                notes.append("the recording ends before the agent does")
             print(f"{who}: {agrees}: {compared}")
         if foreign:
-            notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
+            notes.append(
+                f"{', '.join(foreign)}: Python of other packages was run again, and may read more than was recorded"
+            )
         for note in notes:
             print(f"  note: {note}")
         return EXIT_DONE if result.agrees and not lacks else EXIT_FAILED
@@ -270,11 +272,11 @@ def difference_lines(
         where = f"not known where exactly, up to {difference.time:.3f} s of mission time and cycle {difference.cycle}"
     yield f"first difference: {where} (batch {difference.batch} of its inputs)"
     if inputs := difference.inputs[-shown:] if shown > 0 else ():
-        yield "what came in last before it:"
+        yield "last inputs before it:"
         yield from (f"  {shortened(line, LONGEST)}" for line in inputs)
     most = max(0, shown)
     if _alike(difference.recorded, difference.replayed):
-        yield "the same plan is chosen, but its body is another one"
+        yield "the same plan is chosen, but its body was changed"
     yield from _side("recorded", difference.recorded, difference.recorded_next[:most], recorded)
     yield from _side("edited" if edited else "now", difference.replayed, difference.replayed_next[:most], other)
 

@@ -93,7 +93,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--speed",
         type=float,
         metavar="X",
-        help="mission seconds per wall second, noted in the file (default: the mission's)",
+        help="mission seconds per wall second, to be stored in the file (default: the mission's)",
     )
     parser.add_argument(
         "--note", action="append", default=[], metavar="NAME=TEXT", help="a note to store in the file; repeatable"
@@ -240,7 +240,7 @@ class _Recording:
         await asyncio.sleep(NOBODY)
         if not self._backfill.tokens and not self._recorder.messages:
             who = f"no daemon of fleet `{fleet}`" if fleet != ANY else "no daemon"
-            print(f"note: {who} is on {self._bus.endpoint} yet; recording starts when one comes", file=sys.stderr)
+            print(f"note: {who} is on {self._bus.endpoint} yet; recording starts when one appears", file=sys.stderr)
 
 
 def _size(text: str) -> int:

@@ -24,7 +24,7 @@ def left_alone(status: Status, robot: FleetRobot) -> bool:
 def last_line(status: Status, robot: str) -> str:
     """Return how a vehicle comes home without its bridge, as text."""
     if status.setup.mission.robots[robot].failsafe.watches:
-        return f"its own failsafe is the last line; {TAKE_OVER}"
+        return f"only its own failsafe brings it home: {TAKE_OVER}"
     return f"nothing brings it home: {TAKE_OVER}"
 
 

@@ -134,7 +134,7 @@ class EndConditions:
         if restart:  # an agent may be dead, cut off or on its way back; a hung one is killed
             return ""
         if silent := self._silent():
-            return f"{', '.join(silent)} has not shown its mind for {SILENT_AFTER:g} s"
+            return f"{', '.join(silent)} has not answered for {SILENT_AFTER:g} s"
         robots = self._status.robots.items()
         if silent := [name for name, robot in robots if robot.since is not None and model.unheard(robot)]:
             return f"the bridge of {', '.join(silent)} has published nothing for {SILENT_AFTER:g} s"
@@ -163,7 +163,7 @@ class EndConditions:
         if now - self._idle_since < NOTHING_LEFT:
             return None
         if home := self._brought_home():
-            why = f"{', '.join(home)} was in the air with nobody in charge and was brought home (on_idle)"
+            why = f"{', '.join(home)} was in the air without an agent in charge and was brought home (on_idle)"
             over = Ending(EXIT_FAILED, f"failed: {why}; no agent has anything left to do")
             return None if self._status.flying() else over
         if not self._idle_reported:

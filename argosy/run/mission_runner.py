@@ -97,7 +97,7 @@ class MissionRunner:
             loop.add_signal_handler(number, self._stop_requested, number)
         helpers = [asyncio.create_task(_each(REFRESH, refresh)), asyncio.create_task(_each(1.0, self._measure))]
         startup = asyncio.create_task(self._start())
-        ending = Ending(EXIT_FAILED, "failed by an error of argosy itself")
+        ending = Ending(EXIT_FAILED, "failed: defect in argosy")
         try:
             ending = await self._watch(startup)
         finally:
@@ -308,7 +308,7 @@ class MissionRunner:
             return
         state = "was armed when it was last heard" if seen.lost or age(self.status, member) else "is armed"
         if self._recovery.simulator_is_dead(robot):
-            self._journal.add(robot, "was armed, and is no more: its simulator is dead", "warning")
+            self._journal.add(robot, "was armed until its simulator died", "warning")
         elif seen.coming_home and (bridge.alive or bridge.replaced):
             self._journal.add(robot, f"comes home in {seen.mode}: its bridge stays with it", "info")
         elif bridge.alive or bridge.replaced:
@@ -388,7 +388,7 @@ class MissionRunner:
                 elif child.process.kind.name == "bridged":
                     self.status.model.bridge_died(name)
         if child.dead:  # and is not restarted
-            without = "" if child.process.kind.needed else "; the run goes on, and is not recorded any more"
+            without = "" if child.process.kind.needed else "; the run goes on and is no longer recorded"
             self._journal.add(child.name, child.how_it_ended() + without, "error")
         if child.process.kind.name == "recorder":
             self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())

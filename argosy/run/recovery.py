@@ -51,7 +51,7 @@ class Recovery:
         warning = (
             f"{ending.text}; vehicles {be} armed: their programs have {left:g} wall seconds before the mission ends"
         )
-        on = ", from `argosy stop continue` on" if self._paused() else ""
+        on = ", counted from `argosy stop continue` on" if self._paused() else ""
         self._journal.add("argosy", warning + on, "warning")
         while self.armed() and not interrupted() and left > 0:
             paused = self._paused()
@@ -60,7 +60,7 @@ class Recovery:
             self._look_after_daemons()
             if (holds := self._end_conditions.look()) is None:
                 self._status.waiting_for = ""
-                self._journal.add("argosy", f"the mission goes on: it does not hold any more that {ending.why}", "good")
+                self._journal.add("argosy", f"the mission goes on, this is over: {ending.why}", "good")
                 return None
             if not (ending := holds).graced:
                 break

@@ -152,9 +152,9 @@ def summary(fleet: str, rows: Sequence[Row]) -> str:
     whose = f"fleet {fleet}" if fleet != ANY_FLEET else "all fleets"
     there = f"{whose}: {len(rows) - len(ill)} of {len(rows)} daemons are up"
     if not rows:
-        return f"{whose}: no daemon is there"
+        return f"{whose}: no daemon is running"
     if not ill:
-        return there if fleet != ANY_FLEET else f"{there}; `argosy status MISSION` shows missing ones, too"
+        return there if fleet != ANY_FLEET else f"{there}; `argosy status MISSION` also shows which are missing"
     standings = dict.fromkeys(row.standing for row in ill)
     kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
     return printable(f"{there}; {'; '.join(kinds)}")

@@ -145,7 +145,7 @@ class Fleet(Collector):
         fleet = {"fleet": self.name}
         reported = [(self._labels(row), row.age or 0.0, row.now) for row in self.rows if row.now is not None]
         yield _metric("argosy_router_up", "Whether the router answers this exporter.", [(fleet, self.router_up)])
-        beyond = "Tokens and records of more daemons than are followed."
+        beyond = "Tokens and records of daemons beyond those that are observed."
         yield _metric("argosy_not_followed_total", beyond, [(fleet, self.dropped)])
         up = [(self._labels(row), row.standing == "up") for row in self.rows]
         yield _metric("argosy_up", "Whether a daemon is there and reports its health.", up)

@@ -37,7 +37,7 @@ def table(summary: str, rows: Sequence[Row], *, away: bool = False) -> Renderabl
     ill = any(not row.well for row in rows) or not rows
     last = Text(summary, style="bold red" if ill else "bold green")
     if away:
-        last = Text("the router does not answer: this is what was known last", style="bold red")
+        last = Text("the router does not answer: this is the last known state", style="bold red")
     return Group(last, Text(), grid, *([Text(), *remarks] if remarks else []))
 
 

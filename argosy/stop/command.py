@@ -62,7 +62,7 @@ def run(args: Namespace) -> int:
         return on_the_bus(args, stop)
     except CommandError:
         for robot in args.robot or load_mission(args.mission).robots if args.mission and not there else ():
-            print(f"{robot}: {args.order} NOT confirmed (nobody was reached)")
+            print(f"{robot}: {args.order} NOT confirmed (no router was reached)")
         raise
 
 
@@ -110,7 +110,7 @@ def _absent(where: Where, wanted: list[str], known: list[str], there: list[str])
         print(f"{robot}: its bridge is not on the bus at {where.router}{others}", file=sys.stderr)
     if not (there or known or wanted):
         why = f"no bridge of {where.whose} is on the bus at {where.router}: nothing was ordered"
-        print(f"error: {why}; if a robot moves, its pilot has to take over", file=sys.stderr)
+        print(f"error: {why}; if a robot moves, its pilot must take over", file=sys.stderr)
     return absent
 
 

@@ -42,7 +42,7 @@ class Lost(Exception):
 async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionStatus, None]:
     """Request an action and yield its statuses; the last one is final. Raises Lost."""
     loop, key = asyncio.get_running_loop(), keys.action(fleet, action.agent, action.name)
-    heard, reason, taken = loop.time(), "nobody answers for it: is its bridge there?", False
+    heard, reason, taken = loop.time(), "no bridge answers for it: is it running?", False
     while True:
         try:
             async with aclosing(replies(bus, key, action, ActionStatus, AT_MOST)) as statuses:
@@ -81,7 +81,7 @@ OVERTAKEN = 1.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy act`."""
-    parser.add_argument("agent", type=name, metavar="AGENT", help="agent whose robot acts, on its behalf")
+    parser.add_argument("agent", type=name, metavar="AGENT", help="agent on whose behalf its robot acts")
     what = "such as takeoff, or 'takeoff(5)' (default: list the actions)"
     parser.add_argument("action", nargs="?", metavar="ACTION", help=what)
     how = "values as in a program: 5, true, guided, '\"a text\"', '[1, 2]'"
@@ -153,7 +153,7 @@ async def _nobody(bus: Bus, where: Where, agent: str) -> str:
     rules = "; where access is controlled, only operators may ask, and only if the mission says `inject: true`"
     guarded = rules if bus.guarded else ""
     if agent in there:
-        return f"agent `{agent}` is there, and no bridge answers for a robot of it{guarded}"
+        return f"agent `{agent}` is running, but no bridge answers for its robot{guarded}"
     of = f" of {where.whose}" if where.fleet != ANY else ""
     its = where.boards is None or agent not in where.boards.mailboxes
     why = f": there is no agent `{agent}`{did_you_mean(agent, there)}" if its else ""
@@ -177,7 +177,7 @@ async def _perform(
                     first = f", id {identity}" if status.state == "accepted" else ""
                     print_line(f"{head} {status_text(status)}{first}")
         except Lost as lost:
-            begun = "how it ended is not known" if status is not None else "whether it was begun is not known"
+            begun = "how it ended is not known" if status is not None else "it is not known whether it began"
             complain(f"{head} NOT confirmed, {begun}: {lost}{known_as}")
             return EXIT_FAILED
         except asyncio.CancelledError:

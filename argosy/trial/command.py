@@ -45,7 +45,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=1, metavar="S", help="seed of the first run (default: 1); the next has S + 1"
     )
-    parser.add_argument("--jobs", type=count, metavar="J", help="runs at a time (default: as many as there are cores)")
+    parser.add_argument("--jobs", type=count, metavar="J", help="runs at the same time (default: one per core)")
     parser.add_argument(
         "--faults",
         default="standard",
@@ -64,9 +64,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=SECONDS,
         default=ENOUGH,
         metavar="S",
-        help=f"wall seconds after which a run is ended as one that hangs (default: {ENOUGH:g})",
+        help=f"wall seconds after which a run counts as hung and is ended (default: {ENOUGH:g})",
     )
-    parser.add_argument("--shrink", action="store_true", help="with --replay: take faults away while it fails alike")
+    parser.add_argument(
+        "--shrink", action="store_true", help="with --replay: remove the faults that the failure does not need"
+    )
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
     parser.add_argument("--min-success", type=SHARE, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
     parser.add_argument(
@@ -80,9 +82,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Run the trial. Returns the exit code: 0 unless fewer runs than wanted succeed, or the run of a seed fails."""
     if args.replay is None and (args.until is not None or args.shrink):
-        raise BadInput(f"{'--until' if args.until is not None else '--shrink'}: expected --replay SEED, too")
+        raise BadInput(f"{'--until' if args.until is not None else '--shrink'}: only with --replay SEED")
     if args.replay is not None and args.compare is not None:
-        raise BadInput("--compare: it compares many runs, and --replay is one")
+        raise BadInput("--compare: not with --replay, which is one run")
     mission = _mission(args.mission)
     compared = _mission(args.compare) if args.compare is not None else None
     if args.out is not None:

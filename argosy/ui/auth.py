@@ -35,7 +35,7 @@ HEADERS = {
 }
 HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[\w.-]+)(:[0-9]{1,5})?", re.ASCII)
 """Allowed `Host` headers: the header is copied into the policy above."""
-STRANGER = "This page belongs to another run of `argosy ui`, or to none: open the address that it has printed.\n"
+STRANGER = "This page belongs to another run of `argosy ui`, or to none: open the address that `argosy ui` printed.\n"
 ELSEWHERE = "refused: this request does not come from the page of `argosy ui`\n"
 MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
 

@@ -59,7 +59,7 @@ def run(args: Namespace) -> int:
     logging.getLogger("bus").setLevel(logging.ERROR)  # the page and the link report the router
     _log_defects_in_one_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
-        raise BadInput(f"--tiles: {args.tiles} is no folder")
+        raise BadInput(f"--tiles: {args.tiles} is not a folder")
     place = where(args)
     identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
     return asyncio.run(_serve(args, FleetSession(place, identity, tiles=args.tiles is not None)))

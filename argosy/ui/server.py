@@ -20,7 +20,7 @@ REQUEST = 16_384
 """Bytes of what a page posts."""
 PAGES = 16
 """Pages at the same time."""
-FULL = f"{PAGES} pages are open already: close one, and this one comes by itself\n"
+FULL = f"{PAGES} pages are open already: close one, then this one opens by itself\n"
 W = TypeVar("W")
 
 

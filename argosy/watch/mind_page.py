@@ -33,8 +33,8 @@ def title(model: FleetModel, agent: FleetAgent) -> Text:
     view, heard = seen(agent)
     now = model.as_of
     if view is None or heard is None:
-        why = f"its mind has not been seen yet {agent.why_silent}".strip()
-        return joined((agent.name, "bold"), (why if agent.there else "it is not there", WARN))
+        why = f"its mind has not answered yet {agent.why_silent}".strip()
+        return joined((agent.name, "bold"), (why if agent.there else "it is not running", WARN))
     old, does = now - heard, activity(model, agent)
     return joined(
         (agent.name, "bold"),
@@ -67,7 +67,7 @@ def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
         Row(safe_text(f"! {note.text}", BAD if level_of(note) == "error" else WARN)) for note in agent.notes
     ]
     if view is None:
-        return [*rows, Row(Text("its mind has not been seen yet", WARN))]
+        return [*rows, Row(Text("its mind has not answered yet", WARN))]
     if view.paused_for is not None:
         rows.append(Row(Text(f"the operator has paused it; it goes on by itself in {span(view.paused_for)}", WARN)))
     rows.append(head(f"intentions {_of(len(view.intentions), view.intentions_left_out)}"))
@@ -173,7 +173,7 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
     """Return the beliefs by source, each with its age in mission seconds; `now` is in seconds of the model's clock."""
     view = agent.detail
     if view is None:
-        word = "its mind has not been seen yet" if agent.mind is None else "not asked for yet"
+        word = "its mind has not answered yet" if agent.mind is None else "not asked for yet"
         return [Row(Text(word, WARN))]
     groups: dict[str, list[Row]] = {}
     for belief in view.believed:
@@ -185,8 +185,8 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
     for source in sorted(groups, key=lambda one: ({"percept": 1, "self": 2}.get(one, 0), one)):
         rows += [head(f"from {source} {len(groups[source])}"), *groups[source]]
     if view.beliefs_left_out:
-        rows.append(Row(Text(f"{view.beliefs_left_out} more are believed and not shown", WARN)))
-    return rows or [Row(Text("it believes nothing", DIM))]
+        rows.append(Row(Text(f"{view.beliefs_left_out} more beliefs are not shown", WARN)))
+    return rows or [Row(Text("it has no beliefs", DIM))]
 
 
 def decisions(agent: FleetAgent, opened: set[str], now: float) -> list[Row]:

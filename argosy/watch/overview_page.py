@@ -125,9 +125,9 @@ def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
     mail = Text(f"mail {waiting}" if waiting else "", WARN if waiting > 10 else "")
     name = Text(agent.name, "bold")
     if not agent.there or mind is None:
-        word = _absent(model, agent) if not agent.there else "its mind has not been seen yet"
+        word = _absent(model, agent) if not agent.there else "its mind has not answered yet"
         if agent.silent is not None:
-            word = f"its mind does not answer for {span(now - agent.silent)} {agent.why_silent}".strip()
+            word = f"its mind has not answered for {span(now - agent.silent)} {agent.why_silent}".strip()
         return [_mark(agent, glyphs), name, Text(), Text(), safe_text(word, DIM if agent.ended else WARN), lag, mail]
     now_does = activity(model, agent)
     state = Text(now_does.doing, {"paused": WARN, "waiting": "", "idle": ""}.get(now_does.doing, GOOD))

@@ -230,7 +230,7 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
         lines.append(safe_text(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
         if now - link.since > HINT_AFTER:
             lines.append(
-                safe_text("is the fleet running? is it another router: --router ENDPOINT, or --mission FILE?", WARN)
+                safe_text("is the fleet running? For another router: --router ENDPOINT or --mission FILE", WARN)
             )
     elif not live.router_up:
         lost = now - (live.router_since or now)
@@ -238,20 +238,18 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
             safe_text(f"ROUTER LOST for {span(lost)}: the last known state is shown; reconnecting", "reverse bold red")
         )
     elif not any(one.there for members in (live.agents, live.robots, live.boards) for one in members.values()):
-        who = f"nobody of fleet {live.fleet}" if live.fleet else "nobody"
-        lines.append(safe_text(f"{who} is there yet, waiting for {span(now - link.since)}", WARN))
+        who = f"no daemon of fleet {live.fleet}" if live.fleet else "no daemon"
+        lines.append(safe_text(f"{who} is on the bus yet, waiting for {span(now - link.since)}", WARN))
         if now - link.since > HINT_AFTER:
             others = (
                 f"at this router there is {', '.join(sorted(live.other_fleets))}: --fleet NAME; "
                 if live.other_fleets
                 else ""
             )
-            lines.append(safe_text(f"{others}is it started (argosy run, or its units)? see argosy doctor", WARN))
+            lines.append(safe_text(f"{others}is it started (`argosy run` or its units)? See `argosy doctor`", WARN))
     if live.run_silent is not None:
         lines.append(
-            safe_text(
-                f"argosy run is not heard for {span(live.run_silent)}: it does not watch over this run any more", WARN
-            )
+            safe_text(f"argosy run is not heard for {span(live.run_silent)}: nothing supervises this run now", WARN)
         )
     if paused:
         text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on; space resumes the view"

@@ -123,7 +123,9 @@ async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
     if not there:
         raise Unanswered(f"no agent is on the bus{where}: is agentd running, and is this its router?")
     if agent in there:
-        raise Unanswered(f"{agent} is on the bus and does not answer within {ANSWER_TIMEOUT:g} s: is its agentd hung?")
+        raise Unanswered(
+            f"{agent} is on the bus, but has not answered within {ANSWER_TIMEOUT:g} s: does its agentd hang?"
+        )
     raise Unanswered(f"there is no agent `{agent}`{where}{did_you_mean(agent, there)}")
 
 

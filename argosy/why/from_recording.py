@@ -35,7 +35,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     recorded = _mind_at(recording, agent, at)
     batches = recorded.unbroken
     if not batches or batches[0].initial is None:
-        raise NotRecorded(f"{file}: it lacks the start of {agent}: begin to record before the agent starts")
+        raise NotRecorded(f"{file}: the start of {agent} is missing: begin to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
     if recorded.missing:
         notes.append(f"batches {range_text(recorded.missing)} of its inputs are missing: the explanation ends there")

@@ -29,5 +29,5 @@ def test_a_mission_paused_in_flight_goes_on_to_its_place_and_is_done(
     assert stop("continue", endpoint) == (0, "uav1: continue confirmed (the vehicle is in GUIDED)\n")
     assert running.wait(120) == 0, running.stdout + running.stderr
     assert "uav: goto(-27.603683,-48.518052,40) succeeded after" in running.stdout
-    assert "uav1: goes on: it is not paused any longer" in running.stdout
+    assert "uav1: goes on: no longer paused" in running.stdout
     assert "failed after" not in running.stdout.partition("paused by the operator")[2]

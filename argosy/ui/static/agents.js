@@ -29,7 +29,7 @@ export class Agents {
     if (this.sort.value === "trouble") shown.sort((one, other) => other.trouble - one.trouble);
     keyed(this.list, shown, (row) => row.key, (row) => this._make(row), (node, row) => this._update(node, row, wire));
     keyed(this.shared, wire.get("head")?.notes ?? [], noteKey, () => el("li", {}), (node, one) => say(node, `⚠ ${one.names.join(", ")}: ${one.text}`));
-    say(this.none, rows.length === 0 ? "no agent and no robot yet" : shown.length === 0 ? "nobody is like that" : "");
+    say(this.none, rows.length === 0 ? "no agent and no robot yet" : shown.length === 0 ? "nothing matches" : "");
   }
 
   _make(row) {

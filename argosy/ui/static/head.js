@@ -58,7 +58,7 @@ export class Head {
     put(this.run, "title", head.run?.why || word);
     put(this.router, "class", `chip ${up ? "good" : ended ? "calm" : "bad"}`);
     say(this.router, wire.problem ? "? router" : up ? "● router" : ended ? "■ router ended" : `✕ router ${head.router === "away" ? "away" : "not reached"} ${wall(wire, wire.now() - head.router_since)}`);
-    put(this.router, "title", wire.problem ? `${head.endpoint}: nothing is known of it while argosy ui is not there` : head.endpoint);
+    put(this.router, "title", wire.problem ? `${head.endpoint}: its state is not known while argosy ui does not answer` : head.endpoint);
     this._time(head, wire);
     const held = Object.entries(head.done ?? {});
     put(this.done, "hidden", held.length === 0);
@@ -115,11 +115,11 @@ function banners(head, wire, actions) {
   } else if (head.problem) {
     found.push(["warn", `${head.problem}`, null, "problem"]);
   } else if (!wire.of("agent").some(isThere) && !wire.of("robot").some(isThere)) {
-    found.push(["warn", `Nobody of fleet ${head.fleet} is on the bus at ${head.endpoint} now`, null, "nobody"]);
+    found.push(["warn", `No daemon of fleet ${head.fleet} is on the bus at ${head.endpoint} now`, null, "nobody"]);
   }
   const defect = wire.get("defect");
-  if (defect) found.push(["bad", `${defect.text}. What is below does not change any more`, null, "defect"]);
-  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: it does not watch over this run any more`, null, "watched"]);
+  if (defect) found.push(["bad", `${defect.text}. What is below is no longer updated`, null, "defect"]);
+  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: nothing supervises this run now`, null, "watched"]);
   if (head.mission_differs) found.push(["warn", `The fleet runs another mission than ${head.mission_differs}, with which argosy ui was started: that of the fleet counts here`, null, "mission"]);
   for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${noteKey(alarm)}`]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);

@@ -37,7 +37,7 @@ class Mind {
     this.view = view;
     this.actions = actions;
     const mind = view.mind;
-    say(this.none, mind ? "" : view.there ? "Its mind has not been seen yet." : "It is not there, and its mind was not seen.");
+    say(this.none, mind ? "" : view.there ? "Its mind has not answered yet." : "It is not running, and its mind has not answered.");
     for (const part of Object.values(this.parts)) put(part.box, "hidden", !mind);
     put(this.filter.parentElement, "hidden", !mind);
     say(this.state, mind ? stateOf(view, mind) : "");

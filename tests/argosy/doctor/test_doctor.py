@@ -136,7 +136,7 @@ def test_vehicles_without_a_declared_failsafe_are_told_of_once(facts: Facts, tmp
     said = failsafes(replace(facts, mission=load_mission(path), rows=rows, earlier=rows))
     assert only(said, "ok").text == "b: monitors heartbeats of `bridge`"
     found = only(said, "warning")
-    assert found.text == "a, d: none declared: the vehicle does not return if its bridge dies"
+    assert found.text == "a, d: no failsafe is declared: the vehicle does not return if its bridge dies"
     assert "`failsafe: {gcs: bridge}`" in found.do
 
 

@@ -162,7 +162,7 @@ def test_who_is_revoked_is_believed_by_nobody_and_a_successor_is(made: Desk, tmp
     assert made("renew", "pi3") == 2
     assert "there is no machine with a certificate `pi3`" in made.err
     assert made("add-board", "pi3") == 0
-    assert "board (2. of its name)" in made.out
+    assert "board (number 2 of this name)" in made.out
     assert identity_of(files_in(made.folder("pi3")), time.time()).name == "pi3"
     (stolen / "ca.pem").write_bytes(made.file("pi1", "ca.pem"))
     with pytest.raises(Findings, match="of different fleets, or it was revoked"):
@@ -229,7 +229,7 @@ def test_a_machine_shows_what_its_own_folder_says(made: Desk, capsys: pytest.Cap
     assert argosy(["keys", "show", str(made.folder("pi1"))]) == 0
     said = capsys.readouterr().out
     assert said.startswith("pi1: until 20")
-    assert "UTC, for 10.0.0.11, pi1, pi1.local\nbelieves: alice, bob, pi1, pi2, pi3\n" in said
+    assert "UTC, for 10.0.0.11, pi1, pi1.local\naccepts: alice, bob, pi1, pi2, pi3\n" in said
 
 
 def test_a_password_locks_the_fleets_secret(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -271,7 +271,7 @@ MISTAKES: dict[str, tuple[Callable[[Desk], object], tuple[str, ...], str]] = {
     "a secret for all": (
         lambda desk: (desk.keys / "ca.key").chmod(0o644),
         ("renew", "pi1"),
-        "ca.key: error: other users of this machine can read the fleet's secret: `chmod 600",
+        "ca.key: error: other users of this machine can read the fleet's secret: run `chmod 600",
     ),
     "no secret": (
         lambda desk: (desk.keys / "ca.key").unlink(),

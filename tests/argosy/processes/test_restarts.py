@@ -104,7 +104,7 @@ async def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_say
     assert run.counts["daemon one"] == MOST == 5
     (dead,) = run.supervisor.dead()
     told = "ended by itself with exit code 1: no"
-    assert dead.how_it_ended() == f"{told}; it was restarted 5 times within 60 s, and is not any more"
+    assert dead.how_it_ended() == f"{told}; it was restarted 5 times within 60 s and is given up"
     delays = [line.rpartition(" in ")[2] for line in run.told if "is started again" in line]
     assert delays == ["0.01 s", "0.02 s", "0.04 s", "0.08 s", "0.16 s"]
 

@@ -22,7 +22,7 @@ def test_a_recorder_that_dies_ends_no_flight_and_is_told_of(start: Start, single
     recorder = next(process for line, process in run.family.items() if " argosy record " in line)
     recorder.kill()
     assert run.wait() == 0
-    told = "recorder single-uav: was killed by SIGKILL; the run goes on, and is not recorded any more"
+    told = "recorder single-uav: was killed by SIGKILL; the run goes on and is no longer recorded"
     assert told in run.stdout
     assert "  recording  cut off: the recorder was killed by SIGKILL" in run.stdout
     assert "done" in run.stdout

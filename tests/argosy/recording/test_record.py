@@ -285,7 +285,7 @@ async def test_a_recorder_of_nobody_says_so(
     async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
         assert recorder.handle.stderr is not None
         line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
-        told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one comes"
+        told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one appears"
         assert line.decode() == f"note: {told}\n"
         code, out, _ = await recorder.end()
     assert code == 0

@@ -132,4 +132,4 @@ def test_the_vehicles_own_failsafe_is_counted_on_only_if_the_mission_has_one() -
     mission = recording.status.setup.mission
     robot = type(mission.robots["uav1"])(manifest="copter", link="udpin:1:1", failsafe=Failsafe(gcs="human"))
     recording.status.setup = replace(recording.status.setup, mission=replace(mission, robots={"uav1": robot}))
-    assert last_line(recording.status, "uav1").startswith("its own failsafe is the last line; take over")
+    assert last_line(recording.status, "uav1").startswith("only its own failsafe brings it home: take over")

@@ -77,7 +77,7 @@ def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
     recording.at = 500.0
     assert looked.look() is None
     recording.percept_gone("paused")
-    assert recording.lines[-1] == "uav1: goes on: it is not paused any longer"
+    assert recording.lines[-1] == "uav1: goes on: no longer paused"
     assert "paused (" not in screen(recording)[0]
     recording.at = 509.0
     assert looked.look() is None
@@ -125,7 +125,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
             )
     looked = Looked(recording)
     assert looked.look() is None
-    said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
+    said = "uav1 was in the air without an agent in charge and was brought home (on_idle)"
     over = Ending(1, f"failed: {said}; no agent has anything left to do")
     assert looked.look(NOTHING_LEFT) == (None if prevented else over)
 
@@ -196,7 +196,7 @@ def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again(
         assert looked.look() is None
         recording.at += 2.0
         recording.model.mind_unanswered("uav")
-        told = Ending(1, "failed: uav has not shown its mind for 5 s")
+        told = Ending(1, "failed: uav has not answered for 5 s")
         assert looked.look() == (None if restart else told)
 
 

@@ -73,7 +73,7 @@ def test_a_paused_run_ends_by_ctrl_c_and_when_nobody_is_there_to_let_its_robot_g
     recording = failing()
     recording.percept("paused", Atom("operator"))
     assert outcome(recording, monkeypatch, {})[1] == 500.25
-    assert recording.lines[-1].endswith("before the mission ends, from `argosy stop continue` on")
+    assert recording.lines[-1].endswith("before the mission ends, counted from `argosy stop continue` on")
     assert outcome(recording, monkeypatch, {}, bridge_dies=100)[1] == 110.0
 
 

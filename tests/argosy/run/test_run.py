@@ -209,7 +209,7 @@ def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(start: Start
     running.family["agentd serve"].suspend()
     code, out, err = ended(running)
     assert code == 1, out
-    assert "error: failed: uav has not shown its mind for 5 s" in err
+    assert "error: failed: uav has not answered for 5 s" in err
 
 
 def test_a_program_that_jason_would_run_runs_and_its_mistakes_are_told(start: Start, tmp_path: Path) -> None:

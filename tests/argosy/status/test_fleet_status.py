@@ -113,12 +113,12 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
 
 def test_without_a_mission_all_that_is_there_is_shown() -> None:
     trial = Trial(None)
-    assert summary("any", trial.fleet_status.rows()) == "all fleets: no daemon is there"
+    assert summary("any", trial.fleet_status.rows()) == "all fleets: no daemon is running"
     trial.alive("pi1", "commd")
     trial.tells("pi1", "commd")
     (row,) = trial.fleet_status.rows()
     assert (row.board, row.in_mission, row.standing) == ("pi1", True, "up")
-    told = "all fleets: 1 of 1 daemons are up; `argosy status MISSION` shows missing ones, too"
+    told = "all fleets: 1 of 1 daemons are up; `argosy status MISSION` also shows which are missing"
     assert summary("any", [row]) == told
 
 
@@ -202,7 +202,7 @@ def test_the_table_fits_a_terminal_and_tells_what_is_wrong_below_it(mission: Mis
     assert re.search(r"● up +0\.1\.0 +0\.0 s +3\.0 s +0 +2", text)
     assert text.startswith("fleet trial: 1 of 5 daemons are up; missing: commd pi1"), "what matters most stands first"
     assert text.count("not on the bus") == 3, "what several have in common is said once"
-    assert "this is what was known last" in shown(trial.fleet_status.rows(), away=True)
+    assert "this is the last known state" in shown(trial.fleet_status.rows(), away=True)
 
 
 @pytest.mark.parametrize(

@@ -154,8 +154,8 @@ def test_a_robot_of_the_mission_is_never_left_out(
     mission.write_text(f"mission: m\nfleet: sar\n{agents}{robots}router: {{endpoint: {endpoint}}}\n")
     assert main(["stop", "rtl", "--mission", str(mission)]) == 1, "not even a router is there"
     assert capsys.readouterr().out.splitlines() == [
-        "uav1: rtl NOT confirmed (nobody was reached)",
-        "uav2: rtl NOT confirmed (nobody was reached)",
+        "uav1: rtl NOT confirmed (no router was reached)",
+        "uav2: rtl NOT confirmed (no router was reached)",
     ]
     with fleet(endpoint, uav1=Outcome(ok=True), uav3=Outcome(ok=True)) as orders:
         assert main(["stop", "rtl", "--mission", str(mission)]) == 1

@@ -107,7 +107,7 @@ def test_what_is_not_there_is_said_with_what_is(flying: Trial) -> None:
         f"error: no bridge at {flying.endpoint} answers for `uaf`: there is no agent `uaf`, did you mean `uav`?"
     )
     code, _, said = act(flying, "base", "takeoff", "5")
-    assert (code, said) == (1, "error: agent `base` is there, and no bridge answers for a robot of it")
+    assert (code, said) == (1, "error: agent `base` is running, but no bridge answers for its robot")
 
 
 def test_a_reader_that_goes_does_not_end_the_action(flying: Trial) -> None:

@@ -123,6 +123,6 @@ def test_a_vehicle_whose_agent_has_nothing_to_do_is_brought_home_and_the_run_fai
     outcome = fly(with_program("single_uav", up, tmp_path), 1)
     assert any("in the air without anybody in charge: agent uav is there" in line for line in outcome.journal)
     assert modes(outcome, "takeoff(5) succeeded") == ["RTL"]
-    why = "uav1 was in the air with nobody in charge and was brought home (on_idle); no agent has anything left to do"
-    assert outcome.why == why
+    why = "uav1 was in the air without an agent in charge and was brought home (on_idle)"
+    assert outcome.why == f"{why}; no agent has anything left to do"
     assert not outcome.violations

@@ -157,9 +157,9 @@ def test_a_replay_that_is_stopped_fails_only_by_what_was_wrong_until_then(
             [SINGLE, "--faults", "nowhere.yaml"],
             "nowhere.yaml: no such file; expected `standard`, `none` or a YAML list",
         ),
-        ([SINGLE, "--until", "3"], "--until: expected --replay SEED, too"),
-        ([SINGLE, "--shrink"], "--shrink: expected --replay SEED, too"),
-        ([SINGLE, "--replay", "1", "--compare", RESCUE], "--compare: it compares many runs"),
+        ([SINGLE, "--until", "3"], "--until: only with --replay SEED"),
+        ([SINGLE, "--shrink"], "--shrink: only with --replay SEED"),
+        ([SINGLE, "--replay", "1", "--compare", RESCUE], "--compare: not with --replay"),
         (["nothing"], "nothing: error: no such file, and no mission of that name ships"),
     ],
 )

@@ -209,7 +209,7 @@ async def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router
         await seen.gone(".outcome.bad")
         async with router(endpoint):
             await seen.shows("#router", "● router")
-            await seen.shows(".banner.warn", "Nobody of fleet sar is on the bus")
+            await seen.shows(".banner.warn", "No daemon of fleet sar is on the bus")
         assert seen.hosts == {"127.0.0.1"}
 
 

@@ -83,7 +83,7 @@ def test_a_port_that_is_taken_is_one_line(endpoint: str, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["--tiles", "nowhere"], 2, "error: --tiles: nowhere is no folder"),
+        (["--tiles", "nowhere"], 2, "error: --tiles: nowhere is not a folder"),
         (["--listen", "203.0.113.7", "--port", "0"], 1, "cannot listen at 203.0.113.7 port 0"),
         (["--listen", "no.such.host.invalid", "--port", "0"], 1, "cannot listen at no.such.host.invalid"),
         (["--keys", "nowhere", "--router", "tls/127.0.0.1:1"], 2, "nowhere"),

@@ -89,7 +89,7 @@ def test_without_a_router_it_waits_visibly_and_begins_when_one_comes(endpoint: s
         terminal.shows("no router yet, waiting for")
         terminal.shows("Nobody listens there")
         with routed(endpoint):
-            terminal.shows("nobody is there yet, waiting for")
+            terminal.shows("no daemon is on the bus yet, waiting for")
             with crowd_of(1, endpoint):
                 terminal.shows("1 of 1 agent")
             terminal.press("\x03")
@@ -174,7 +174,7 @@ def test_markup_that_a_fleet_says_is_shown_as_text(endpoint: str) -> None:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_who_ends_it_gets_his_terminal_back(router: None, endpoint: str, number: int) -> None:
     with watch(endpoint) as terminal:
-        terminal.shows("nobody is there yet")
+        terminal.shows("no daemon is on the bus yet")
         before = len(terminal.output)
         os.kill(terminal.pid, number)
         assert terminal.end() == 0

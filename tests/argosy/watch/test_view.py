@@ -152,7 +152,7 @@ SHOWN: dict[str, Looks] = {
             "argosy watch sar  2 of 2 agents  1 of 1 robot  1 of 1 board",
             "●  uav1  GUIDED  armed  20.0 m  0 m off  ▸ goto(-27.603512,-48.5182,20)  1.0 s",
             "●  scout     flying  1  +!visit(3)  goto(-27.603512,-48.5182,20)  uav.…  mail 3",
-            "●  rescuer1             its mind has not been seen yet",
+            "●  rescuer1             its mind has not answered yet",
             "●  pi1  3 messages waiting",
             "scout  hello there",
         ),
@@ -288,7 +288,7 @@ async def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(
 @shown(flying)
 async def test_left_and_right_go_to_the_next_agent(app: WatchApp, pilot: Pilot[None]) -> None:
     await press(app, pilot, "down", "down", "enter", "left")
-    await until(app, pilot, "rescuer1  its mind has not been seen yet")
+    await until(app, pilot, "rescuer1  its mind has not answered yet")
     assert app.link._looked_at["rescuer1"] == 1
     assert not app.link._looked_at["scout"]
 
@@ -349,7 +349,7 @@ async def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_i
 async def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do(
     app: WatchApp, pilot: Pilot[None], fleet: Fleet
 ) -> None:
-    await until(app, pilot, "nobody of fleet sar is there yet, waiting for 0.0 s")
+    await until(app, pilot, "no daemon of fleet sar is on the bus yet, waiting for 0.0 s")
     fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
     fleet.waits(15)
     await until(app, pilot, "waiting for 15 s")
