@@ -190,24 +190,17 @@ class _WorkerPool:
         """At most `of_one` of the `workers` serve one group at the same time."""
         self.workers = workers
         self._of_one = of_one
-        self._ready: deque[DeliveryQueue] = deque()
-        self._wanted = asyncio.Semaphore(0)
-        """Counts `_ready`."""
+        self.ready: asyncio.Queue[DeliveryQueue] = asyncio.Queue()
+        """Those that wait for a worker."""
         self._busy: Counter[str] = Counter()
         """Busy workers by group."""
         self._held: dict[str, deque[DeliveryQueue]] = {}
-        """Lanes whose group has as many workers as it may, by group."""
-
-    def add(self, queue: DeliveryQueue) -> None:
-        """Add a queue that waits for a worker."""
-        self._ready.append(queue)
-        self._wanted.release()
+        """Queues whose group has as many workers as it may, by group."""
 
     async def next(self, group_of: Callable[[str], str]) -> tuple[DeliveryQueue, str]:
         """Wait for a queue whose group may have another worker. Returns it, and the group for `free`."""
         while True:
-            await self._wanted.acquire()
-            queue = self._ready.popleft()
+            queue = await self.ready.get()
             group = group_of(queue.line)
             if self._busy[group] < self._of_one:
                 self._busy[group] += 1
@@ -220,7 +213,7 @@ class _WorkerPool:
         self._busy[group] -= 1
         held = self._held.get(group, deque())
         for _ in range(min(1 if self._busy[group] else len(held), len(held))):
-            self.add(held.popleft())
+            self.ready.put_nowait(held.popleft())
         if not held:
             self._held.pop(group, None)
         if not self._busy[group]:
@@ -313,7 +306,7 @@ class DeliveryQueues:
     def _queue(self, queue: DeliveryQueue) -> None:
         if not queue.queued:
             queue.queued = True
-            self._pools[">" in queue.line, queue.hung].add(queue)
+            self._pools[">" in queue.line, queue.hung].ready.put_nowait(queue)
 
     async def _work(self, pool: _WorkerPool) -> None:
         while True:
