@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from numbers import Real
 from types import MappingProxyType
@@ -159,14 +160,21 @@ class Statuses:
     def make(
         self, request: Action, state: State, reason: str = "", feedback: Mapping[str, float] = NO_FIGURES
     ) -> ActionStatus:
-        """Return a status of an action."""
+        """Return a status of an action, with figures that are finite numbers: JSON has no infinity."""
         self._seq += 1
+        figures: dict[str, float] = {}
+        for what, value in feedback.items():
+            if len(figures) >= MAX_FIGURES:
+                break
+            with suppress(OverflowError):
+                if isinstance(value, Real) and math.isfinite(figure := float(value)):
+                    figures[legible(what, MAX_FIGURE_NAME)] = figure
         return ActionStatus(
             header=Header(seq=self._seq, stamp=self._clock.stamp(), source=self._robot, boot=self._boot),
             id=request.id,
             state=state,
             reason=legible(reason, MAX_REASON),
-            feedback=finite_figures(feedback) if feedback else {},
+            feedback=figures,
             after=self._percepts.sets[request.agent].seq,
             name=request.name,
             parameters=request.parameters,
@@ -177,20 +185,3 @@ def legible(text: object, at_most: int) -> str:
     """Return a text that can be sent: without lone surrogates, cut to `at_most` characters."""
     whole = str(text).encode("utf-8", "replace").decode()
     return whole if len(whole) <= at_most else f"{whole[: at_most - 3]}..."
-
-
-def finite_figures(feedback: Mapping[str, float]) -> dict[str, float]:
-    """Return the figures that are finite numbers: JSON has no infinity, and agents refuse other values."""
-    told: dict[str, float] = {}
-    for what, value in feedback.items():
-        if len(told) >= MAX_FIGURES:
-            break
-        if not isinstance(value, Real):
-            continue
-        try:
-            number = float(value)
-        except OverflowError:
-            continue
-        if math.isfinite(number):
-            told[legible(what, MAX_FIGURE_NAME)] = number
-    return told

@@ -16,8 +16,8 @@ from argosy.trial.network import Network, Query
 from argosy.trial.world import SAMPLED, Seen, World
 from bridged.simulation.turtle.turtle import Turtle
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
+from bridged.simulation.vehicle.autopilot import PositionEstimate
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from bridged.simulation.vehicle.position_estimate import PositionEstimate
 from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.codec import codec

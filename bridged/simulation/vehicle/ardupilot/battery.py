@@ -7,7 +7,7 @@ ArduPilot's simulator too. With a capacity the voltage falls with the charge, an
 from dataclasses import dataclass
 from enum import IntEnum
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S
+from bridged.simulation.vehicle.autopilot import CHARGE_S, ChargeState
 from bridged.simulation.vehicle.parameters import Parameters
 
 HOVER_CURRENT = 28.12
@@ -30,15 +30,6 @@ def battery_parameters(minutes: float) -> list[tuple[str, float]]:
     """Return the parameters of a battery that lasts `minutes` in the air."""
     amperehours = HOVER_CURRENT * minutes / 60
     return [("SIM_BATT_CAP_AH", amperehours), ("BATT_CAPACITY", amperehours * 1000)]
-
-
-class ChargeState(IntEnum):
-    """charge_state of BATTERY_STATUS (MAV_BATTERY_CHARGE_STATE)."""
-
-    OK = 1
-    LOW = 2
-    CRITICAL = 3
-    CHARGING = 7
 
 
 class Shortage(IntEnum):

@@ -1,23 +1,13 @@
 """The battery of the simulated PX4: charge falls by time while the motors turn, as in its simulator."""
 
 from dataclasses import dataclass
-from enum import IntEnum
 
-from bridged.simulation.vehicle.autopilot import CHARGE_S
+from bridged.simulation.vehicle.autopilot import CHARGE_S, ChargeState
 from bridged.simulation.vehicle.parameters import Parameters
 
 CELLS = 4
 _EMPTY_V, _RANGE_V = 3.6, 0.45
 """Volts of a cell that is empty, and what a full one has more (recorded: 16.2 V full, 15.3 V half)."""
-
-
-class ChargeState(IntEnum):
-    """charge_state of BATTERY_STATUS (MAV_BATTERY_CHARGE_STATE)."""
-
-    OK = 1
-    LOW = 2
-    CRITICAL = 3
-    EMERGENCY = 4
 
 
 def battery_parameters(minutes: float) -> list[tuple[str, float]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from bridged.simulation.vehicle.autopilot import ChargeState
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.notifications import Text
-from bridged.simulation.vehicle.px4.battery import ChargeState
 from bridged.simulation.vehicle.px4.modes import Mode
 from bridged.simulation.vehicle.px4.texts import CRITICAL
 from schemas.geo import is_inside

@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, key_of, now_10us
-from bridged.simulation.vehicle.ardupilot.battery import ChargeState
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.ardupilot.parameters import COPTER
+from bridged.simulation.vehicle.autopilot import ChargeState
 from bridged.simulation.vehicle.fault_injection import Faults
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import Landed

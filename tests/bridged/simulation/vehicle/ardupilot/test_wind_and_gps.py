@@ -11,12 +11,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot import telemetry
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
-from bridged.simulation.vehicle.autopilot import STEP_S
+from bridged.simulation.vehicle.autopilot import FOUND_S, NOTICED_S, STEP_S, TIMEOUT_S
 from bridged.simulation.vehicle.fault_injection import Faults, WindFault
 from bridged.simulation.vehicle.geodesy import Place
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.motion.tasks import GoTo
-from bridged.simulation.vehicle.position_estimate import FOUND_S, NOTICED_S, TIMEOUT_S
 from bridged.simulation.vehicle.vehicle import Vehicle, Wind
 
 HOME = Place(-27.604033, -48.518363, 21.0)
