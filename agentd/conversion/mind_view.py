@@ -20,7 +20,7 @@ from agentd.mind import Mind
 from agentd.mind.introspection.decision_log import Decision, Failure, record_of
 from agentd.mind.introspection.decision_views import Views, is_about, plan_view, written
 from agentd.mind.introspection.mind_snapshot import event_view, intention_views, question_views, sources_of
-from agentd.mind.introspection.term_snapshot import held, place
+from agentd.mind.introspection.snapshots import held, place
 from agentd.mind.plans.plan_library import Plan
 from schemas.wire.mind_records import (
     BeliefView,

@@ -22,7 +22,7 @@ from agentd.mind.execution.cycle import run_cycles
 from agentd.mind.execution.dropping import fail_too_deep
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
-from agentd.mind.introspection import term_snapshot
+from agentd.mind.introspection import snapshots
 from agentd.mind.introspection.decision_log import Decisions, record_of
 from agentd.mind.introspection.decision_views import Views, view_of
 from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
@@ -53,7 +53,7 @@ _NAMES: Final = {
     control_flow: "begin_rounds fork free_again join next_round present",
     goal_execution: "achieve_term perform qualify run_term test_event test_term",
     goal_states: "pending",
-    term_snapshot: "held",
+    snapshots: "held",
     waiting: "wait_until",
 }
 """The modules that generated code may use, and what of them."""

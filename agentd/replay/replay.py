@@ -24,7 +24,7 @@ from agentd.mind.data.effects import Log
 from agentd.mind.data.inputs import ActionDone, Mail, TeamReply
 from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.snapshots import short_text
 from agentd.replay.replayed_mind import CannotReplay, Done, ReplayedMind, digest_of
 from agentd.trace.decision_digest import brief
 from agentd.trace.input_records import CameBack, Given, MailRefused, NamesRead

@@ -10,7 +10,7 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms import terms
 from agentd.mind.data.effects import Effect, Log, PerformAction, Print, StopTeam
 from agentd.mind.data.inputs import ActionDone, Mail
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.snapshots import short_text
 from agentd.trace.decision_digest import called
 from commd.common.clock import Clock
 from commd.mail.message import OFFICE

@@ -13,7 +13,7 @@ from agentd.mind.data.effects import AskPercepts, CancelAction, Effect, Log, Per
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.snapshots import short_text
 from agentd.mind.plans.plan_library import Plan
 
 

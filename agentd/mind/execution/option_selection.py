@@ -30,7 +30,7 @@ from agentd.mind.data.intention import Event, Frame
 from agentd.mind.execution.intention_terms import stack_of
 from agentd.mind.introspection.decision_views import PASSED_OVER
 from agentd.mind.introspection.failure_text import context_failed
-from agentd.mind.introspection.term_snapshot import held_all
+from agentd.mind.introspection.snapshots import held_all
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Select
 from agentd.mind.plans.plan_terms import term_of

@@ -4,7 +4,7 @@ It is a mode of the compiled mind: plans are compiled to return the literal of t
 (`agentd.language.compiler.units`), and `Decisions.select_in_order` finds the plans for events. Without it
 nothing here runs.
 
-A record refers to immutable terms, and holds short copies of others (`agentd.mind.introspection.term_snapshot`), so it
+A record refers to immutable terms, and holds short copies of others (`agentd.mind.introspection.snapshots`), so it
 shows the state at the time of the decision. It becomes text on demand only
 (`agentd.mind.introspection.decision_views`).
 """
@@ -23,7 +23,7 @@ from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
 from agentd.mind.data.intention import VARIABLES, Event, Frame, Intention, Step
 from agentd.mind.introspection.failure_text import context_failed
-from agentd.mind.introspection.term_snapshot import held, held_all, lighten
+from agentd.mind.introspection.snapshots import held, held_all, lighten
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState

@@ -16,7 +16,7 @@ from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
 from agentd.mind.introspection.decision_log import Decision, Failure
-from agentd.mind.introspection.term_snapshot import place, short_text
+from agentd.mind.introspection.snapshots import place, short_text
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView

@@ -24,7 +24,7 @@ from agentd.mind.data.intention import PLAN, RELEVANT, Event, Frame
 from agentd.mind.data.registry import ACTIONS, find_action
 from agentd.mind.introspection.decision_views import PASSED_OVER, event_text, plan_view, rejected_view, what_failed
 from agentd.mind.introspection.failure_text import as_they_are, failure_of
-from agentd.mind.introspection.term_snapshot import place, short_text
+from agentd.mind.introspection.snapshots import place, short_text
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState

@@ -15,7 +15,7 @@ from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import ARGS, RELEVANT, Event, Frame, Step, values_of
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.snapshots import short_text
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 

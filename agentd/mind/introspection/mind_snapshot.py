@@ -10,7 +10,7 @@ from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import Literal, Term
 from agentd.mind.beliefs.term_copy import resolve_all, resolve_annots
 from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, Event, Intention
-from agentd.mind.introspection.term_snapshot import place, short_text
+from agentd.mind.introspection.snapshots import place, short_text
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import BeliefView, EventView, IntentionView, QuestionView, WaitView
 

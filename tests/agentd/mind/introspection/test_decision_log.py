@@ -12,7 +12,7 @@ from agentd.conversion.mind_view import LAST_DECISIONS, decisions_of
 from agentd.language.terms.terms import List, Literal, Var
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
-from agentd.mind.introspection.term_snapshot import held, held_all, short_text
+from agentd.mind.introspection.snapshots import held, held_all, short_text
 from agentd.standalone.decision_printer import DecisionPrinter
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView
 from tests.agentd.conftest import agentd
