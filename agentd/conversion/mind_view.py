@@ -19,8 +19,7 @@ from agentd.language.terms.terms import EMPTY, List, Literal
 from agentd.mind import Mind
 from agentd.mind.introspection.decision_log import Decision, Failure, record_of
 from agentd.mind.introspection.decision_views import Views, is_about, plan_view, written
-from agentd.mind.introspection.mind_snapshot import event_view, intention_views, question_views, sources_of
-from agentd.mind.introspection.snapshots import held, place
+from agentd.mind.introspection.snapshots import event_view, held, intention_views, place, question_views, sources_of
 from agentd.mind.plans.plan_library import Plan
 from schemas.wire.mind_records import (
     BeliefView,

@@ -25,7 +25,7 @@ from agentd.mind.execution.program_loading import copy_mind, load_program
 from agentd.mind.introspection import snapshots
 from agentd.mind.introspection.decision_log import Decisions, record_of
 from agentd.mind.introspection.decision_views import Views, view_of
-from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
+from agentd.mind.introspection.snapshots import belief_views, intention_views
 from agentd.mind.plans import plan_terms
 from agentd.mind.plans.nested_plans import select
 from agentd.mind.plans.plan_library import PlanLibrary

@@ -216,8 +216,10 @@ class Checkpointer:
 
     def _done(self, sent: Sequence[Outgoing], absorbed: Mapping[Numbered, int], begun: Iterable[str]) -> None:
         """Continue what has waited for a commit."""
-        self._mailing.inbox.done(absorbed)
-        self._mailing.outbox.saved(sent)
+        if absorbed:
+            self._mailing.inbox.done(absorbed)
+        if sent:
+            self._mailing.outbox.saved(sent)
         for identity in begun:
             if waiting := self._waiting.pop(identity, None):
                 waiting[1]()

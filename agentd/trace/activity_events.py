@@ -42,7 +42,9 @@ class ActivityEvents:
         self.listened = False
         self.actions: deque[ActivityEvent] = deque(maxlen=LAST_ACTIONS)
         """The last actions and their outcomes."""
-        self._agent, self._boot, self._agent_boot, self._now = agent, boot, agent_boot, clock.now
+        self._agent, self._now = agent, clock.now
+        self._action_ids, self._mail_ids = f"{agent}:{boot}:", f".{agent_boot}"
+        """How the ids of actions begin, and how those of messages end."""
         self._new: list[ActivityEvent] = []
         self._lines = self._left_out = 0
 
@@ -50,7 +52,7 @@ class ActivityEvents:
         """Note an effect of the cycle with this number (0 or more)."""
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
-                self._action(self._event(cycle, "action", called(name, parameters), id=self._action_id(number)))
+                self._action(self._event(cycle, "action", called(name, parameters), id=f"{self._action_ids}{number}"))
             case _ if not self.listened:
                 pass
             case Print() | Log() if self._lines >= MOST_LINES:
@@ -71,13 +73,13 @@ class ActivityEvents:
         if self._is_full():
             self._left_out += len(receivers)
             return
-        text, identity = short_text(mail.content), self._mail_id(mail.msg_id)
+        text, identity = short_text(mail.content), f"{mail.msg_id}{self._mail_ids}"
         for receiver in receivers:
             self.add(self._event(cycle, "sent", text, id=identity, other=receiver, **_speech(mail)))
 
     def ended(self, cycle: int, done: ActionDone) -> None:
         """Note the end of an action that the cycle with this number (0 or more), or the next one, takes."""
-        identity = self._action_id(done.id)
+        identity = f"{self._action_ids}{done.id}"
         self._action(self._event(cycle, "outcome", id=identity, state=done.state, reason=done.reason))
 
     def given(self, cycle: int, mail: Mail) -> None:
@@ -90,7 +92,7 @@ class ActivityEvents:
     def _received(self, cycle: int, mail: Mail) -> ActivityEvent:
         speech = _speech(mail)
         if mail.in_reply_to.endswith(f".{self._agent}"):
-            speech["in_reply_to"] = self._mail_id(mail.in_reply_to)
+            speech["in_reply_to"] = f"{mail.in_reply_to}{self._mail_ids}"
         return self._event(cycle, "received", short_text(mail.content), id=mail.msg_id, other=mail.sender, **speech)
 
     def _undelivered(self, cycle: int, mail: Mail) -> ActivityEvent | None:
@@ -117,12 +119,6 @@ class ActivityEvents:
 
     def _event(self, cycle: int, kind: Kind, text: str = "", **fields: str) -> ActivityEvent:
         return ActivityEvent(cycle=cycle, time=self._now(), kind=kind, text=text[:LONGEST], **fields)
-
-    def _action_id(self, number: int) -> str:
-        return f"{self._agent}:{self._boot}:{number}"
-
-    def _mail_id(self, identity: str) -> str:
-        return f"{identity}.{self._agent_boot}"
 
     def _action(self, event: ActivityEvent) -> None:
         self.actions.append(event)

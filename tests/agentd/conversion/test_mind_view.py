@@ -20,7 +20,7 @@ from agentd.conversion.mind_view import (
 )
 from agentd.language.terms.format import flat_text, text
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptReplaced
-from agentd.mind.introspection.mind_snapshot import question_views
+from agentd.mind.introspection.snapshots import question_views
 from agentd.mind.persistence.change_tracking import Keeper
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed
