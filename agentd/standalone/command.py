@@ -159,7 +159,7 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
     """Read the agents that the arguments name. Raises ProgramsRefused."""
     if any(argument.endswith(".mas2j") for argument in args.agents):
         if len(args.agents) > 1:
-            raise ProgramsRefused("a project file is run alone: it names its agents")
+            raise ProgramsRefused("error: a project file is run alone: it names its agents")
         return _project(args.agents[0], paths, args.env is not None)
     setup = Setup(paths=paths)
     taken: set[str] = set()
@@ -169,9 +169,9 @@ def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
         if not equals:
             name, path = Path(argument).stem, argument
         if not name:
-            raise ProgramsRefused(f"{argument}: the agent has no name; NAME=FILE.asl is expected")
+            raise ProgramsRefused(f"{argument}: error: the agent has no name; NAME=FILE.asl is expected")
         if name in taken:
-            raise ProgramsRefused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
+            raise ProgramsRefused(f"error: two agents are called '{name}'; give them names: NAME=FILE.asl")
         taken.add(name)
         try:
             setup.programs.append((name, read_program(path, paths)))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+from schemas.files.findings import did_you_mean
 from schemas.humanize import escape_lines
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView
 
@@ -52,7 +54,8 @@ class DecisionPrinter:
     """Passes decisions to ``write`` line by line. ``about`` are names of goals and beliefs; empty: all."""
 
     def __init__(self, about: Iterable[str] = (), write: Callable[[str], object] | None = None) -> None:
-        self._about = frozenset(about)
+        self._about = frozenset(map(_functor, about))
+        self._named = set[str]()
         self._write = write or (lambda line: print(escape_lines(line), file=sys.stderr))
         self._seen: Counter[tuple[str, ...]] = Counter()
 
@@ -69,13 +72,16 @@ class DecisionPrinter:
         if isinstance(view, FailureView):
             return [] if self._about and not self._about & set(map(_functor, view.given_up)) else failure_lines(view)
         if self._about:
-            return decision_lines(view) if view.name.partition("/")[0] in self._about else []
+            self._named.add(name := _functor(view.name))
+            return decision_lines(view) if name in self._about else []
         shape = _shape(agent, view)
         self._seen[shape] += 1
         return decision_lines(view) if self._seen[shape] <= IN_FULL else []
 
     def finish(self) -> None:
-        """Write the numbers of the decisions that were only counted."""
+        """Write the numbers of the decisions that were only counted, and the names that none was about."""
+        for name in sorted(self._about - self._named):
+            self._write(f"why: no decision was about `{name}`{did_you_mean(name, self._named)}")
         left = [(shape, count - IN_FULL) for shape, count in self._seen.most_common() if count > IN_FULL]
         for (agent, event, chosen, *_), count in left[:MOST_SUMMED_UP]:
             self._write(f"[{agent}] why: {count} more times {event}: {chosen}, for the same reasons")
@@ -92,8 +98,8 @@ def _shape(agent: str, view: DecisionView) -> tuple[str, ...]:
 
 
 def _functor(trigger: str) -> str:
-    """Return the name in the text of an event: ``go`` of ``+!go(1)[source(bob)]``."""
-    return trigger.lstrip("+-^!?~").partition("(")[0].partition("[")[0]
+    """Return the name in the text of an event: ``go`` of ``+!go(1)[source(bob)]`` and ``!go/1``."""
+    return re.split(r"[(\[/]", trigger.lstrip("+-^!?~"), maxsplit=1)[0]
 
 
 def decision_lines(view: DecisionView) -> list[str]:

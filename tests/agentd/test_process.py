@@ -153,7 +153,9 @@ def test_tests_that_are_broken_off_leave_their_report(tmp_path: Path) -> None:
 
 
 def test_an_agent_without_a_name_is_refused(command: Command) -> None:
-    assert command({}, "run", "=x.asl") == Ran(2, "", "=x.asl: the agent has no name; NAME=FILE.asl is expected\n")
+    assert command({}, "run", "=x.asl") == Ran(
+        2, "", "=x.asl: error: the agent has no name; NAME=FILE.asl is expected\n"
+    )
 
 
 def test_loading_that_takes_long_is_noted_once_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:

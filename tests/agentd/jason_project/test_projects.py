@@ -256,7 +256,7 @@ def test_a_project_that_cannot_be_run_is_reported_and_ends_with_two(run, project
 
 
 def test_a_project_file_that_is_not_there_or_not_alone_is_reported(command: Command) -> None:
-    alone = "a project file is run alone: it names its agents\n"
+    alone = "error: a project file is run alone: it names its agents\n"
     assert command({}, "run", "team.mas2j", "bob.asl") == Ran(2, "", alone)
     gone = "gone.mas2j: error: cannot read the project: No such file or directory\n"
     assert command({}, "run", "gone.mas2j") == Ran(2, "", gone)

@@ -289,15 +289,18 @@ def test_a_narrator_tells_the_same_kind_of_decision_three_times_and_counts_the_o
 
 def test_a_narrator_asked_about_a_name_tells_all_about_it_and_nothing_else() -> None:
     told: list[str] = []
+    narrator = DecisionPrinter(["!c(N)", "patrl/0"], told.append)
     mind = mind_of(
-        "!c(5). +!c(N) : N > 0 <- !d; !c(N-1). +!c(0) <- .fail. +!d.",
-        on_decision=DecisionPrinter(["c"], told.append).listener("bob"),
+        "!c(5). +!c(N) : N > 0 <- !patrol; !c(N-1). +!c(0) <- .fail. +!patrol.",
+        on_decision=narrator.listener("bob"),
     )
     World(mind).settle()
+    narrator.finish()
     events = [line for line in told if line.startswith("[bob] why: +")]
     assert len(events) == 6
     assert all("+!c(" in line for line in events)
     assert "[bob] why: test.asl:1: .fail fails, ia_failed" in told
+    assert told[-1] == "why: no decision was about `patrl`, did you mean `patrol`?"
 
 
 def test_agentd_run_why_leaves_stdout_to_the_program(tmp_path: Path) -> None:
