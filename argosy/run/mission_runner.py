@@ -19,9 +19,8 @@ from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.recording.run_recorder import what_became_of_it
 from argosy.run.armed_warnings import age, last_line
 from argosy.run.end_conditions import EndConditions, Ending
-from argosy.run.recovery import Recovery
+from argosy.run.recovery import Recovery, Watchdog
 from argosy.run.run_status import Status
-from argosy.run.watchdog import Watchdog
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, EXIT_FAILED

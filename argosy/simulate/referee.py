@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from argosy.cli.errors import BadInput
+from argosy.fleet_model.term_values import Position
 from argosy.processes.simulators import ON_MAVLINK, servo_log, vehicle_of, victims
 from bridged.drivers.registry import load_robot_manifest
 from bridged.simulation.vehicle.world import ServoMove, Victim, read_moves
@@ -42,8 +43,6 @@ FRESH = 1.0
 """Seconds for which a reported position is valid: bridges report moving copters 10 times a second."""
 SIGHTING = ("id", "lat", "lon")
 """Fields of the percept by which a camera reports a victim (docs/start/search-and-rescue.md)."""
-FarAndNear = tuple[float, float]
-"""Latitude and longitude in degrees."""
 
 
 def latch_fields(output: int) -> dict[tuple[str, str], None]:
@@ -58,8 +57,8 @@ class CopterSeen:
     manifest: Manifest
     values: dict[tuple[str, str], float | bool] = field(default_factory=dict)
     """The last value of each message and field, in the message's own unit."""
-    places: list[tuple[float, FarAndNear]] = field(default_factory=list)
-    latch: list[tuple[float, float, bool, FarAndNear | None]] = field(default_factory=list)
+    places: list[tuple[float, Position]] = field(default_factory=list)
+    latch: list[tuple[float, float, bool, Position | None]] = field(default_factory=list)
     """Pulse in microseconds, whether the motors were armed, and where home was."""
 
     def take(self, at: float, perception: Perception, output: int) -> None:
@@ -94,7 +93,7 @@ class CopterSeen:
             away = 0.0 if home is None else distance(place, home)
             yield ServoMove(round(at, 2), 0, output, round(pulse), *place, 1.0 if armed else 0.0, away, armed)
 
-    def _nearest(self, robot: str, at: float) -> FarAndNear:
+    def _nearest(self, robot: str, at: float) -> Position:
         """Return the last position before a time; after a gap, the position nearest in time."""
         index = bisect_right(self.places, at, key=lambda one: one[0])
         near = self.places[max(0, index - 1) : index + 1]
@@ -102,7 +101,7 @@ class CopterSeen:
             raise ValueError(f"{robot}: its position is not in the recording")
         return near[0][1] if 0 <= at - near[0][0] <= FRESH else min(near, key=lambda one: abs(one[0] - at))[1]
 
-    def _place(self, fields: tuple[tuple[str, str], tuple[str, str]]) -> FarAndNear | None:
+    def _place(self, fields: tuple[tuple[str, str], tuple[str, str]]) -> Position | None:
         latitude, longitude = (self.values.get(one) for one in fields)
         if latitude is None or longitude is None:
             return None

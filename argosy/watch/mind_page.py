@@ -9,7 +9,7 @@ from argosy.cli.remedies import level_of
 from argosy.fleet_model.activity import activity
 from argosy.fleet_model.members import FleetAgent
 from argosy.fleet_model.model import FleetModel
-from argosy.watch.overview_page import unheard
+from argosy.watch.overview_page import action_text
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, places, rounded, safe_text
 from argosy.why.wording import awaited
 from schemas.humanize import count, span
@@ -118,21 +118,12 @@ def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list
 
 
 def _actions(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
-    now = model.now()
     running = model.actions.open(agent.name)
     ended = [one for one in model.actions.by_id.values() if one.agent == agent.name and one.ended is not None]
     rows = [head(f"actions {len(running)} running")] if running or ended else []
-    for action in running:
-        figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
-        text = joined(
-            (f"  {glyphs.runs} {action.text}", "blue"),
-            f"{action.state} {span(action.age(now))}",
-            unheard(action, now),
-            (figures, DIM),
-        )
-        rows.append(Row(text, indent=6))
+    rows += [Row(joined(" ", action_text(model, one, glyphs, one.state), gap=" "), indent=6) for one in running]
     for action in ended[: -MOST_OUTCOMES - 1 : -1]:
-        ago = f"{span(now - (action.ended or now))} ago"
+        ago = f"{span((model.as_of - (action.ended or 0.0)) * model.clock.speed)} ago"
         style = GOOD if action.state == "succeeded" else WARN
         rows.append(Row(joined(f"    {action.text}", (action.state, style), action.reason, (ago, DIM)), indent=6))
     return rows

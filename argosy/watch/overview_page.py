@@ -57,7 +57,7 @@ def _robot(model: FleetModel, robot: FleetRobot, width: int, glyphs: Glyphs) -> 
     """Return mode, arming, height and all else of a robot."""
     seen, now = robot.seen, model.as_of
     actions = [action for agent in robot.agents for action in model.actions.open(agent)]
-    doing = joined(*(_action(action, now, model.clock.speed, glyphs) for action in actions))
+    doing = joined(*(action_text(model, action, glyphs) for action in actions))
     if seen.reported and not seen.mode:
         return [Text(), Text(), Text(), joined(doing, ("  ".join(seen.reported.values()), DIM))]
     if not seen.mode:
@@ -91,20 +91,16 @@ def _figures(seen: RobotSeen, style: str, width: int) -> list[Text]:
     return found
 
 
-def _action(action: ActionSeen, now: float, speed: float, glyphs: Glyphs) -> Text:
-    figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
+def action_text(model: FleetModel, action: ActionSeen, glyphs: Glyphs, state: str = "") -> Text:
+    """Return a running action: its text and `state`, for how long it runs in mission seconds, and its figures."""
+    now, figures = model.as_of, "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
+    silent = action.silent(now)
     return joined(
         (f"{glyphs.runs} {rounded(action.text)}", "blue"),
-        f"{span(action.age(now) * speed)}",
-        unheard(action, now),
+        f"{state} {span(action.age(now) * model.clock.speed)}".strip(),
+        ("" if silent is None else f"not heard for {span(silent)}", BAD),
         (figures, DIM),
     )
-
-
-def unheard(action: ActionSeen, now: float) -> tuple[str, str]:
-    """Return the age of an action's last status at `now`, in seconds, if that is old, and its style."""
-    silent = action.silent(now)
-    return ("" if silent is None else f"not heard for {span(silent)}", BAD)
 
 
 def _agents(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:

@@ -37,7 +37,7 @@ Marks: {well} there and well, in red: not well   {away} not there   {runs} an ac
 
 Old values show their age: a vehicle is dim if it was not heard for 3 s, a mind is SILENT if it has not
 answered for 5 s. The mind of the opened agent is queried twice a second, each other one every 2 s,
-the mailboxes every 2 s. Ages of beliefs and intentions are seconds of the mission's clock.
+the mailboxes every 2 s. Ages of beliefs, intentions and actions are seconds of the mission's clock.
 """
 MOST_ENTRIES = 2_000
 """Rows that are shown."""

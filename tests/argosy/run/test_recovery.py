@@ -12,8 +12,7 @@ from argosy.processes.process_table import plan
 from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.run import recovery as module
 from argosy.run.end_conditions import EndConditions, Ending
-from argosy.run.recovery import Recovery
-from argosy.run.watchdog import Watchdog
+from argosy.run.recovery import Recovery, Watchdog
 from schemas.wire.log_lines import RobotLeft
 from schemas.wire.terms import Atom
 from tests.argosy.recorded import Recording

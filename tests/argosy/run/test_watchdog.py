@@ -13,8 +13,8 @@ import pytest
 
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import Child, Supervisor
-from argosy.run import watchdog
-from argosy.run.watchdog import Watchdog
+from argosy.run import recovery
+from argosy.run.recovery import Watchdog
 from schemas.wire import keys
 from tests.argosy.given import given
 from tests.argosy.recorded import Recording
@@ -65,8 +65,8 @@ async def looking() -> AsyncIterator[Looking]:
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let nobody have much patience."""
-    monkeypatch.setattr(watchdog, "HUNG_AFTER", 0.2)
-    monkeypatch.setattr(watchdog, "FIRST_HEALTH", 0.0)
+    monkeypatch.setattr(recovery, "HUNG_AFTER", 0.2)
+    monkeypatch.setattr(recovery, "FIRST_HEALTH", 0.0)
 
 
 @given(looking)
@@ -111,7 +111,7 @@ async def test_nobody_is_judged_while_the_way_to_its_board_is_cut(one: Looking) 
 
 @given(looking)
 async def test_a_daemon_that_comes_up_has_time(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "FIRST_HEALTH", 600.0)
+    monkeypatch.setattr(recovery, "FIRST_HEALTH", 600.0)
     one.token("local", "commd")
     agent = await one.start("agentd", "uav")
     await one.looked()
@@ -137,12 +137,12 @@ async def test_a_simulator_may_be_stopped(one: Looking) -> None:
 
 @given(looking)
 async def test_a_daemon_that_only_paused_is_spared(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "HUNG_AFTER", 600.0)
+    monkeypatch.setattr(recovery, "HUNG_AFTER", 600.0)
     daemon = await one.start("agentd", "uav")
     os.kill(daemon.pid, signal.SIGSTOP)
     await one.until(lambda: daemon.stopped)
     os.kill(daemon.pid, signal.SIGCONT)
     await one.until(lambda: not daemon.stopped)
-    monkeypatch.setattr(watchdog, "HUNG_AFTER", 0.0)
+    monkeypatch.setattr(recovery, "HUNG_AFTER", 0.0)
     await one.looked()
     assert daemon.alive

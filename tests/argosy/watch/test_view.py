@@ -13,6 +13,7 @@ from textual.pilot import Pilot
 from argosy.fleet_model.link import FleetLink
 from argosy.watch import pages
 from argosy.watch.app import WatchApp
+from argosy.watch.mind_page import mind
 from argosy.watch.overview_page import overview
 from argosy.watch.row_text import ASCII, BAD, UNICODE, WARN, Row, glyphs_of
 from argosy.watch.scroll_pane import ScrollPane
@@ -189,7 +190,7 @@ SHOWN: dict[str, Looks] = {
             "INTENTIONS 1",
             "4  waiting for the action goto  10 s  scout.asl:31",
             "     ‹ +!search",
-            "▸ goto(-27.6035123456789,-48.5182,20)  running 1.0 s  distance 45.2",
+            "▸ goto(-27.603512,-48.5182,20)  running 1.0 s  distance 45.2",
             "EVENTS THAT WAIT 1",
             "to rescuer1    askOne at(X)  for 5.0 s, gives up in 5.0 s",
             "MAIL 2 TAKEN IN AND NOT READ",
@@ -428,6 +429,14 @@ async def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back(
     assert "line 100" not in text_of(app)
     await press(app, pilot, "end")
     await until(app, pilot, "line 100")
+
+
+def test_the_age_of_an_action_is_in_mission_seconds_on_every_page() -> None:
+    model = flying().waits(3).model
+    model.clock.speed = 10.0
+    for rows in (overview(model, 120, UNICODE), mind(model, model.agents["scout"], UNICODE)):
+        [line] = [row.text.plain for row in rows if "▸ goto" in row.text.plain]
+        assert "  40 s" in line or "running 40 s" in line
 
 
 @shown(lambda: flying().waits(8), (200, 40))
