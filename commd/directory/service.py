@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from commd.bus.bus import Bus, Query
-from commd.bus.errors import BusClosed, CannotServe
+from commd.bus.errors import BusError, CannotServe
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
@@ -372,17 +372,14 @@ class Directory:
 
     async def _asked(self, board: str) -> bool:
         """Query once. Returns whether it answered."""
-        known: dict[str, BoardServices] = {}
-        try:
-            key = keys.services(self._bus.fleet, board)
-            await self._bus.ask_all(
-                key, BoardServices, ASK_TIMEOUT, lambda _, record: known.update({record.board: record})
-            )
-        except BusClosed as closed:
-            log.debug("not_asked board=%s why=%s", board, closed)
-        if board in known:
-            await self._hear(known[board])
-        return board in known
+        try:  # its own record comes first, then those that it has of others
+            record = await self._bus.ask_one(keys.services(self._bus.fleet, board), None, BoardServices, ASK_TIMEOUT)
+        except BusError as error:
+            log.debug("not_asked board=%s why=%s", board, error)
+            return False
+        if record.board == board:
+            await self._hear(record)
+        return record.board == board
 
     def _agent_token(self, key: str, alive: bool) -> None:
         """Note that an agent appeared or ended; only those that joined here count."""

@@ -33,7 +33,7 @@ class StoredMessage(msgspec.Struct, gc=False):
     """A message as a row of the mail file."""
 
     line: str
-    """Where it waits (`commd.mail.schema`)."""
+    """Where it waits (`MIGRATIONS` of `commd.mail.queries`)."""
     sender: str
     receiver: str
     message: bytes

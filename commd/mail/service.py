@@ -188,7 +188,7 @@ class MailService:
             query.reply(Receipt(numbers=await self.store.read(numbers)))
             return
         self.counters["posted"] += len(mail.messages)
-        if any(self._line("", one.receiver) is None for one in mail.messages):
+        if any(self._line("", receiver) is None for receiver in {one.receiver for one in mail.messages}):
             if not self.everybody_known:
                 raise CannotServe(f"board {self._bus.name} is still reading who joined it")
             if self.ask_around is not None:
