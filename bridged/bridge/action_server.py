@@ -63,6 +63,10 @@ class ActionServer:
         """Which agent has the robot."""
         self.on_control: Callable[[], None] = lambda: None
         """Called when an action that moves the robot or sets its mode is accepted, before it begins."""
+        self.on_refused: Callable[[], None] = lambda: None
+        """Called when the last such action was refused after that, by the driver or the robot."""
+        self._in_control = ""
+        """Id of the last such action."""
         self.by_hand = False
         """Whether the last such action was requested by hand: somebody flies the robot in the name of an agent."""
         self._manifest, self._driver, self._percepts, self._action_log = manifest, driver, percepts, action_log
@@ -301,7 +305,7 @@ class ActionServer:
             self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
         self.lease.take(request.agent, now)
         if entry.motion or entry.supersedes or entry.confirm == "mode":
-            self.by_hand = by_hand
+            self.by_hand, self._in_control = by_hand, request.id
             self.on_control()
         deadline = min(float(entry.deadline), request.deadline or math.inf)
         accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
@@ -427,6 +431,8 @@ class ActionServer:
         self._action_log.finish(request.agent, status)
         self._note(action)
         log.info("robot=%s action %s %s %s %s", self.robot, request.id, request.name, status.state, status.reason)
+        if outcome.state == "refused" and request.id == self._in_control:
+            self.on_refused()
         return status
 
     def _note(self, action: RunningAction) -> None:

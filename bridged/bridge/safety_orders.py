@@ -124,6 +124,8 @@ class SafetyOrders:
         """The agent that was lost last and the steps for it, until an agent takes control."""
         self._back_at: float | None = None
         """When the lost agent came back, in mission seconds; none = it is not back."""
+        self._ended: tuple[tuple[str, Sequence[Step]], float | None] | None = None
+        """What `_lost` and `_back_at` were when an agent's last action ended a sequence; None = it has ended none."""
         self._alarm: Note | None = None
         self._left: Note | None = None
         self._unheard: Note | None = None
@@ -131,7 +133,7 @@ class SafetyOrders:
         self._stopping = False
         self._secured = False
         """Whether the robot carries out the order of `shut_down`."""
-        action_server.on_control = self._on_control
+        action_server.on_control, action_server.on_refused = self._on_control, self._on_refused
         if action_log.ordered:
             standing = by_operator(action_log.ordered)
             action_server.block(standing)
@@ -382,8 +384,17 @@ class SafetyOrders:
 
     def _on_control(self) -> None:
         """End the sequence and forget the lost agent: an agent takes control."""
+        self._ended = (self._lost, self._back_at) if self._loss and self._lost is not None else None
         self._lost = None
         self.call_off()
+
+    def _on_refused(self) -> None:
+        """Go on with the last step of the sequence that an action has ended which was refused: nobody has control."""
+        if self._ended is not None and not self._stopping:
+            (agent, steps), back_at = self._ended
+            self.call_off()
+            self._lost, self._back_at, self._ended = (agent, steps[-1:]), back_at, None
+            self._begin_loss(*self._lost)
 
     def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
         self._server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"

@@ -126,6 +126,20 @@ async def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_
 
 
 @async_test
+@pytest.mark.usefixtures("looks_at_each_step")
+async def test_an_action_that_is_refused_does_not_end_the_way_home(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    sky.bridge.orders.agent_back("uav")
+    for _ in range(12):  # as a plan that tries again each second
+        refused = sky.begin("goto", -27.6036, -48.5180, 20)
+        assert refused[-1].state == "refused", "in BRAKE it takes no targets"
+        await passing(sky, 1)
+    await passing(sky, 3)
+    assert mode_of(sky) == "RTL"
+
+
+@async_test
 async def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
     orders = sky.bridge.orders
     orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
