@@ -54,7 +54,8 @@ class PerceptSync:
         """Time of the last repair, on the event loop's clock: percepts in flight then are older."""
         self._doubt.set()
         bus.subscribe(keys.percepts(bus.fleet, agent), Perceptions, self._heard)
-        bus.subscribe(keys.percept_by_hand(bus.fleet, agent, "*"), Perception, self._heard_by_hand)
+        by_hand = keys.percept_by_hand(bus.fleet, agent, "*")
+        bus.subscribe(by_hand, Perception, lambda key, one: self._tell(self._by_hand.take(key, one), self.percepts))
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
         bus.on_router(lambda up: self.doubt() if up else None)
 
@@ -135,9 +136,6 @@ class PerceptSync:
         self._tell(changes, self._by_hand.percepts)
         self._tell_waiting()
         return True
-
-    def _heard_by_hand(self, key: str, perception: Perception) -> None:
-        self._tell(self._by_hand.take(key, perception), self.percepts)
 
     def _heard(self, key: str, perceptions: Perceptions) -> None:
         for perception in perceptions.changes:

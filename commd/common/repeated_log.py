@@ -26,7 +26,7 @@ class RepeatedLog:
         """Begin; the first line is the caller's."""
         self.end()
         self._since = self._loop.time()
-        self._next(0)
+        self._timer = self._loop.call_later(AGAIN[0], self._remind, 1)
 
     def end(self) -> float | None:
         """End. Returns how many wall seconds it lasted; None if it had not begun."""
@@ -35,15 +35,12 @@ class RepeatedLog:
         since, self._since, self._timer = self._since, None, None
         return None if since is None else self._loop.time() - since
 
-    def _next(self, count: int) -> None:
-        due = AGAIN[count] if count < len(AGAIN) else AGAIN[-1] * (count - len(AGAIN) + 2)
-        if self._since is not None:
-            self._timer = self._loop.call_at(self._since + due, self._remind, count)
-
     def _remind(self, count: int) -> None:
+        """Log for the `count`th time, and plan the next."""
         if self._since is not None:
             self._log(self._loop.time() - self._since)
-            self._next(count + 1)
+            due = AGAIN[count] if count < len(AGAIN) else AGAIN[-1] * (count - len(AGAIN) + 2)
+            self._timer = self._loop.call_at(self._since + due, self._remind, count + 1)
 
 
 def is_logged(count: int) -> bool:

@@ -307,18 +307,14 @@ def move_to_dead_letters(
         if sender in lines and sender not in RESERVED:
             notice = undelivered(read(message), reason)
             notices.append(stored(notice, lines[sender], None))
-    _bound_dead(db, tally)
-    put(db, tally, notices, now, None)
-    return sorted({notice.line for notice in notices})
-
-
-def _bound_dead(db: Connection, tally: Tally) -> None:
     while tally.dead > DEAD or tally.dead_bytes > DEAD_BYTES:
         ((size,),) = db.execute(
             "DELETE FROM dead WHERE place = (SELECT min(place) FROM dead) RETURNING size"
         ).fetchall()
         tally.dead -= 1
         tally.dead_bytes -= size
+    put(db, tally, notices, now, None)
+    return sorted({notice.line for notice in notices})
 
 
 def expired(db: Connection, now: float, most: int) -> list[tuple[int, str, str, float]]:
