@@ -88,9 +88,9 @@ async def another_boards_keys_on_a_board(row: Row, world: World) -> None:
         "commd", "serve", str(world.fleet.path), "--board", "pi1", "--config", str(file), "--state", state
     )
     row.expect(await asyncio.to_thread(daemon.ends) == 2, "commd ends with 2")
-    said = "the keys are those of `pi3`, and this is board `pi1`"
-    row.expect(said in daemon.text, f"it says `{said}`: {daemon.text[-200:]}")
-    row.seen.append(f"commd: ``{said}``")
+    printed = "the keys are those of `pi3`, and this is board `pi1`"
+    row.expect(printed in daemon.text, f"it says `{printed}`: {daemon.text[-200:]}")
+    row.seen.append(f"commd: ``{printed}``")
 
 
 @attack(

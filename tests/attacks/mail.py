@@ -96,9 +96,11 @@ async def plans_by_mail(row: Row, _: World) -> None:
                 row.expect(moved["a"] == set(), f"r1 has not moved: {moved['a']}")
     finally:
         await node.close()
-    told = next(one for one in node.heard if "undelivered(a," in one)
+    reported = next(one for one in node.heard if "undelivered(a," in one)
     row.seen.append('hunter: `undelivered(a, tellHow, _, "not_accepted")`, and `go` has no plan; r1 stood')
-    row.seen.append(f"node: `{told}`; agentd: `mail_not_accepted` 3 in the health of `a`; r2 of `willing` moved twice")
+    row.seen.append(
+        f"node: `{reported}`; agentd: `mail_not_accepted` 3 in the health of `a`; r2 of `willing` moved twice"
+    )
 
 
 @attack(
@@ -117,7 +119,7 @@ async def reading_mail(row: Row, world: World) -> None:
         readers = {who: world.member("pi3") if who == MEMBER else world.machine(who, "pi1") for who in rights}
         buses = {who: await stack.enter_async_context(reader) for who, reader in readers.items()}
         seen: dict[str, set[str]] = {who: set() for who in rights}
-        told: dict[str, set[str]] = {who: set() for who in rights}
+        reported: dict[str, set[str]] = {who: set() for who in rights}
 
         async def view(query: Query[MindView]) -> None:
             query.reply(MindView(agent="a", beliefs=("meet(7)[source(b)]",)), mind)
@@ -128,14 +130,14 @@ async def reading_mail(row: Row, world: World) -> None:
         agent.serve(mind, MindView, view)
         agent.serve(inputs, MindInputs, course)
         for who, bus in buses.items():
-            await asyncio.to_thread(_listen, bus, seen[who], told[who])
+            await asyncio.to_thread(_listen, bus, seen[who], reported[who])
 
         def heard() -> bool:
             agent.put(inputs, MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)))
             agent.put(decisions, MindDecisions(agent="a"))
             agent.put(activity, MindActivity(agent="a", events=(ActivityEvent(kind="received", text="meet(7)"),)))
             agent.put(keys.health(NAME, "a", "agentd"), Health(daemon="agentd"))
-            return all(told.values()) and mail | {decisions} <= seen["ops"] & seen["judge"]
+            return all(reported.values()) and mail | {decisions} <= seen["ops"] & seen["judge"]
 
         await until(heard, "everybody hears what it may", 240)
         for who, bus in buses.items():
@@ -150,13 +152,13 @@ async def reading_mail(row: Row, world: World) -> None:
     )
 
 
-def _listen(bus: Bus, seen: set[str], told: set[str]) -> None:
+def _listen(bus: Bus, seen: set[str], reported: set[str]) -> None:
     """Subscribe to everything; note what is told of the mind and trace of `a`, and whether its health is."""
 
     def note(sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         if key == keys.health(NAME, "a", "agentd"):
-            told.add(key)
+            reported.add(key)
         elif key.startswith((keys.trace(NAME, "a", ""), keys.mind(NAME, "a"))):
             seen.add(key)
 

@@ -84,8 +84,10 @@ async def run_time_name(row: Row, world: World) -> None:
         row.expect(await ask(at2, keys.mail(NAME, "b", "pi1_x"), letter("pi1_x", "b"), Receipt) == [], "no receipt")
         join = ServiceRequest(agent="pi1_x", do="join")
         row.expect(await ask(at1, keys.service_requests(NAME, "pi1", "pi1_x"), join, BoardServices) == [], "no answer")
-        said = await ask(at1, keys.services(NAME, "pi1"), join, BoardServices)
-        row.expect(said and "is asked on argosy/three/pi1/services/pi1_x" in str(said[0]), "reading is not asking")
+        printed = await ask(at1, keys.services(NAME, "pi1"), join, BoardServices)
+        row.expect(
+            printed and "is asked on argosy/three/pi1/services/pi1_x" in str(printed[0]), "reading is not asking"
+        )
         kid = await ask(
             member, keys.service_requests(NAME, "pi1", "kid"), ServiceRequest(agent="kid", do="join"), BoardServices
         )
@@ -100,16 +102,16 @@ async def run_time_name(row: Row, world: World) -> None:
     "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
     "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",
 )
-async def told_names(row: Row, world: World) -> None:
+async def claimed_names(row: Row, world: World) -> None:
     """A board says of itself that it has the agents that another board is to make, and holds tokens of no meaning."""
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "pi1_kid") as kid:
         names: dict[str, tuple[str, ...]] = {"pi1_kid": (), "ops": (), "r1": (), "pi3_kid": ()}
-        said = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
+        printed = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
         attacker.token(f"argosy/{NAME}/pi3_$*/alive/**")
         known: set[str] = set()
 
         async def taken() -> bool:
-            attacker.put(keys.services(NAME, "pi3"), said)
+            attacker.put(keys.services(NAME, "pi3"), printed)
             boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)
             known.update(name for one in boards if isinstance(one, BoardServices) for name in one.agents)
             return "pi3_kid" in known
@@ -124,9 +126,9 @@ async def told_names(row: Row, world: World) -> None:
             row.expect(problems == [""], f"`pi1_kid` joins pi1 and leaves: {answers}")
     lines = world.commd["pi1"].lines
     row.expect(not any("defect" in line for line in lines), "no defect in commd of pi1")
-    told = [line.partition("directory ")[2] for line in lines if "accepted in part" in line]
-    row.expect(told, "commd says so")
-    row.seen.append(f"commd of pi1: `{told[-1] if told else ''}`; `pi1_kid` joins pi1, and is nowhere else")
+    reported = [line.partition("directory ")[2] for line in lines if "accepted in part" in line]
+    row.expect(reported, "commd says so")
+    row.seen.append(f"commd of pi1: `{reported[-1] if reported else ''}`; `pi1_kid` joins pi1, and is nowhere else")
 
 
 @attack(
@@ -158,8 +160,8 @@ async def percept_injection(row: Row, world: World) -> None:
             names.clear()
             await put_until(attacker, names, keys.percept(NAME, name, "pose"), keys.percept(NAME, "c", "x"))
         row.expect(all(source != "pi3" for key, source in heard if "/c/" not in key), "nothing of pi3 for a")
-        told = await ask(agent, keys.percept(NAME, "a", "**"), None, Perception)
-        sources = {one.header.source for one in told if isinstance(one, Perception)}
+        reported = await ask(agent, keys.percept(NAME, "a", "**"), None, Perception)
+        sources = {one.header.source for one in reported if isinstance(one, Perception)}
         row.expect("pi3" not in sources and sources, "what a asks for is answered by its bridge alone")
     row.seen.append(f"agent `a`: percepts of {', '.join(sorted(sources))} alone; pi3's own `c/percept/x` arrived")
 
@@ -287,15 +289,15 @@ async def oversized(row: Row, world: World) -> None:
             sizes.clear()
             await asyncio.to_thread(_put_large, attacker, 10, sizes)
             row.expect(set(sizes) == {10}, f"and nothing of the largest: {sizes}")
-        said = await ask(mailer, keys.mail(NAME, "b", "c"), letter("c", "b", content="x" * 2**21), Receipt, 10)
-        row.expect(_refused(said, "message_too_large"), f"the message is refused: {str(said)[:100]}")
+        printed = await ask(mailer, keys.mail(NAME, "b", "c"), letter("c", "b", content="x" * 2**21), Receipt, 10)
+        row.expect(_refused(printed, "message_too_large"), f"the message is refused: {str(printed)[:100]}")
         big = Action(parameters=("x" * 200_000,))
-        told = await ask(agent, keys.action(NAME, "a", "cmd_vel"), big, ActionStatus, 10)
-        row.expect(told and "expected at most" in str(told[0]), f"the bridge says why: {str(told)[:100]}")
+        reported = await ask(agent, keys.action(NAME, "a", "cmd_vel"), big, ActionStatus, 10)
+        row.expect(reported and "expected at most" in str(reported[0]), f"the bridge says why: {str(reported)[:100]}")
         before = (await health_of(agent, "r1", "bridged")).bad_input
         row.expect(before >= 1, "the bridge has counted it")
     row.seen.append(
-        f"commd of pi2: `message_too_large`; bridge: `{str(told[0])[:60]}`, `bad_input` {before} in its health"
+        f"commd of pi2: `message_too_large`; bridge: `{str(reported[0])[:60]}`, `bad_input` {before} in its health"
     )
 
 
@@ -379,15 +381,15 @@ def _put_large(session: zenoh.Session, size: int, arrived: list[int] | None) -> 
 def _ask_raw(session: zenoh.Session, key: str, payload: bytes) -> str:
     """Ask with bytes; return the first answer's."""
     for reply in session.get(key, payload=payload, timeout=10):
-        said = reply.ok or reply.err
-        return str(said.payload.to_bytes().decode(errors="replace")) if said is not None else ""
+        printed = reply.ok or reply.err
+        return str(printed.payload.to_bytes().decode(errors="replace")) if printed is not None else ""
     return ""
 
 
 MESSAGES: tuple[Attack, ...] = (
     forged_sender,
     run_time_name,
-    told_names,
+    claimed_names,
     percept_injection,
     action_injection,
     replayed_action,

@@ -97,8 +97,8 @@ async def silent_readers(row: Row, world: World) -> None:
             "apart at most (1 s calm)"
         )
         row.seen.append(f"`other`, who reads, had each mind within {asked:.1f} s")
-        told = next((line for line in commd.lines if "does not read" in line), "")
-        row.seen.append(f"health of pi1: `stalled` {counters.get('stalled', 0):g}; its log: `{told}`")
+        reported = next((line for line in commd.lines if "does not read" in line), "")
+        row.seen.append(f"health of pi1: `stalled` {counters.get('stalled', 0):g}; its log: `{reported}`")
 
 
 READERS: tuple[Attack, ...] = (silent_readers,)

@@ -61,10 +61,10 @@ def test_the_doctor_proves_what_somebody_may_and_may_not_do(world: World, who: s
         async with to as bus:
             return await findings(bus, world.fleet.mission)
 
-    said = asyncio.run(asyncio.wait_for(body(), 240))
-    assert {one.level for one in said} == {"ok"}, said
-    assert all(may in one.text and "as the mission says" in one.text for one in said)
-    assert len(said) == {"a member": 1, "pi1": 2, "ops": 3, "eye": 3}[who]
+    printed = asyncio.run(asyncio.wait_for(body(), 240))
+    assert {one.level for one in printed} == {"ok"}, printed
+    assert all(may in one.text and "as the mission says" in one.text for one in printed)
+    assert len(printed) == {"a member": 1, "pi1": 2, "ops": 3, "eye": 3}[who]
 
 
 def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: World) -> None:
@@ -80,13 +80,13 @@ def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: W
         async with world.machine("pi3", "pi1") as bus:
             return [one for one in await findings(bus, other) if "router of pi1" in one.text]
 
-    said = asyncio.run(asyncio.wait_for(body(), 240))
-    assert [one.level for one in said] == ["error", "error"]
-    assert said[0].text.startswith(
+    printed = asyncio.run(asyncio.wait_for(body(), 240))
+    assert [one.level for one in printed] == ["error", "error"]
+    assert printed[0].text.startswith(
         "the router of pi1 denies pi3, against the mission, to put on argosy/three/b/health/argosy"
     )
-    assert said[1].text.startswith("the router of pi1 allows pi3, against the mission, to put on argosy/three/c/")
-    assert said[0].do == "write its configuration again (`argosy units MISSION --board pi1`) and restart its commd"
+    assert printed[1].text.startswith("the router of pi1 allows pi3, against the mission, to put on argosy/three/c/")
+    assert printed[0].do == "write its configuration again (`argosy units MISSION --board pi1`) and restart its commd"
 
 
 def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(world: World) -> None:

@@ -154,10 +154,10 @@ async def values_that_double(row: Row, world: World) -> None:
         "-!a(_)[error(too_large),error_msg(M)] <- .print(M).\n"
     )
     code, text = await asyncio.to_thread(_agentd_run, "doubles.asl", folder)
-    told = [line for line in text.splitlines() if "concat" in line]
-    row.expect(code == 0 and len(told) == 2, f"two plans fail, not {text[-500:]}")
+    reported = [line for line in text.splitlines() if "concat" in line]
+    row.expect(code == 0 and len(reported) == 2, f"two plans fail, not {text[-500:]}")
     row.expect("Traceback" not in text, "no traceback")
-    row.seen += [f"`{line}`" for line in told]
+    row.seen += [f"`{line}`" for line in reported]
 
 
 @attack(

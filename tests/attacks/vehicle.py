@@ -47,17 +47,22 @@ async def telemetry_from_elsewhere(row: Row, world: World) -> None:
         await until(lambda: state.heartbeats == 2, "the vehicle is heard again")
         row.expect(state.positions == 1, "the vehicle is where it says itself")
         row.expect(not action.over, f"`goto` is not called done: {action.outcome}")
-        told = _told(ride, "foreign_packets")
-        row.expect(told is not None and f"udp:127.0.0.1:{forger.port}" in told.text, f"health names the forger: {told}")
+        reported = _reported(ride, "foreign_packets")
+        row.expect(
+            reported is not None and f"udp:127.0.0.1:{forger.port}" in reported.text,
+            f"health names the forger: {reported}",
+        )
         forger.say(GUIDED)
         vehicle.say(GUIDED, place(6.0))
         await until(lambda: state.positions == 2, "its own position is taken")
-        two = _told(ride, "two_vehicles")
+        two = _reported(ride, "two_vehicles")
         row.expect(two is not None, "a second HEARTBEAT is a second vehicle")
         row.expect(not forger.listen(), "no order of ours goes to the forger")
         vehicle.close()
         forger.close()
-    row.seen.append(f"60 packets not taken, `goto` goes on; health, `foreign_packets`: `{told.text if told else ''}`")
+    row.seen.append(
+        f"60 packets not taken, `goto` goes on; health, `foreign_packets`: `{reported.text if reported else ''}`"
+    )
     row.seen.append(f"with HEARTBEATs as well: `{two.text if two else ''}`; neither is armed or moved meanwhile")
 
 
@@ -101,7 +106,7 @@ async def signed_packets_again(row: Row, world: World) -> None:
                 )
 
 
-def _told(ride: Ride, code: str) -> Note | None:
+def _reported(ride: Ride, code: str) -> Note | None:
     return next((note for note in ride.driver.notes() if note.code == code), None)
 
 

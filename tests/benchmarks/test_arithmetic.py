@@ -182,9 +182,9 @@ def test_a_flight_without_enough_samples_is_no_row() -> None:
 
 
 def test_daemons_that_tell_nothing_are_late_and_what_is_lost_at_the_edges_counts() -> None:
-    def records(*told: tuple[float, str, Health]) -> Records:
+    def records(*reported: tuple[float, str, Health]) -> Records:
         bytes_of = codec(Health).encode
-        return Records([(at, keys.health("f", name, one.daemon), bytes_of(one, "json")) for at, name, one in told])
+        return Records([(at, keys.health("f", name, one.daemon), bytes_of(one, "json")) for at, name, one in reported])
 
     assert late(Records(), 0.0, 12.0) == 3
     assert grown(Records(), 0.0, 12.0)["agentd"].counts["drops"] == 0
@@ -192,12 +192,12 @@ def test_daemons_that_tell_nothing_are_late_and_what_is_lost_at_the_edges_counts
         Health(daemon="bridged", pid=7, drops=drops, errors=drops, percepts={"a": f"boot:{seq}:00"})
         for drops, seq in ((1, 10), (4, 130))
     )
-    told = records((9.0, "u", first), (21.0, "u", last), (9.0, "v", first), (21.0, "v", last))
-    found = grown(told, 10.0, 20.0)["bridged"]
+    reported = records((9.0, "u", first), (21.0, "u", last), (9.0, "v", first), (21.0, "v", last))
+    found = grown(reported, 10.0, 20.0)["bridged"]
     assert found.counts["drops"] == 6, "between the last record before and the first behind"
     assert found.rates["percepts"] == pytest.approx(20.0)
-    assert errors(told, 10.0, 20.0) == 3, "one process logs what both names tell"
-    assert late(told, 10.0, 20.0) == 4, "neither said anything meanwhile, and commd and agentd nothing at all"
+    assert errors(reported, 10.0, 20.0) == 3, "one process logs what both names tell"
+    assert late(reported, 10.0, 20.0) == 4, "neither said anything meanwhile, and commd and agentd nothing at all"
     heard: list[list[float]] = [[], [float(at) for at in range(11)], [1.0, 2.0, 3.0, 4.0]]
     assert [gaps(one, 0.0, 10.0, 1.5) for one in heard] == [1, 0, 1]
 

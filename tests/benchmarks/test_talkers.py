@@ -59,7 +59,7 @@ def _percepts(positions: list[tuple[float, dialect.MAVLink_message]]) -> dict[st
     """Return the percepts a second that the manifest's rates and deadbands let through of moving copters' positions."""
     seconds = 0.1 * len(positions)  # ten a second are sent; those at rest were left out
 
-    def told(rate: float, deadband: float, values: list[Sequence[float]]) -> float:
+    def reported(rate: float, deadband: float, values: list[Sequence[float]]) -> float:
         last_at, last, count = -math.inf, values[0], 0
         for (at, _), now in zip(positions, values, strict=True):
             differs = any(abs(new - old) > deadband for new, old in zip(now, last, strict=True))
@@ -68,7 +68,7 @@ def _percepts(positions: list[tuple[float, dialect.MAVLink_message]]) -> dict[st
         return count / seconds
 
     return {
-        "position": told(10, 0.0, [(one.lat, one.lon) for _, one in positions]),
-        "heading": told(2, 1.0, [(one.hdg / 100,) for _, one in positions]),
-        "velocity": told(2, 0.1, [(one.vx / 100, one.vy / 100) for _, one in positions]),
+        "position": reported(10, 0.0, [(one.lat, one.lon) for _, one in positions]),
+        "heading": reported(2, 1.0, [(one.hdg / 100,) for _, one in positions]),
+        "velocity": reported(2, 0.1, [(one.vx / 100, one.vy / 100) for _, one in positions]),
     }

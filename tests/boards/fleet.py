@@ -30,7 +30,7 @@ class Fleet:
         self.network, self.path, self.state = network, mission, state
         self.mission: Mission = load_mission(mission)
         self.running: dict[tuple[str, Kind], Daemon] = {}
-        self.said: dict[tuple[str, Kind], list[str]] = {}
+        self.printed: dict[tuple[str, Kind], list[str]] = {}
         """The lines of earlier lives."""
         self._others: list[Daemon] = []
         self._looks: dict[str, Look] = {}
@@ -61,7 +61,7 @@ class Fleet:
         old = self.running.get((board, kind))
         assert old is None or old.process.poll() is not None, f"{kind} of {board} is running already"
         if old is not None:
-            self.said.setdefault((board, kind), []).extend(old.lines)
+            self.printed.setdefault((board, kind), []).extend(old.lines)
         arguments = (kind, "serve", str(self.path), "--board", board, "--state", str(self.state / board), *options)
         daemon = Daemon(*arguments, within=self.network.within(board))
         self.running[board, kind] = daemon
@@ -90,7 +90,7 @@ class Fleet:
 
     def text(self, board: str, kind: Kind) -> str:
         """Return what a daemon has said in all of its lives."""
-        return "\n".join([*self.said.get((board, kind), []), *self.running[board, kind].lines])
+        return "\n".join([*self.printed.get((board, kind), []), *self.running[board, kind].lines])
 
     def transcript(self) -> str:
         """Return what all processes have said, each under its name."""

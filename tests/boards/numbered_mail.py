@@ -131,8 +131,8 @@ def judge(post: Post, minds: Mapping[str, Sequence[str]]) -> Verdict:
         verdict.duplicated += twice + max(0, expected - 1 - sent)
         verdict.disordered += len(late)
         if missing or again or expected - 1 != sent:
-            told = f"{sender} to {receiver}: sent {sent}, next expected {expected}"
-            verdict.details.append(f"{told}, gaps {gaps[:5]}, again {[number for (number,) in again[:5]]}")
+            reported = f"{sender} to {receiver}: sent {sent}, next expected {expected}"
+            verdict.details.append(f"{reported}, gaps {gaps[:5]}, again {[number for (number,) in again[:5]]}")
     return verdict
 
 

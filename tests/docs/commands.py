@@ -181,20 +181,20 @@ def parser_of(program: str, *names: str) -> argparse.ArgumentParser:
 def complaint(call: Sequence[str], in_prose: bool = False) -> str:
     """What the program's own parser says against a command line; empty when it takes it."""
     program, *arguments = _without_brackets(call)
-    said = io.StringIO()
+    printed = io.StringIO()
 
     def loosen(parser: argparse.ArgumentParser) -> bool:
         _loosen(parser, in_prose)
         return True
 
-    with _only_parsing(loosen), contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+    with _only_parsing(loosen), contextlib.redirect_stderr(printed), contextlib.redirect_stdout(io.StringIO()):
         try:
             importlib.import_module(f"{program}.__main__").main(arguments)
         except _ParsedError:
             return ""
         except SystemExit as end:
-            return said.getvalue().strip().rpartition("\n")[2] if end.code else ""
-    return f"{program} takes no `{' '.join(arguments)}`: {said.getvalue()}"
+            return printed.getvalue().strip().rpartition("\n")[2] if end.code else ""
+    return f"{program} takes no `{' '.join(arguments)}`: {printed.getvalue()}"
 
 
 def _without_brackets(call: Sequence[str]) -> list[str]:

@@ -90,7 +90,7 @@ def _section(command: Command) -> str:
     about = _about(parser.description or "")
     actions = [one for one in parser._actions if not isinstance(one, argparse._HelpAction) and not _hidden(one)]
     usage = " ".join([*command.words, *(_form(one) for one in sorted(actions, key=lambda one: not one.option_strings))])
-    rows = "".join(f"| {_name(one)} | {_told(parser, one)} |\n" for one in actions)
+    rows = "".join(f"| {_name(one)} | {_reported(parser, one)} |\n" for one in actions)
     table = f"\n| | |\n|---|---|\n{rows}" if rows else ""
     example = f"\nExample: `{example_of(command)}`\n" if example_of(command) else ""
     return f"\n### {' '.join(command.words)}\n\n{about}\n\n```text\n{_wrapped(usage)}\n```\n{example}{table}"
@@ -147,7 +147,7 @@ def _name(action: argparse.Action) -> str:
     return ", ".join(f"`{_cell(option + value)}`" for option in action.option_strings)
 
 
-def _told(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
+def _reported(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     return _cell(re.sub(r"\s+", " ", parser._get_formatter()._expand_help(action) if action.help else ""))
 
 

@@ -117,12 +117,12 @@ class Reader:
         try:
             code = process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
-            raise StumbledError(f"{_told(command, output)}\nit has not ended after {PATIENCE:g} s") from None
+            raise StumbledError(f"{_reported(command, output)}\nit has not ended after {PATIENCE:g} s") from None
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
         if code and not code_is_read:
-            raise StumbledError(f"{_told(command, output)}\nexit code {code}")
+            raise StumbledError(f"{_reported(command, output)}\nexit code {code}")
         _compare(command, output)
         self._leave(after=command.text)
 
@@ -135,7 +135,9 @@ class Reader:
         end = time.monotonic() + PATIENCE
         while stay.says not in output.read_text(errors="replace"):
             if process.poll() is not None or time.monotonic() > end:
-                raise StumbledError(f"{_told(command, output)}\nit does not say `{stay.says}`; exit {process.poll()}")
+                raise StumbledError(
+                    f"{_reported(command, output)}\nit does not say `{stay.says}`; exit {process.poll()}"
+                )
             time.sleep(0.05)
 
     def _leave(self, after: str | None = None) -> None:
@@ -153,9 +155,9 @@ class Reader:
                 code = process.wait(END_PATIENCE if interrupted else PATIENCE)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
-                raise StumbledError(f"{_told(command, output)}\nit does not end") from None
+                raise StumbledError(f"{_reported(command, output)}\nit does not end") from None
             if code not in {"interrupt": (0, 130, -signal.SIGINT), "itself": (0,), "failed": (1,)}[stay.ends]:
-                raise StumbledError(f"{_told(command, output)}\nexit code {code}")
+                raise StumbledError(f"{_reported(command, output)}\nexit code {code}")
             _compare(command, output)
 
     def _start(self, script: str, output: Path) -> subprocess.Popen[bytes]:
@@ -175,16 +177,16 @@ def _to_run(command: Command) -> str:
     return entry(INSTEAD, command.page, command.text) or command.text
 
 
-def _told(command: Command, output: Path) -> str:
+def _reported(command: Command, output: Path) -> str:
     return f"{command.where}: $ {_to_run(command)}\n{output.read_text(errors='replace')}"
 
 
 def _compare(command: Command, output: Path) -> None:
     printed = output.read_text(errors="replace")
     if any(True for _ in calls(_to_run(command))) and _DEFECT.search(printed):
-        raise StumbledError(f"{_told(command, output)}\na defect")
+        raise StumbledError(f"{_reported(command, output)}\na defect")
     if command.output is not None and not shows(command.output, printed):
-        raise StumbledError(f"{_told(command, output)}\nbut the page shows\n" + "\n".join(command.output))
+        raise StumbledError(f"{_reported(command, output)}\nbut the page shows\n" + "\n".join(command.output))
 
 
 def shows(expected: Sequence[str], printed: str) -> bool:

@@ -26,7 +26,7 @@ Fields that a reader does not know are ignored and counted; new fields are optio
 
 
 @dataclass(frozen=True)
-class Told:
+class RecordPage:
     """A record as its declaration tells it."""
 
     name: str
@@ -35,16 +35,18 @@ class Told:
     """Name, type, default and meaning."""
 
 
-def records() -> Iterator[Told]:
+def records() -> Iterator[RecordPage]:
     """The records in the order of the file, without what they derive from."""
     for node in (node for source in SOURCES for node in ast.parse(source.read_text(encoding="utf-8")).body):
         if isinstance(node, ast.ClassDef) and node.name != "Record":
-            told = Told(node.name, _paragraphs(ast.get_docstring(node) or ""))
+            reported = RecordPage(node.name, _paragraphs(ast.get_docstring(node) or ""))
             for at, one in enumerate(node.body):
                 if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name):
                     default = "needed" if one.value is None else _default(ast.unparse(one.value))
-                    told.fields.append((one.target.id, _type(one.annotation), default, _meaning(node.body[at + 1 :])))
-            yield told
+                    reported.fields.append(
+                        (one.target.id, _type(one.annotation), default, _meaning(node.body[at + 1 :]))
+                    )
+            yield reported
 
 
 def _paragraphs(text: str) -> str:
@@ -63,8 +65,8 @@ def _type(annotation: ast.expr) -> str:
     text = re.sub(r"\btuple\[(.*), \.\.\.\]", r"list of \1", ast.unparse(annotation).replace(" | None", ""))
     if words := get_args(getattr(schemas.wire.records, text, None)):  # such as `State`
         return ", ".join(f"`{word}`" for word in words)
-    if told := re.fullmatch(r"Literal\[(.*)\]", text):
-        return ", ".join(f"`{word}`" for word in told[1].replace("'", "").split(", "))
+    if reported := re.fullmatch(r"Literal\[(.*)\]", text):
+        return ", ".join(f"`{word}`" for word in reported[1].replace("'", "").split(", "))
     text = re.sub(r"\bstr\b", "string", re.sub(r"\bfloat\b", "number", re.sub(r"\bbool\b", "true or false", text)))
     text = re.sub(r"dict\[(\w+), (.*)\]", r"object: \1 to \2", text)
     return re.sub(r"tuple\[(.*), \.\.\.\]", r"list of \1", re.sub(r"\bint\b", "integer", text)).replace(
@@ -89,14 +91,14 @@ def _carried(name: str) -> str:
 def page() -> str:
     """Return the page with the records as they are declared."""
     parts = [_HEAD]
-    for told in records():
-        parts.append(f"\n## {told.name}\n\n{told.text}\n\n{_carried(told.name)}{table(told)}")
+    for reported in records():
+        parts.append(f"\n## {reported.name}\n\n{reported.text}\n\n{_carried(reported.name)}{table(reported)}")
     return with_part(PAGE, "records", "".join(parts))
 
 
-def table(told: Told) -> str:
+def table(reported: RecordPage) -> str:
     """The fields of a record."""
-    rows = "".join(f"| `{name}` | {' | '.join(_cell(one) for one in rest)} |\n" for name, *rest in told.fields)
+    rows = "".join(f"| `{name}` | {' | '.join(_cell(one) for one in rest)} |\n" for name, *rest in reported.fields)
     return f"| field | type | default | meaning |\n|---|---|---|---|\n{rows}"
 
 

@@ -80,11 +80,11 @@ def _entry(names: tuple[str, ...], doc: str, action: InternalAction | None) -> E
     lines = doc.splitlines()
     examples = tuple(line for line in lines if line.startswith("?- "))
     text = " ".join(line for line in lines if line and line not in examples)
-    told = _CALLS.fullmatch(text)
-    if told is None:
+    reported = _CALLS.fullmatch(text)
+    if reported is None:
         raise ValueError(f"{names[0]}: the docstring does not begin with ``{names[0]}(...)``: and its meaning")
     marks = [] if action is None else [*["solutions"] * action.backtracks, *["may wait"] * action.suspends]
-    return Entry(names, told[1], told[2], examples, tuple(marks))
+    return Entry(names, reported[1], reported[2], examples, tuple(marks))
 
 
 def examples() -> Iterator[tuple[str, str]]:
@@ -92,12 +92,12 @@ def examples() -> Iterator[tuple[str, str]]:
     for module in _modules():
         for entry in entries(module):
             for line in entry.examples:
-                told = _EXAMPLE.fullmatch(line)
-                if told is None:
+                reported = _EXAMPLE.fullmatch(line)
+                if reported is None:
                     raise ValueError(
                         f"{entry.names[0]}: an example is `?- QUERY gives X = 1; X = 2`, or holds, or fails"
                     )
-                yield told["query"], told["solutions"] or told["holds"]
+                yield reported["query"], reported["solutions"] or reported["holds"]
 
 
 def page() -> str:
@@ -120,10 +120,10 @@ def _row(entry: Entry) -> str:
 
 
 def _example(line: str) -> str:
-    told = _EXAMPLE.fullmatch(line)
-    assert told is not None, line
-    given = f"gives `{told['solutions']}`" if told["solutions"] else told["holds"]
-    return _cell(f"`{told['query']}` {given}")
+    reported = _EXAMPLE.fullmatch(line)
+    assert reported is not None, line
+    given = f"gives `{reported['solutions']}`" if reported["solutions"] else reported["holds"]
+    return _cell(f"`{reported['query']}` {given}")
 
 
 def _cell(text: str) -> str:

@@ -127,7 +127,9 @@ INSTEAD: Final[dict[Key, str]] = {
 
 def entry(table: dict[Key, Entry], page: str, text: str) -> Entry | None:
     """What a table says of a command or block."""
-    return next((said for (where, begin), said in table.items() if where == page and text.startswith(begin)), None)
+    return next(
+        (printed for (where, begin), printed in table.items() if where == page and text.startswith(begin)), None
+    )
 
 
 class Stay(NamedTuple):

@@ -63,8 +63,8 @@ def test_every_command_line_of_ours_is_one_that_its_parser_takes(page: str) -> N
     wrong = []
     for command in mentions(page):
         for call in calls(command.text):
-            if said := complaint(call, command.in_prose):
-                wrong.append(f"{command.where}: {' '.join(call)}: {said}")
+            if printed := complaint(call, command.in_prose):
+                wrong.append(f"{command.where}: {' '.join(call)}: {printed}")
     assert wrong == []
 
 

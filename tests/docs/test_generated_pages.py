@@ -50,19 +50,19 @@ def test_each_question_of_the_overview_is_answered_by_one_or_more_references() -
 
 
 def test_every_command_and_every_argument_is_told_in_words_and_the_example_of_each_is_taken() -> None:
-    told = list(commands_page.all_commands())
-    assert {command.words[1] for command in told if command.words[0] == "argosy"} == set(COMMANDS)
-    assert [" ".join(command.words) for command in told if not command.parser.description] == []
-    assert [(command.words, one.dest) for command in told for one in command.parser._actions if not one.help] == []
-    examples = [commands_page.example_of(one) for one in told if one.words[:2] != ("bridged", "simulate")]
+    reported = list(commands_page.all_commands())
+    assert {command.words[1] for command in reported if command.words[0] == "argosy"} == set(COMMANDS)
+    assert [" ".join(command.words) for command in reported if not command.parser.description] == []
+    assert [(command.words, one.dest) for command in reported for one in command.parser._actions if not one.help] == []
+    examples = [commands_page.example_of(one) for one in reported if one.words[:2] != ("bridged", "simulate")]
     assert [one for one in examples if not one or complaint(shlex.split(one))] == []
 
 
 def test_every_record_stands_on_its_page_with_every_field() -> None:
-    told = {one.name: [name for name, *_ in one.fields] for one in records_page.records()}
+    reported = {one.name: [name for name, *_ in one.fields] for one in records_page.records()}
     every = [*vars(declared).values(), *vars(vehicle_records).values(), *vars(mind_records).values()]
     kinds = {one for one in every if isinstance(one, type) and issubclass(one, declared.Record)} - {declared.Record}
-    assert told == {one.__name__: [field.name for field in msgspec.structs.fields(one)] for one in kinds}
+    assert reported == {one.__name__: [field.name for field in msgspec.structs.fields(one)] for one in kinds}
 
 
 def test_every_internal_action_and_function_is_on_the_page_of_the_library() -> None:

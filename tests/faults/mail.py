@@ -66,7 +66,7 @@ def datagrams(state: Path) -> Row:
                         await asyncio.sleep(20 / RATE)
                         old.sendto(f"<o{number},old,tell,ann,{number}>".encode(), ("127.0.0.1", listen))
                 expect_all(row, await read(ann, DATAGRAMS // 20), list(range(0, DATAGRAMS, 20)))
-            health = await boards.told("pi1", lambda it: it.bad_input > DATAGRAMS * 0.9, "they are counted")
+            health = await boards.reported("pi1", lambda it: it.bad_input > DATAGRAMS * 0.9, "they are counted")
             row.seen.append(f"{health.bad_input} counted as bad input, {health.drops} dropped unread")
             assert bus.router_up
         held(daemon)
@@ -225,8 +225,10 @@ async def clock_jumps(row: Row, boards: MailBoards) -> None:
         await asyncio.sleep(1.5)
         async with boards.program("bob") as bob:
             expect_all(row, await read(bob, 20), list(range(20)))
-        told = await read(ann, 1)
-        row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")
+        reported = await read(ann, 1)
+        row.expect(
+            len(reported) == 1 and "expired" in str(reported[0]), f"what lived for 0.5 s is given up, told {reported}"
+        )
         row.seen.append(
             "`ttl` of 60 s outlived both jumps; one of 0.5 s ended after 0.5 s, and its sender was notified"
         )

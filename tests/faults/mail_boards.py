@@ -87,7 +87,7 @@ class MailBoards:
     def _note(self, key: str, health: Health) -> None:
         self.health[key.split("/")[2]] = health
 
-    async def told(self, board: str, condition: Callable[[Health], bool], wish: str) -> Health:
+    async def reported(self, board: str, condition: Callable[[Health], bool], wish: str) -> Health:
         """Wait until the health of a commd shows something."""
         await until(lambda: board in self.health and condition(self.health[board]), wish, 20)
         return self.health[board]

@@ -55,7 +55,7 @@ async def corrupt_mail(row: Row, boards: MailBoards) -> None:
         aside = sorted(one.name for one in boards.file("pi1").parent.glob("*.corrupt-1"))
         row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
         row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
-        health = await boards.told(
+        health = await boards.reported(
             "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
         )
         row.seen.append(f"set aside, and reported: `{health.notes[0].text}`")
@@ -117,7 +117,7 @@ async def mail_restored(row: Row, boards: MailBoards) -> None:
         shutil.rmtree(folder)
         shutil.copytree(copy, folder)
         daemon = await boards.start("pi1")
-        health = await boards.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
+        health = await boards.reported("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
         row.seen.append(f"reported in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
         row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
         for number in range(6, 8):
@@ -141,8 +141,12 @@ async def _seen(bus: Bus, board: str) -> None:
     async def seen() -> bool:
         boots = {token.rpartition("/")[2] for token in await bus.tokens(keys.alive(FLEET, board, "commd", "*"))}
         async for reply in bus.query(keys.services(FLEET, "pi2"), None, BoardServices, 5):
-            said = reply.record
-            if said is not None and said.board == "pi2" and {said.mail_seen.get(board, MailSeen()).boot} == boots:
+            printed = reply.record
+            if (
+                printed is not None
+                and printed.board == "pi2"
+                and {printed.mail_seen.get(board, MailSeen()).boot} == boots
+            ):
                 return True
         return False
 
@@ -164,11 +168,11 @@ def corrupt_checkpoint(state: Path) -> Row:
             second.until(lambda text: text.count("begun") == 2, "both begin")
             aside = [one.name for one in (state / "minds").rglob("*.corrupt-1")]
             row.expect(aside == [f"{file.name}.corrupt-1"], f"the file is set aside, found {aside}")
-            told = [line for line in second.lines if "set aside" in line]
-            row.expect(told, "the log tells of it")
+            noted = [line for line in second.lines if "set aside" in line]
+            row.expect(noted, "the log tells of it")
             row.seen.append(
-                f"set aside, and reported: `{told[0][told[0].index(str(state)) :].replace(str(state), 'DIR')}`"
-                if told
+                f"set aside, and reported: `{noted[0][noted[0].index(str(state)) :].replace(str(state), 'DIR')}`"
+                if noted
                 else "not told"
             )
             row.seen.append("its agents start without a state")
@@ -198,10 +202,10 @@ def newer_version(state: Path) -> Row:
                 router.says("router board=")
             refused = stack.enter_context(running(*command))
             code = refused.ends(30)
-        said = next((line for line in refused.lines if "99" in line), "")
-        row.expect(code in (1, 2) and said, f"{command[0]} ends and says why: exit {code}, {refused.lines[-3:]}")
+        printed = next((line for line in refused.lines if "99" in line), "")
+        row.expect(code in (1, 2) and printed, f"{command[0]} ends and says why: exit {code}, {refused.lines[-3:]}")
         row.expect(path.read_bytes() == before, f"{path.name} is left alone")
-        row.seen.append(f"{command[0]} does not start: `{said.partition(': ')[2].replace(str(path), path.name)}`")
+        row.seen.append(f"{command[0]} does not start: `{printed.partition(': ')[2].replace(str(path), path.name)}`")
     row.seen.append("the files are left alone")
     row.bound = "-"
     return row
@@ -230,7 +234,7 @@ def full_disk(state: Path) -> Row:
                     failed = error
             assert failed is not None
             row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
-            health = await boards.told("pi1", lambda it: bool(it.notes), "a note in the health record")
+            health = await boards.reported("pi1", lambda it: bool(it.notes), "a note in the health record")
             row.seen.append(f"reported: `{health.notes[0].text.replace(str(state), 'DIR')}`")
             disk.free()
             await ann.send_again(failed)

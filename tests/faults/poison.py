@@ -83,8 +83,8 @@ def poison_message(state: Path) -> Row:
             daemon.says("heard 1")
             daemon.says("set aside: +!crunch[source(cid)]")
             row.expect("[ann] at it" not in daemon.text, "the poison is not taken again")
-            told = [line for line in daemon.lines if "set aside after" in line]
-            row.expect(told, "the log tells of it")
+            noted = [line for line in daemon.lines if "set aside after" in line]
+            row.expect(noted, "the log tells of it")
             row.seen.append(
                 f'at start {DEATHS + 1} the agent takes the next message; reported: `+set_aside("+!crunch")`'
             )
@@ -134,8 +134,8 @@ def backup_restored(state: Path) -> Row:
             )
             row.seen.append("what it sends then arrives: 2 of 2")
             last.says("the agent was set back")
-            told = [line for line in last.lines if "is older than what the agent has done" in line]
-            row.expect(told and "4 to cid" in told[0], f"the log tells of it: {told}")
+            noted = [line for line in last.lines if "is older than what the agent has done" in line]
+            row.expect(noted and "4 to cid" in noted[0], f"the log tells of it: {noted}")
             row.seen.append("reported in the log, in health (`state_went_back`) and as `+state_went_back`")
     row.bound = "-"
     return row

@@ -120,9 +120,9 @@ def bridge_killed(state: Path) -> Row:
                 _note(row, agent, "goto", time.monotonic() - at)
                 agent.says("[uav] then: ", 90)
                 _note(row, agent, "return_to_launch", time.monotonic() - at)
-                told = re.findall(r"\] (perceived of the vehicle: |then: )(.*)", agent.text)
-                row.seen += [f"{when}`{what}`" for when, what in told]
-                row.expect([what for _, what in told] == list(_TOLD), f"the vehicle's state is told: {_TOLD}")
+                reported = re.findall(r"\] (perceived of the vehicle: |then: )(.*)", agent.text)
+                row.seen += [f"{when}`{what}`" for when, what in reported]
+                row.expect([what for _, what in reported] == list(_TOLD), f"the vehicle's state is told: {_TOLD}")
                 goals = re.findall(r"action \S+ goto\[", second.text)
                 row.seen.append(f"the new bridge began {len(goals)} `goto`: the id is not executed again")
                 row.expect(not goals, "no action is executed twice")
@@ -175,8 +175,8 @@ def _flooded(row: Row, state: Path, sleeps: tuple[int, int] = (0, 0), patience: 
 
 def _note(row: Row, agent: Daemon, action: str, seconds: float) -> None:
     """Note an action as the agent's program has told it."""
-    told = re.findall(rf"\] {action} (succeeded|failed)(?:: (.*))?$", agent.text, re.MULTILINE)
-    finals = tuple(ActionStatus(id=action, state=_state(state), reason=reason) for state, reason in told[:1])
+    reported = re.findall(rf"\] {action} (succeeded|failed)(?:: (.*))?$", agent.text, re.MULTILINE)
+    finals = tuple(ActionStatus(id=action, state=_state(state), reason=reason) for state, reason in reported[:1])
     row.ended.append(Ended(action, finals, held=True, seconds=seconds))
 
 

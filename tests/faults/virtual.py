@@ -19,11 +19,11 @@ def _row(fault: str, injected: str) -> Row:
 def _close(row: Row, sky: BadAir, before: float) -> Row:
     """Note what every row tells: what was counted, and what was held."""
     counters = sky.driver.counters()
-    told = {
+    reported = {
         name: int(counters[name]) for name in ("commands_repeated", "streams_requested", "reboots") if counters[name]
     }
     row.seen.append(
-        ", ".join(f"{name.replace('_', ' ')}: {value}" for name, value in told.items()) or "nothing repeated"
+        ", ".join(f"{name.replace('_', ' ')}: {value}" for name, value in reported.items()) or "nothing repeated"
     )
     slots, running = len(sky.bridge.percepts._slots), len(sky.bridge.action_server.running)
     row.bound = f"{slots} percepts, {running} actions left; process +{resident() - before:.1f} MB"

@@ -132,8 +132,8 @@ class Result:
             heard = self.heard[key].state if key in self.heard else "nothing"
             robot = self.journal[key][0] if key in self.journal else "no end"
             if not heard == self.ledger.get(key) == robot or self.begun[key] != 1:
-                told = f"heard {heard}, ledger {self.ledger.get(key)}, robot {robot}, begun {self.begun[key]} times"
-                found.append(f"{key[0]} {key[1]}: {told}")
+                reported = f"heard {heard}, ledger {self.ledger.get(key)}, robot {robot}, begun {self.begun[key]} times"
+                found.append(f"{key[0]} {key[1]}: {reported}")
         return found
 
     def delay(self, key: tuple[str, int]) -> float:
@@ -192,8 +192,10 @@ def write_files(folder: Path, tasks: dict[str, list[Task]]) -> Path:
     (folder / "soak.yaml").write_text("\n".join([*lines, 'done: "a1: never"', ""]))
     (folder / "worker.toml").write_text(MANIFEST)
     for agent in AGENTS:
-        told = (f"task({n}, {one.seconds}, {str(one.good).lower()})." for n, one in enumerate(tasks[agent], start=1))
-        (folder / f"{agent}.asl").write_text("\n".join([*told, PROGRAM.replace("ME", f'"{agent}"')]))
+        reported = (
+            f"task({n}, {one.seconds}, {str(one.good).lower()})." for n, one in enumerate(tasks[agent], start=1)
+        )
+        (folder / f"{agent}.asl").write_text("\n".join([*reported, PROGRAM.replace("ME", f'"{agent}"')]))
     (folder / "worker.py").write_text(WORKER)
     info = folder / "worker-1.0.dist-info"
     info.mkdir()

@@ -360,11 +360,14 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def _recordings() -> tuple[bytes, ...]:
-    said = (*(altitude(number, 1.5 * number) for number in range(5)), heard("argosy/test/uav/trace/inputs", stretch(0)))
+    printed = (
+        *(altitude(number, 1.5 * number) for number in range(5)),
+        heard("argosy/test/uav/trace/inputs", stretch(0)),
+    )
     path = Path(_folder().name, "whole.mcap")
     found = []
     for compression in COMPRESSIONS:
-        writer = write(path, said, compression)  # one without its end, and one with it
+        writer = write(path, printed, compression)  # one without its end, and one with it
         found.append(path.read_bytes())
         writer.close(End("done", BEGIN))
         found.append(path.read_bytes())

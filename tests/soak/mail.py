@@ -71,7 +71,7 @@ def run(
         for name, look in first.items():  # beyond the initial goal, which no restart posts again
             look.until(partial(_begun, post, name), f"{name} sends", 60)
         course = Course(fleet, troubles, disks, say)
-        told = time.monotonic()
+        reported = time.monotonic()
         minds: dict[str, list[str]] = {}
         while course.seconds < patience:
             course.step()
@@ -79,8 +79,8 @@ def run(
                 minds = {name: look.mind(name) or [] for name, look in first.items()}
                 if all(minds.values()) and _all_taken(post, minds):
                     break
-                if time.monotonic() > told + 20:
-                    told = time.monotonic()
+                if time.monotonic() > reported + 20:
+                    reported = time.monotonic()
                     say(f"{course.seconds:.0f} s: {judge(post, minds) if all(minds.values()) else 'an agent is away'}")
             time.sleep(0.5 if course.over else 0.1)
         seconds = course.seconds
@@ -117,11 +117,11 @@ def _progress(beliefs: list[str] | None, post: Post, name: str) -> int:
     """How many messages an agent has sent to the one to whom it has sent least."""
     if not beliefs:
         return 0
-    told = [belief.replace(" ", "") for belief in beliefs]
+    reported = [belief.replace(" ", "") for belief in beliefs]
     counts = []
     for sender, receiver in post.pairs:
         if sender == name:
-            found = [belief for belief in told if belief.startswith(f"next({receiver},")]
+            found = [belief for belief in reported if belief.startswith(f"next({receiver},")]
             counts.append(int(found[0].split(",")[1].split(")")[0]) - 1 if found else 0)
     return min(counts)
 

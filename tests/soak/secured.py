@@ -131,7 +131,7 @@ def fly(kind: type[Secured]) -> Flown:
         return Flown(took, waiting, denied, judge_run(fleet.mission, report))
 
 
-def told(flown: Flown) -> str:
+def reported(flown: Flown) -> str:
     """Return a run as a cell of a table."""
     rescues = flown.verdict.rescues.values()
     return f"{flown.took:.0f} s, {sum(len(drops) == 1 for drops in rescues)} of {len(rescues)} victims got one buoy"
@@ -146,7 +146,7 @@ def main() -> int:
         print(*flown.denied, sep="\n")
     good = all(one.verdict.good and not one.denied and not one.waiting for one in runs.values())
     if good:
-        rows = ((name, told(one)) for name, one in runs.items())
+        rows = ((name, reported(one)) for name, one in runs.items())
         write_section("Search and rescue, secured", table("boards linked by | mission done after", rows))
     return 0 if good else 1
 

@@ -227,14 +227,14 @@ def linked(folder: Path) -> Iterator[str]:
     for name, text in TWO.items():
         (folder / name).write_text(text)
     mission, keys = load_mission(folder / "survey.yaml"), folder / "keys"
-    said = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-m", "argosy", "keys", "init", str(mission.path), "--dir", str(keys)],
         capture_output=True,
         text=True,
         timeout=120,
         cwd=ROOT,
     )
-    assert said.returncode == 0, said.stderr
+    assert printed.returncode == 0, printed.stderr
     boards = {name: Board(mission, name) for name in mission.boards}
     for name, board in boards.items():
         write(board, folder / name)
