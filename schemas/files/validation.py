@@ -137,9 +137,12 @@ def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ..
     if message.startswith("Invalid enum") or (choices and isinstance(value, str)):
         listed = ["a list"] if any(get_origin(one) in (tuple, list) for one in options) else []
         return f"expected {' or '.join([*(f'`{choice}`' for choice in choices), *listed])}, got `{value}`"
+    scalar, shown = isinstance(value, str | int | float), str(value)[:40]
+    if scalar and message.startswith("Expected `"):  # the value says more than its kind
+        message, shown = message.partition(", got")[0], f'"{shown}"' if isinstance(value, str) else shown
     plain = _KINDS.sub(_kinds, message)
-    if ", got" not in plain and isinstance(value, str | int | float):
-        plain += f", got `{str(value)[:40]}`"
+    if scalar and ", got" not in plain:
+        plain += f", got `{shown}`"
     return plain[:1].lower() + plain[1:]
 
 
@@ -150,4 +153,12 @@ def _kinds(quoted: re.Match[str]) -> str:
 
 
 _KINDS = re.compile(r"`([a-z |]+)`")
-_WORDS = {"object": "a table", "array": "a list", "null": "nothing"}
+_WORDS = {
+    "object": "a table",
+    "array": "a list",
+    "null": "nothing",
+    "str": "a text",
+    "int": "an integer",
+    "float": "a number",
+    "bool": "`true` or `false`",
+}

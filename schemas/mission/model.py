@@ -572,7 +572,7 @@ def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:
 
 
 def _check_names(mission: Mission, wrong: Any) -> None:
-    for field, name in (("mission", mission.name), ("fleet", mission.fleet)):
+    for name, field in {mission.fleet: "fleet", mission.name: "mission"}.items():
         try:
             check_name(name)
         except ValueError as error:

@@ -106,7 +106,7 @@ def test_a_change_that_is_refused_is_told_with_all_reasons_and_exit_code_2(there
     change = ["percepts.pose.rate=-1", "actions.clear.deadlin=3", 'robot.driver="mavlink"']
     assert main(["manifest", "set", "turtle1", *change, *there]) == 2
     said = capsys.readouterr().err
-    assert "turtle1: percepts.pose.rate: expected `float` > 0.0, got `-1`" in said
+    assert "turtle1: percepts.pose.rate: expected a number > 0.0, got `-1`" in said
     assert "turtle1: actions.clear.deadlin: there is no such field, did you mean `deadline`?" in said
     assert f"turtle1: nothing was changed, version {version}" in said
     assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--version", "44", *there]) == 2
@@ -149,7 +149,7 @@ def test_all_problems_of_all_files_are_told_with_exit_code_2(tmp_path: Path, cap
     assert told.out == "turtle: ok: zenoh, 2 percepts, 6 actions\n"
     assert told.err.splitlines() == [
         f"{one}:3: error: percepts.p: needs the field `source`",
-        f"{one}:4: error: percepts.p.rate: expected `float` > 0.0, got `0`",
+        f"{one}:4: error: percepts.p.rate: expected a number > 0.0, got `0`",
         f"{two}:2: error: robot.driver: no driver `zenho`, there is mavlink, zenoh, python",
         f"{two}:5: error: actions.a.cancel: expected `hold` or `none`, got `stop`",
         "boat: error: no such manifest; expected a file or one of: copter, plane, rover, turtle",

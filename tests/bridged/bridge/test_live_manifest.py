@@ -84,7 +84,7 @@ def test_fields_elements_and_whole_entries_change_and_the_version_counts() -> No
             [
                 "percepts.pos: there is no such percept, did you mean `pose`?",
                 "actions.go.deadline: expected a duration such as `5s`, `500ms` or `15min`, got `soon`",
-                "percepts.pose.rate: expected `float` > 0.0, got `0`",
+                "percepts.pose.rate: expected a number > 0.0, got `0`",
             ],
         ),
         (

@@ -48,7 +48,7 @@ def test_the_mistakes_of_a_whole_manifest_are_told_at_once_those_that_only_drive
     assert problems(text) == [
         "5: percepts.altitude.driver: no driver `zenho`, there is mavlink, zenoh, python",
         "6: percepts.Battery: expected the name of a belief or action, such as `battery`, got `Battery`",
-        "8: percepts.Battery.rate: expected `float` > 0.0, got `0`",
+        "8: percepts.Battery.rate: expected a number > 0.0, got `0`",
         "9: actions.go: expected one of `command`, `message`, `topic`, `service` and `call`, got none of them",
         "10: actions.go.params[0].nam: there is no such field, did you mean `name`?",
         "10: actions.go.params[0]: needs the field `name`",
