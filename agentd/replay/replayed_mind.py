@@ -23,7 +23,7 @@ from agentd.persistence.restore import come_back, raise_interrupted
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_loader import goal_of, read_item, recorded_program
 from agentd.trace.decision_digest import DecisionDigest, effect_text
-from agentd.trace.initial_state import Texts, make_mind, unpack, zone_of
+from agentd.trace.initial_state import make_mind, parser_of, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, InitialMind, MindInputs
 
@@ -257,7 +257,7 @@ def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
 
 def program_of(initial: InitialMind, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:
     """Compile a program from recorded texts; return it with the goal of a restart. Raises CannotReplay."""
-    read = Texts(texts).parse_file
+    read = parser_of(texts)
     try:
         main = read(initial.program) if initial.program else Program("")
         program = recorded_program(main, initial.beliefs, initial.goals, initial.mission)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from functools import partial
 
 from msgspec.structs import replace
@@ -33,16 +34,16 @@ ANSWER_PATIENCE = 2.0
 """Wall seconds for the bridge to say which actions of the former life still run, before the agent reasons."""
 
 
+@dataclass(eq=False, slots=True)
 class _Left:
     """An action that a former life has left running."""
 
-    def __init__(self, action: Action) -> None:
-        self.action = action
-        self.answered = asyncio.Event()
-        """Set when the bridge has said whether it runs."""
-        self.joined = False
-        """Whether a plan waits for its end, or is about to."""
-        self.status: asyncio.Task[ActionStatus] | None = None
+    action: Action
+    answered: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set when the bridge has said whether it runs."""
+    joined: bool = False
+    """Whether a plan waits for its end, or is about to."""
+    status: asyncio.Task[ActionStatus] | None = None
 
     def running(self, status: ActionStatus) -> None:
         """Take a status of the running action."""

@@ -71,18 +71,19 @@ def _packed(text: str) -> bytes:
     return zlib.compress(text.encode(), 6)
 
 
-class Texts:
-    """Reads programs from texts."""
+def parser_of(files: Mapping[str, str]) -> Callable[[str | Path], Program]:
+    """Return what parses a text by its path, as `agentd.language.parse.parse_file` does a file.
 
-    def __init__(self, files: Mapping[str, str]) -> None:
-        self._files = files
+    It raises FileNotFoundError.
+    """
 
-    def parse_file(self, path: str | Path) -> Program:
-        """Parse a text as `agentd.language.parse.parse_file` does a file. Raises FileNotFoundError."""
-        text = self._files.get(str(path))
+    def parse(path: str | Path) -> Program:
+        text = files.get(str(path))
         if text is None:
             raise FileNotFoundError(2, "it is not in the recording", str(path))
         return parse_program(text, str(path))
+
+    return parse
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.terms.source_annotations import PERCEPT, SELF
 from agentd.language.terms.terms import Literal
 from agentd.mind.data import inputs
-from agentd.trace.initial_state import Sources, Texts
+from agentd.trace.initial_state import Sources, parser_of
 from schemas.wire.mind_records import MindInput
 from schemas.wire.terms import Map, Term
 
@@ -184,5 +184,5 @@ def read(record: MindInput) -> Given:
 def _value_read(fields: dict[str, Any]) -> Any:
     if "program" not in fields:
         return from_wire(fields["value"]) if "value" in fields else None
-    texts = Texts(dict(fields["files"].entries))
-    return compile_program(texts.parse_file(fields["program"]), texts.parse_file, namespace=fields["namespace"])
+    parse = parser_of(dict(fields["files"].entries))
+    return compile_program(parse(fields["program"]), parse, namespace=fields["namespace"])
