@@ -10,16 +10,18 @@ from typing import ClassVar, Self
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.autopilot import Autopilot, BootKind
+from bridged.simulation.vehicle.geodesy import FlatMap
+from bridged.simulation.vehicle.mission_items import Item
 from bridged.simulation.vehicle.motion.dynamics import Motion, Vector
 from bridged.simulation.vehicle.motion.tasks import Drift, Task
 from bridged.simulation.vehicle.notifications import Number, Severity, Text
 from bridged.simulation.vehicle.parameters import Parameters
 from bridged.simulation.vehicle.px4.battery import Battery
-from bridged.simulation.vehicle.px4.failsafes import Fence
 from bridged.simulation.vehicle.px4.missions import Missions
 from bridged.simulation.vehicle.px4.modes import Mode
 from bridged.simulation.vehicle.px4.parameters import OUTPUTS
 from bridged.simulation.vehicle.px4.texts import CRITICAL, INFO, event_of
+from schemas.geo import is_inside
 
 _HOME_S: Mapping[BootKind, float] = {"real": 0.9, "quick": 0.4}
 _QUICK_READY_S = 1.0
@@ -164,6 +166,44 @@ class Outputs:
         if int(self._parameters["PWM_MAIN_REV"]) >> (output - 1) & 1:
             value = -value
         return int(max(low, min(high, value * (high - low) / 2 + (high + low) / 2 + 0.01)))
+
+
+POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5001, 5002, 5003, 5004
+"""Commands of fence items (MAV_CMD_NAV_FENCE_...)."""
+
+
+class Fence:
+    """Where the vehicle may be: uploaded polygons and circles, and the distances of GF_MAX_ parameters."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self.items: list[Item] = []
+
+    def allows(self, at: Vector, home: Vector, chart: FlatMap) -> bool:
+        """Return whether a place on the map is within the fence."""
+        farthest, highest = self._parameters["GF_MAX_HOR_DIST"], self._parameters["GF_MAX_VER_DIST"]
+        if (farthest > 0 and at.distance(home) > farthest) or (highest > 0 and at.up - home.up > highest):
+            return False
+        inside = []
+        items = list(self.items)
+        while items:
+            first = items[0]
+            if first.command in (POLYGON_IN, POLYGON_OUT):
+                count = max(1, int(first.params[0]))
+                corners, items = [_vector(item, chart) for item in items[:count]], items[count:]
+                within = is_inside((at.north, at.east), [(corner.north, corner.east) for corner in corners])
+            else:
+                items = items[1:]
+                within = at.distance(_vector(first, chart)) <= first.params[0]
+            if first.command in (POLYGON_OUT, CIRCLE_OUT) and within:
+                return False
+            if first.command in (POLYGON_IN, CIRCLE_IN):
+                inside.append(within)
+        return any(inside) or not inside
+
+
+def _vector(item: Item, chart: FlatMap) -> Vector:
+    return chart.at(item.x / 1e7, item.y / 1e7, chart.origin.alt)
 
 
 class Px4State(Autopilot):
