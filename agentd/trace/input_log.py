@@ -16,19 +16,19 @@ from agentd.language.terms.terms import EMPTY, List, Literal, deref
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import (
-    ActionDone,
+    BeliefAdded,
+    GoalAdded,
     Mail,
     PerceptAdded,
     PerceptRemoved,
     PerceptReplaced,
     PerceptsChanged,
+    SignalRaised,
     TeamReply,
-    TimeRead,
-    TooDeep,
 )
 from agentd.mind.data.intention import Timers
 from agentd.trace.decision_digest import DecisionDigest, effect_line
-from agentd.trace.input_records import CameBack, Given, Included, MailRefused, NamesRead, written
+from agentd.trace.input_records import Given, Included, Interrupted, NamesRead, written
 from schemas.wire.mind_records import InitialMind, MindInputs, MindStep
 
 MOST_BYTES: Final = 2_000_000
@@ -119,9 +119,20 @@ class InputLog:
 
     def given(self, cycle: int, item: Given) -> None:
         """Note an input of the cycle with this number (0 or more)."""
-        batch = self._open
+        batch, kind = self._open, type(item)
         batch.inputs.append((cycle, item))
-        batch.weight += weight(item)
+        batch.weight += INPUT_BYTES
+        if kind in _WITH_LITERAL:
+            batch.weight += PART_BYTES * _parts(item.literal)  # type: ignore[union-attr]
+        else:
+            match item:
+                case Mail(content=term) | TeamReply(value=term):
+                    batch.weight += PART_BYTES * _parts(term)
+                case NamesRead(names=names):
+                    batch.weight += PART_BYTES * len(names)
+                case PerceptsChanged(percepts=percepts):
+                    parts = sum(_parts(literal) for literal in percepts.values() if literal is not None)
+                    batch.weight += INPUT_BYTES * len(percepts) + PART_BYTES * parts
 
     def ran(self, first: int, now: float, effects: Iterable[Effect] = ()) -> None:
         """Note a run of the mind from cycle `first` on at mission time `now`, in seconds; effects are for `did`."""
@@ -232,27 +243,9 @@ class InputLog:
         )
 
 
-_PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
-
-
-def weight(item: Given) -> int:
-    """Estimate the bytes of an input."""
-    if type(item) in _PERCEPT:
-        return INPUT_BYTES + PART_BYTES * _parts(item.literal)  # type: ignore[union-attr]
-    if isinstance(item, Mail):
-        return INPUT_BYTES + PART_BYTES * _parts(item.content)
-    match item:
-        case TeamReply(value=term):
-            return INPUT_BYTES + PART_BYTES * _parts(term)
-        case NamesRead(names=names):
-            return INPUT_BYTES + PART_BYTES * len(names)
-        case PerceptsChanged(percepts=percepts):
-            return INPUT_BYTES + sum(
-                INPUT_BYTES + (0 if literal is None else PART_BYTES * _parts(literal)) for literal in percepts.values()
-            )
-        case TimeRead() | ActionDone() | MailRefused() | TooDeep() | CameBack():
-            return INPUT_BYTES
-    return INPUT_BYTES + PART_BYTES * _parts(item.literal)
+_WITH_LITERAL: Final = frozenset(
+    (PerceptReplaced, PerceptAdded, PerceptRemoved, GoalAdded, BeliefAdded, SignalRaised, Interrupted)
+)
 
 
 def _parts(term: Any) -> int:
