@@ -17,9 +17,10 @@ import msgspec
 from argosy.processes.process_table import Process
 from argosy.processes.simulators import ON_MAVLINK, vehicle_of
 from bridged.simulation.vehicle.fault_injection import Faults
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Findings
 from schemas.files.text_files import read_text
-from schemas.files.yaml_positions import read_yaml
+from schemas.files.units import decode_hook
+from schemas.files.yaml_positions import convert, read_yaml
 from schemas.mission.model import Mission
 
 STORM: Final = 120.0
@@ -245,19 +246,15 @@ def read(path: Path, mission: Mission) -> list[Fault]:
         raise Findings(
             [positions.finding((), "expected a list of faults such as `- {kind: kill, daemon: commd, at: 5}`")]
         )
-    found: list[Fault] = []
-    wrong: list[Finding] = []
-    for index, item in enumerate(raw):
+    faults, wrong = convert(raw, list[Fault], positions, decode_hook)
+    for index, fault in enumerate(faults or ()):
         try:
-            fault: Fault = msgspec.convert(item, Fault)
             _check(fault, mission)
-        except ValueError as error:  # of msgspec, too
+        except ValueError as error:
             wrong.append(positions.finding((index,), str(error)))
-        else:
-            found.append(fault)
-    if wrong:
+    if faults is None or wrong:
         raise Findings(wrong)
-    return sorted(found, key=lambda one: one.at)
+    return sorted(faults, key=lambda one: one.at)
 
 
 def _check(fault: Fault, mission: Mission) -> None:

@@ -57,11 +57,13 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
         yield Misfit(path, "nested too deeply")
         return
     options = _options(model)
-    struct = next((one for one in options if is_struct(one)), None)
+    structs = [one for one in options if is_struct(one)]
     mapping = next((one for one in options if get_origin(one) is dict), None)
     array = next((one for one in options if get_origin(one) in (tuple, list)), None)
-    if isinstance(value, dict) and struct is not None:
-        yield from _fields(value, struct, hook, path)
+    if isinstance(value, dict) and len(structs) == 1:
+        yield from _fields(value, structs[0], hook, path)
+    elif isinstance(value, dict) and structs:
+        yield from _tagged(value, structs, hook, path)
     elif isinstance(value, dict) and mapping is not None:
         for key, item in value.items():
             yield from misfits(item, get_args(mapping)[1], hook, (*path, str(key)))
@@ -95,6 +97,16 @@ def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterat
     for name, field in fields.items():
         if field.required and name not in value:
             yield Misfit(path, f"needs the field `{name}`", at_key=True)
+
+
+def _tagged(value: dict[str, Any], structs: Sequence[Any], hook: Hook, path: Path) -> Iterator[Misfit]:
+    """Yield the mismatches with one of several models, which the value of a field names."""
+    field, models = structs[0].__struct_config__.tag_field, {one.__struct_config__.tag: one for one in structs}
+    tag = str(value.get(field, ""))
+    if tag in models:
+        yield from _fields({name: item for name, item in value.items() if name != field}, models[tag], hook, path)
+    else:
+        yield Misfit(path, f"`{field}`: expected one of {', '.join(models)}, got {f'`{tag}`' if tag else 'none'}")
 
 
 @lru_cache(maxsize=64)

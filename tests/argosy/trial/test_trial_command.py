@@ -176,8 +176,8 @@ def test_what_cannot_be_tried_is_refused_before_anything_starts(
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        ("- {kind: kill, at: 3}", "Object missing required field `daemon`"),
-        ("- {kind: explode}", "Invalid value 'explode'"),
+        ("- {kind: kill, at: 3}", "needs the field `daemon`"),
+        ("- {kind: explode}", "expected one of operator, kill"),
         ("- [}]", "error: "),
         ("kind: kill", "expected a list of faults such as"),
         ("- {kind: battery, robot: uav2, minutes: 3}", "expected uav1, got `uav2`"),
