@@ -23,7 +23,7 @@ HUNG_AFTER = 15.0
 FIRST_HEALTH = 30.0
 """Time for the first health record after the token appeared: a daemon may have much to read from its disk."""
 STALE_AFTER = 3 * HEALTH_EVERY
-"""Seconds after which the state of a vehicle is shown as old."""
+"""The state of a vehicle, or of a mind that is looked at, is shown as old after this."""
 MIND_STALE_AFTER = 3 * MIND_EVERY
 """A summary of a mind is shown as old after this."""
 LAG_LATE = 0.5

@@ -7,9 +7,7 @@ from typing import Literal
 
 from argosy.fleet_model.members import FleetAgent
 from argosy.fleet_model.model import FleetModel
-
-AIRBORNE = 0.5
-"""Metres above home from which an armed robot counts as flying."""
+from argosy.fleet_model.robots import AIRBORNE
 
 Doing = Literal["", "reasoning", "waiting", "paused", "idle", "acting", "flying"]
 """`acting`: an intention waits for an action; `flying`: the same in the air; `idle`: no intention; empty: unknown."""

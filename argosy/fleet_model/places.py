@@ -22,7 +22,7 @@ from schemas.wire.terms import Structure, Term
 MOST = 1_000
 """Places that are kept."""
 NEAR = 30_000.0
-"""Metres from a robot within which two numbers count as a place."""
+"""Metres from a robot within which two numbers count as a place, and a belief as an area."""
 NEAR_NORTH = 0.28
 """Degrees of latitude that are more than `NEAR`."""
 OWN = frozenset({"global_pos", "home_pos"})

@@ -17,6 +17,8 @@ from schemas.wire.terms import Structure, Term
 
 UNATTENDED = "robot_unattended"
 """Code of the note of a bridge whose vehicle is in the air without an agent in charge (docs/guides/monitoring.md)."""
+AIRBORNE = 0.5
+"""Metres above home from which an armed robot counts as flying."""
 LONGEST_REPORT = 60
 """Characters kept of a percept of a robot that is not a vehicle."""
 MOST_REPORTED = 200

@@ -140,13 +140,8 @@ async def _read(bus: Bus, fleet: str, robot: str) -> dict[str, float]:
 
 async def _compare(bus: Bus, fleet: str, robot: str, file: ParameterFile) -> Comparison:
     comparison = compare(file.values, await _read(bus, fleet, robot))
-    put_out(printable_lines(comparison.text(robot)))
+    put_out("\n".join(map(printable, comparison.text(robot).split("\n"))))  # names come from the vehicle
     return comparison
-
-
-def printable_lines(text: str) -> str:
-    """Return lines without terminal commands: names come from the vehicle."""
-    return "\n".join(map(printable, text.split("\n")))
 
 
 async def _set_all(bus: Bus, fleet: str, args: Namespace, chosen: list[Difference]) -> list[str]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from argosy.fleet_model.members import FleetRobot
+from argosy.fleet_model.robots import AIRBORNE
 from argosy.run.run_status import Status
 
-ON_GROUND = 0.5
-"""Metres above home up to which an armed vehicle is not called flying."""
 TAKE_OVER = "take over with the transmitter or ground station"
 
 
@@ -43,7 +42,7 @@ def _maybe_flying(status: Status, robot: FleetRobot) -> bool:
 def _line(status: Status, robot: FleetRobot) -> str:
     name, seen, left = robot.name, robot.seen, status.left.get(robot.name)
     order = left.order if left is not None else None
-    where = "ARMED" if seen.altitude is not None and seen.altitude < ON_GROUND else "IN THE AIR"
+    where = "ARMED" if seen.altitude is not None and seen.altitude <= AIRBORNE else "IN THE AIR"
     if left is not None:
         how = f"{order.upper()} confirmed by its bridge" if order else f"its bridge reports: {left.text}"
     elif name in status.killed:

@@ -9,7 +9,7 @@
 | `nobody alone` | processes of agents, their health records, and the vehicle |
 | `motion after stop` | orders of the operator that were confirmed, action statuses, and the vehicle |
 | `left to the pilot` | action statuses and percepts after a pilot took over, and the vehicle |
-| `limits`, `separation`, `on the ground` | vehicles |
+| `limits`, `on the ground` | vehicles |
 """
 
 from __future__ import annotations
@@ -228,17 +228,9 @@ class MailChecker:
 class Checkers:
     """All checkers of a run; each rule is reported once for each subject."""
 
-    def __init__(
-        self,
-        mission: Mission,
-        world: World,
-        served: Callable[[str], bool],
-        *,
-        separation: float | None = None,
-    ) -> None:
-        """`served(robot)`: whether an agent of the robot is running. `separation`: least metres between two vehicles
-        in the air; None = any."""
-        self._mission, self._world, self._served, self._separation = mission, world, served, separation
+    def __init__(self, mission: Mission, world: World, served: Callable[[str], bool]) -> None:
+        """`served(robot)`: whether an agent of the robot is running."""
+        self._mission, self._world, self._served = mission, world, served
         self.found: list[Violation] = []
         self._reported: set[tuple[str, str]] = set()
         self._ends: dict[str, tuple[str, str]] = {}
@@ -386,9 +378,6 @@ class Checkers:
             self._look_at_a_turtle(name, turtle, now)
         for robot in self._mission.robots:
             self._look_who_holds(robot, now)
-        if self._separation is not None and self._world.nearest < self._separation:
-            text = f"two vehicles were {self._world.nearest:.1f} m apart, less than {self._separation:g} m"
-            self._tell("separation", "", text)
 
     def _look_who_attends(self, name: str, seen: Seen, now: float) -> None:
         """Judge how long a vehicle is in the air while its agents are gone, or intend nothing.

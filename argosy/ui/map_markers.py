@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from argosy.fleet_model.model import FleetModel
-from argosy.fleet_model.places import Place
+from argosy.fleet_model.places import NEAR, Place
 from argosy.fleet_model.term_values import plain, position_of
 from argosy.ui.view_structs import AreaView, MarksView, MarkView
 from schemas.geo import distance
@@ -21,8 +21,6 @@ VICTIMS = frozenset({"victim", "found", "survivor"})
 WAYPOINTS = frozenset({"waypoint", "waypoints", "wp"})
 MOST = 300
 """Marks on a map; the oldest are left out and counted."""
-NEAR = 30_000.0
-"""Metres from a robot within which a belief counts as an area."""
 
 
 @lru_cache(4_096)

@@ -42,7 +42,7 @@ def note_view(note: Note, names: Sequence[str] = ()) -> NoteView:
     return NoteView(code=note.code, text=note.text, about=note.about, level=level_of(note), names=tuple(names))
 
 
-def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note] = ()) -> AgentView:
+def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note]) -> AgentView:
     """Return the view of an agent; `shared` notes are shown elsewhere."""
     mind, does = agent.mind, activity(model, agent)
     counted = {} if mind is None else {
@@ -90,7 +90,7 @@ def _running(action: ActionSeen, now: float) -> RunningView:
     )
 
 
-def robot_view(model: FleetModel, robot: FleetRobot, named: Robot | None, shared: Container[Note] = ()) -> RobotView:
+def robot_view(model: FleetModel, robot: FleetRobot, named: Robot | None, shared: Container[Note]) -> RobotView:
     """Return the view of a robot; `named` is its entry in the mission."""
     seen, age = robot.seen, robot.age(model.as_of)
     velocity = seen.velocity

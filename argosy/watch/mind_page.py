@@ -13,17 +13,16 @@ from argosy.watch.overview_page import action_text
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, places, rounded, safe_text
 from argosy.why.wording import awaited
 from schemas.humanize import count, span
+from schemas.liveness import LAG_LATE, STALE_AFTER
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView
 
-OLD = 3.0
-"""Seconds after which a view of a mind counts as old; each is asked every 2 s."""
 MOST_OUTCOMES = 5
 """Actions that have ended that are shown."""
 
 
 def seen(agent: FleetAgent) -> tuple[MindView | None, float | None]:
     """Return the detailed view of a mind, or the summary if it is newer, and its time."""
-    if agent.detail is not None and (agent.heard or 0.0) - (agent.detailed or 0.0) <= OLD:
+    if agent.detail is not None and (agent.heard or 0.0) - (agent.detailed or 0.0) <= STALE_AFTER:
         return agent.detail, agent.detailed
     return agent.mind, agent.heard
 
@@ -44,7 +43,7 @@ def title(model: FleetModel, agent: FleetAgent) -> Text:
         f"cycle {view.cycle}",
         f"{model.clock.seconds(heard) or view.time:.0f} s of mission",
         rounded(does.action),
-        (f"lag {span(agent.lag)}", BAD if agent.lag >= 1 else DIM),
+        (f"lag {span(agent.lag)}", BAD if agent.lag >= LAG_LATE else DIM),
         (f"{agent.drops} dropped" if agent.drops else "", WARN),
         (_age(agent, old), BAD),
     )
@@ -57,7 +56,7 @@ def _age(agent: FleetAgent, old: float) -> str:
         return f"GONE, as it was {span(old)} ago"
     if agent.silent is not None:
         return f"SILENT, as it was {span(old)} ago"
-    return f"as it was {span(old)} ago" if old > OLD else ""
+    return f"as it was {span(old)} ago" if old > STALE_AFTER else ""
 
 
 def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
@@ -157,7 +156,7 @@ def _formula(text: str, holds: bool, bad: bool, glyphs: Glyphs) -> Row:
 def _old(agent: FleetAgent, now: float) -> list[Row]:
     """Return the age of the details, if they are old."""
     old = now - (agent.detailed or now)
-    return [Row(Text(f"as it was {span(old)} ago", BAD))] if old > OLD else []
+    return [Row(Text(f"as it was {span(old)} ago", BAD))] if old > STALE_AFTER else []
 
 
 def beliefs(agent: FleetAgent, now: float) -> list[Row]:

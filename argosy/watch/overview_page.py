@@ -16,10 +16,9 @@ from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joine
 from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span
+from schemas.liveness import LAG_LATE
 from schemas.wire.mind_records import WaitView
 
-LAGGING = 1.0
-"""Seconds of lag from which on an agent counts as behind."""
 MOST_NOTES = 4
 """Different notes of vehicles, of agents, of boards that are shown."""
 LONGEST_NOTE = 300
@@ -116,7 +115,7 @@ def _agents(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
 def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
     """Return mark, name, state, number of intentions, activity, lag and mail."""
     mind, now = agent.mind, model.now()
-    lag = Text(f"lag {span(agent.lag)}" if agent.lag >= LAGGING else "", BAD)
+    lag = Text(f"lag {span(agent.lag)}" if agent.lag >= LAG_LATE else "", BAD)
     waiting = model.mail_for(agent.name) + (mind.mailbox if mind is not None else 0)
     mail = Text(f"mail {waiting}" if waiting else "", WARN if waiting > 10 else "")
     name = Text(agent.name, "bold")

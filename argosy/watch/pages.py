@@ -16,7 +16,7 @@ from argosy.run.screen import STYLES
 from argosy.watch import mind_page
 from argosy.watch.overview_page import overview
 from argosy.watch.page import Page, Pane, title
-from argosy.watch.row_text import Glyphs, Row, head
+from argosy.watch.row_text import Row, head
 from argosy.watch.scroll_pane import Choice, ScrollPane
 
 WIDE, HIGH = 120, 30
@@ -221,13 +221,9 @@ class Help(Page):
 
     def draw(self, model: FleetModel) -> None:
         """Show the text."""
-        self._text.show_rows(help_rows(self.watch_app.glyphs))
-
-
-def help_rows(glyphs: Glyphs) -> list[Row]:
-    """Return the help with the marks of this terminal."""
-    marks = {"well": glyphs.well, "away": glyphs.away, "runs": glyphs.runs, "under": glyphs.under}
-    return [Row(Text(line), indent=4) if line else head("") for line in HELP.format(**marks).splitlines()]
+        glyphs = self.watch_app.glyphs
+        text = HELP.format(well=glyphs.well, away=glyphs.away, runs=glyphs.runs, under=glyphs.under)
+        self._text.show_rows([Row(Text(line), indent=4) if line else head("") for line in text.splitlines()])
 
 
 class TimelineRows:

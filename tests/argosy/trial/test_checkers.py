@@ -81,7 +81,7 @@ class Copter:
 class Run:
     """A run that a test makes up: what is on the bus, the vehicles and the agents."""
 
-    def __init__(self, mission: Mission, *, faults: Sequence[Fault] = (), separation: float | None = None) -> None:
+    def __init__(self, mission: Mission, *, faults: Sequence[Fault] = ()) -> None:
         self.mission, self.loop = mission, VirtualLoop()
         self.network = Network(self.loop)
         self.world = World(self.network, {}, faults, list)
@@ -93,7 +93,7 @@ class Run:
             for name, one in self.copters.items()
         }
         self.served = True
-        self.checkers = Checkers(mission, self.world, lambda robot: self.served, separation=separation)
+        self.checkers = Checkers(mission, self.world, lambda robot: self.served)
         self.router = self.network.open("board", "commd", True, None)
         self.silent: set[str] = set()
         """Daemons that put no health."""
@@ -494,11 +494,4 @@ def test_a_stopped_turtle_rests(moves: float, stopped: bool, rules: list[str]) -
         run.world.stopped["turtle"] = "hold"
     run.after(SETTLED + 1)
     turtle.x += moves
-    run.after(1).finds(*rules)
-
-
-@pytest.mark.parametrize(("separation", "nearest", "rules"), [(5, 5.5, []), (5, 4.5, ["separation"]), (None, 0.1, [])])
-def test_vehicles_nearer_than_declared_are_reported(separation: int | None, nearest: float, rules: list[str]) -> None:
-    run = Run(TEAM, separation=separation)
-    run.world.nearest = nearest
     run.after(1).finds(*rules)
