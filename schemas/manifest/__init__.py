@@ -1,1 +1,1 @@
-"""Manifests of robots: model, loader, rules, edits, the paper's INI format, JSON schema."""
+"""Manifests of robots: model, loader, rules, plain data (`document`), the paper's INI format, JSON schema."""
