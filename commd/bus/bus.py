@@ -337,8 +337,8 @@ class Bus(QuerySession):
         if was == self.router_up:
             return
         if self._had_router:
-            for end in self._asked:
-                self._loop.call_soon(end, ROUTER_LOST)  # behind the handlers, which note when the router was lost
+            for asked in self._asked:
+                self._loop.call_soon(asked.end, ROUTER_LOST)  # behind the handlers, which note when the router was lost
         self._had_router = True
         away = self._away.end()
         if not self.router_up:

@@ -146,8 +146,8 @@ class QuerySession:
         self._threads = ThreadPoolExecutor(REPLY_THREADS, "answering")
         self._checked_keys: set[str] = set()
         """Keys whose first record was searched for fields that this version does not know."""
-        self._asked: set[Callable[[str], None]] = set()
-        """Of the queries that wait for replies: what ends them with an error."""
+        self._asked: set[_Asked[Any]] = set()
+        """The queries that wait for replies."""
 
     def serve(
         self,
@@ -307,76 +307,28 @@ class QuerySession:
         never end such a query). Returns what ends it before, after which nothing is heard. Raises BusClosed if it
         cannot be sent, BadRecord if `ask` cannot be encoded.
         """
-        token = zenoh.CancellationToken()
-        over = False
-
-        def arrived(reply: zenoh.Reply | None) -> None:
-            nonlocal over
-            if over:
-                return
-            if reply is None:
-                over = True
-                late.cancel()
-                self._asked.discard(end)
-                heard(None)
-            else:
-                heard(self._read_reply(bare, reply, answer, timeout))
-
-        def end(error: str, timed_out: bool = False) -> None:
-            if not over:  # the router may be lost and back at the same moment
-                close()
-                heard(Reply(bare, None, error, timed_out=timed_out))
-                heard(None)
-
-        def unended() -> None:
-            self.counters["queries_unended"] += 1
-            end(f"no answer within {timeout:g} s", timed_out=True)
-
-        def close() -> None:
-            nonlocal over
-            if not over:
-                over = True
-                late.cancel()
-                self._asked.discard(end)
-                self._dispatch.afterwards(token.cancel)  # the caller does not wait for it
-
+        bare = key.partition("?")[0]
+        asked = _Asked(self, bare, answer, timeout, heard)
         options: dict[str, Any] = {}
         if ask is not None:
             made = codec(type(ask))
             options = {"payload": made.encode(ask, self.wire), "encoding": made.encodings[self.wire]}
-        bare = key.partition("?")[0]
         try:
             self._session.get(
                 key if bare != key else self._known.of(key),
-                self._dispatch.replies(arrived),
+                self._dispatch.replies(asked.arrived),
                 consolidation=zenoh.ConsolidationMode.NONE,
                 target=zenoh.QueryTarget.ALL,
                 timeout=timeout,
-                cancellation_token=token,
+                cancellation_token=asked.token,
                 **options,
             )
         except zenoh.ZError as error:
-            over = True  # Zenoh drops the handler: that is no end of a query
+            asked.over = True  # Zenoh drops the handler: that is no end of a query
             raise BusClosed(f"cannot ask {key}: {error}") from None
-        self._asked.add(end)
-        late = self._loop.call_later(timeout + LAST_WORD, unended)
-        return close
-
-    def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R], timeout: float) -> Reply[R]:
-        if reply.ok is None:
-            error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
-            if error == ZENOH_TIMEOUT:
-                return Reply(key, None, f"no answer within {timeout:g} s", timed_out=True)
-            code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
-            return Reply(key, None, error.decode(errors="replace"), code=code)
-        sample = reply.ok
-        name = str(sample.key_expr)
-        try:
-            return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
-        except OtherVersion as other:
-            return Reply(name, None, str(other), other.version or "?")
-        except BadRecord as bad:
-            return Reply(name, None, str(bad))
+        self._asked.add(asked)
+        asked.late = self._loop.call_later(timeout + LAST_WORD, asked.unended)
+        return asked.close
 
     def _declare(self, kind: str, key: str) -> Callable[[], None]:
         """Note a declaration. Returns what notes its end."""
@@ -409,6 +361,73 @@ class QuerySession:
             elif is_logged(self.counters["bad_input"]):
                 log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
             raise
+
+
+class _Asked(Generic[R]):
+    """A query that waits for replies; `heard` and `timeout` as in `QuerySession.ask`."""
+
+    def __init__(
+        self,
+        session: QuerySession,
+        key: str,
+        answer: type[R],
+        timeout: float,
+        heard: Callable[[Reply[R] | None], None],
+    ) -> None:
+        self.token = zenoh.CancellationToken()
+        self.over = False
+        self.late: asyncio.TimerHandle
+        """Ends it without Zenoh."""
+        self._session, self._key, self._answer, self._timeout, self._heard = session, key, answer, timeout, heard
+
+    def arrived(self, reply: zenoh.Reply | None) -> None:
+        """Take a reply, None: the end."""
+        if self.over:
+            return
+        if reply is None:
+            self.over = True
+            self.late.cancel()
+            self._session._asked.discard(self)
+            self._heard(None)
+        else:
+            self._heard(self._read(reply))
+
+    def close(self) -> None:
+        """End it; nothing is heard any more."""
+        if not self.over:
+            self.over = True
+            self.late.cancel()
+            self._session._asked.discard(self)
+            self._session._dispatch.afterwards(self.token.cancel)  # the caller does not wait for it
+
+    def end(self, error: str, timed_out: bool = False) -> None:
+        """End it with an error as the last reply: Zenoh may never end it."""
+        if not self.over:  # the router may be lost and back at the same moment
+            self.close()
+            self._heard(Reply(self._key, None, error, timed_out=timed_out))
+            self._heard(None)
+
+    def unended(self) -> None:
+        """End it because Zenoh has not."""
+        self._session.counters["queries_unended"] += 1
+        self.end(f"no answer within {self._timeout:g} s", timed_out=True)
+
+    def _read(self, reply: zenoh.Reply) -> Reply[R]:
+        if reply.ok is None:
+            error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
+            if error == ZENOH_TIMEOUT:
+                return Reply(self._key, None, f"no answer within {self._timeout:g} s", timed_out=True)
+            code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
+            return Reply(self._key, None, error.decode(errors="replace"), code=code)
+        sample = reply.ok
+        name = str(sample.key_expr)
+        try:
+            record = self._session._decode(self._answer, name, sample.payload.to_bytes(), str(sample.encoding))
+            return Reply(name, record)
+        except OtherVersion as other:
+            return Reply(name, None, str(other), other.version or "?")
+        except BadRecord as bad:
+            return Reply(name, None, str(bad))
 
 
 class Strangers:
