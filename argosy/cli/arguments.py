@@ -65,6 +65,10 @@ def finite_number(accepted: Callable[[float], bool], expected: str) -> Callable[
     return read
 
 
+mission_second = finite_number(lambda value: value >= 0, "a mission second, 0 or more")
+"""Reads a time of a mission."""
+
+
 def duration(accepted: Callable[[float], bool], expected: str) -> Callable[[str], Duration]:
     """Return a reader of durations in seconds that refuses those not `accepted`; `expected` describes the others."""
 

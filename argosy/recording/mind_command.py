@@ -14,6 +14,7 @@ from pathlib import Path
 from agentd.extensions.plugins import discover
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
+from argosy.cli.arguments import mission_second
 from argosy.cli.errors import BadInput
 from argosy.recording import mind_inputs
 from argosy.recording.mind_verification import OTHER_VERSION, SHOWN, ReplayCheck
@@ -62,7 +63,7 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
         "shows what it would have done (repeatable)",
     )
     group.add_argument("--start", type=int, metavar="N", help="only its Nth start, 1 or more, if it was restarted")
-    group.add_argument("--until", type=float, metavar="S", help="stop at this mission second")
+    group.add_argument("--until", type=mission_second, metavar="S", help="stop at this mission second")
     group.add_argument("--why", metavar="NAME", help="print every decision about goals and beliefs of this name")
     group.add_argument(
         "--show",

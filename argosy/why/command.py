@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.cli.arguments import count, name
+from argosy.cli.arguments import count, mission_second, name
 from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out
 from argosy.why.answer import Explanation, plain
@@ -31,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     help_ = "ask a recording instead of the running fleet: the mind is replayed up to --at"
     parser.add_argument("--recording", type=Path, metavar="FILE", help=help_)
     help_ = "with --recording: mission time in seconds (default: the end)"
-    parser.add_argument("--at", type=float, metavar="S", help=help_)
+    parser.add_argument("--at", type=mission_second, metavar="S", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: whichever has the agent)")
 
 

@@ -328,6 +328,14 @@ def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
     assert (told[0], told[1].split(", in ")[0]) == (1, out.split(", in ")[0])
 
 
+@pytest.mark.parametrize("second", ["nan", "-1", "soon"])
+def test_what_is_no_mission_second_is_refused(second: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in (["replay", "x.mcap", "--mind", "uav", "--until"], ["why", "uav", "--recording", "x.mcap", "--at"]):
+        with pytest.raises(SystemExit, match="2"):
+            main([*command, second])
+        assert f"expected a mission second, 0 or more, got `{second}`" in capsys.readouterr().err
+
+
 def test_what_was_asked_for_in_part_agrees_in_part(recorded: Recorded, replayed: Replay) -> None:
     last = max(batch.number for batch in Recording(recorded.path).minds("buyer")[0].batches)
     path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
