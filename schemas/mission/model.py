@@ -402,8 +402,10 @@ def load_mission(path: str | Path) -> Mission:
     """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong."""
     path = mission_file(path)
     if not path.suffix and not path.exists():
-        known = ", ".join(shipped_names("missions", ".yaml"))
-        raise Findings.about(path, f"no such file, and no mission of that name ships: there are {known}")
+        instead = did_you_mean(path.name, shipped_names("missions", ".yaml"))
+        raise Findings.about(path, f"no such file, and no mission of that name ships{instead}")
+    if path.suffix in (".asl", ".mas2j"):
+        raise Findings.about(path, "expected a mission in YAML; programs are for `agentd run` and `agentd check`")
     return read_mission(read_text(path), path)
 
 

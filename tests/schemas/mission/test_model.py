@@ -187,3 +187,7 @@ def test_a_bare_name_is_the_shipped_mission_unless_such_a_file_stands_there(
         Findings, match=r"tortoise: error: no such file, and no mission .* there are .*single_uav.*turtle"
     ):
         load_mission("tortoise")
+    with pytest.raises(Findings, match="no mission of that name ships, did you mean `turtle`"):
+        load_mission("turtel")
+    with pytest.raises(Findings, match=r"uav\.asl: error: expected a mission in YAML; programs are for `agentd run`"):
+        load_mission("uav.asl")
