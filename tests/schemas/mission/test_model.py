@@ -184,7 +184,7 @@ def test_a_bare_name_is_the_shipped_mission_unless_such_a_file_stands_there(
     (tmp_path / "turtle").write_text((shipped("missions", "turtle.yaml") or tmp_path).read_text())
     assert load_mission("turtle").path == Path("turtle")
     with pytest.raises(
-        Findings, match=r"tortoise: error: no such file, and no mission .* there are .*single_uav.*turtle"
+        Findings, match=r"tortoise: error: no such file, and no mission .* known are .*single_uav.*turtle"
     ):
         load_mission("tortoise")
     with pytest.raises(Findings, match="no mission of that name ships, did you mean `turtle`"):
