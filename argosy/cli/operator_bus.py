@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from argosy.cli.arguments import name
-from argosy.cli.errors import CommandError, complain
+from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.fleet_bus import FleetBus, open_fleet_bus
 from argosy.cli.port_check import endpoint
 from commd.bus.bus import Bus, open_bus
@@ -78,8 +78,11 @@ def add_router_argument(parser: ArgumentParser, default: str) -> None:
 def where(args: Namespace) -> Where:
     """Return the fleet and router of the arguments: the named router, that of a run on this machine, or the default.
 
-    Raises Findings for an invalid mission, for unusable keys, and if several runs on this machine match.
+    Raises BadInput for a mission with `--fleet`, and Findings for an invalid mission, for unusable keys, and if several
+    runs on this machine match.
     """
+    if args.mission and args.fleet:
+        raise BadInput("--fleet: leave it out, the mission names its fleet")
     mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
     if tls is not None and args.router and not args.router.startswith("tls/"):
         raise Findings.about("--keys", f"need an endpoint tls/HOST:PORT, got --router {args.router}")

@@ -105,12 +105,12 @@ class ActionsSeen:
         return seen
 
     def end(self, action: ActionSeen, state: State | Literal["unknown"], reason: str, now: float) -> None:
-        """End an action; `unknown` if its outcome will not be reported."""
+        """End an action at `now`, in model seconds; `unknown` if its outcome will not be reported."""
         action.state, action.reason, action.ended = state, shortened(reason), now
         self._close(action)
 
     def forget(self, before: float) -> None:
-        """Forget the actions whose last status is older than `before`."""
+        """Forget the actions whose last status is older than `before`, in model seconds."""
         for id, action in list(self.by_id.items()):
             if action.heard < before:
                 del self.by_id[id]

@@ -130,7 +130,7 @@ class FleetRobot(Member):
         return max(0.0, now - self.heard) if self.heard else None
 
     def stale(self, now: float) -> bool:
-        """Whether its state is old, or was never known."""
+        """Whether its state is old at `now`, in model seconds, or was never known."""
         age = self.age(now)
         return age is None or self.seen.lost or age > STALE_AFTER
 

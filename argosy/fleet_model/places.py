@@ -58,7 +58,7 @@ class Places:
         self._most = most
 
     def percept(self, agent: str, percept: Perception, robots: Callable[[], Iterable[Position]], now: float) -> None:
-        """Take a percept of an agent; `robots` returns the known positions of the fleet."""
+        """Take a percept of an agent at `now`, in seconds; `robots` returns the known positions of the fleet."""
         if percept.name in OWN:
             return
         identity = percept.key or tuple(range(len(percept.parameters)))
@@ -78,7 +78,7 @@ class Places:
         self._keep(Place(id, "percept", shortened(percept.name), text, agent, position, now))
 
     def action(self, action: ActionSeen, robots: Callable[[], Iterable[Position]], now: float) -> None:
-        """Take the state of an action."""
+        """Take the state of an action at `now`, in seconds."""
         known = self.all.get(action.id)
         if known is not None:
             known.present, known.state = action.ended is None, action.state
@@ -90,7 +90,7 @@ class Places:
             self._keep(target)
 
     def forget(self, before: float) -> None:
-        """Forget places that were heard before `before`."""
+        """Forget places that were heard before `before`, in seconds."""
         self.all = {id: one for id, one in self.all.items() if one.heard >= before}
 
     def _of(self, agent: str, percept: Perception) -> list[Place]:

@@ -135,7 +135,7 @@ class RobotSeen:
         return bool(self.mode) and not self.connected
 
     def since(self, at: float) -> RobotSeen:
-        """Return a copy with what was heard since `at`."""
+        """Return a copy with what was heard since `at`, in seconds."""
         known, most = self.track, self.track.most
         track = Track(
             points=[one for one in known.points if one.at >= at],

@@ -395,7 +395,7 @@ class MissionRunner:
 
 
 async def _each(seconds: float, act: Callable[[], None]) -> NoReturn:
-    """Act every so many wall seconds."""
+    """Act again and again, after `seconds` of wall time each."""
     while True:
         act()
         await asyncio.sleep(seconds)

@@ -46,7 +46,7 @@ SIGHTING = ("id", "lat", "lon")
 
 
 def latch_fields(output: int) -> dict[tuple[str, str], None]:
-    """Return the sources and fields that report a servo output, that of either autopilot first."""
+    """Return the sources and fields that report a servo output (its number, from 1), for either autopilot."""
     return dict.fromkeys([("SERVO_OUTPUTS", f"output{output}"), ("SERVO_OUTPUT_RAW", f"servo{output}_raw")])
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import msgspec
 
-from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, note_unreached, on_the_bus
 from argosy.fleet_model.fleet_status import FleetStatus, Row
 from commd.bus.bus import Bus
@@ -46,8 +45,6 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Print the status. Returns 0 if every expected daemon is up, 1 if not."""
-    if args.mission and args.fleet:
-        raise BadInput("argosy status: the mission names its fleet: leave out --fleet")
 
     async def ask(bus: Bus, where: Where) -> int:
         fleet_status = FleetStatus.of_bus(bus, where.fleet, where.mission)

@@ -13,7 +13,7 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.core import Metric
 from prometheus_client.registry import Collector
 
-from argosy.cli.errors import BadInput, CommandError
+from argosy.cli.errors import CommandError
 from argosy.cli.operator_bus import ANY, Where, on_the_bus
 from argosy.cli.port_check import is_loopback
 from argosy.fleet_model.fleet_status import FleetStatus, Row
@@ -54,8 +54,6 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Serve until ctrl-C."""
-    if args.mission and args.fleet:
-        raise BadInput("argosy metrics: the mission names its fleet: leave out --fleet")
     host, port = host_and_port(args.listen)
 
     async def serve(bus: Bus, where: Where) -> int:

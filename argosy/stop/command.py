@@ -8,7 +8,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import Final, get_args
 
 from argosy.cli.errors import CommandError
-from argosy.cli.operator_bus import Where, add_fleet_arguments, bridges, on_the_bus, unreached
+from argosy.cli.operator_bus import Where, add_fleet_arguments, bridges, note_unreached, on_the_bus
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryTimeout
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -92,8 +92,7 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
                 if robot not in known and (not wanted or robot in wanted)
             ]
             absent = _absent(where, wanted, known, [robot for _, robot in there])
-            for line in await unreached(bus):
-                print(f"note: {line}", file=sys.stderr)
+            await note_unreached(bus)
         confirmed = all(await asyncio.gather(*orders))
     finally:
         for task in (looking, *orders):

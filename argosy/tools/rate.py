@@ -73,7 +73,7 @@ class Rates:
         return rows
 
     def silent(self, now: float) -> bool:
-        """Whether no key has a sample in the window that ends `now`."""
+        """Whether no key has a sample in the window that ends at `now`, in seconds."""
         return all(known[-1][0] < now - self._window for known in self._keys.values())
 
 
