@@ -82,7 +82,9 @@ class MindRunner:
         """Loop time of the next turn at the latest."""
         self._alarm = Alarm(self._ring)
         self._finished = False
-        """Whether `finish` was called."""
+        """Whether the present or next turn is the last one."""
+        self._broken: BaseException | None = None
+        """The error of the last turn."""
         self._stop = asyncio.Event()
         self._over: asyncio.Future[None] = self._loop.create_future()
         """Done after the last turn, if that was not ended by `stop`."""
@@ -161,8 +163,8 @@ class MindRunner:
         try:
             self._turn()
             await asyncio.wait((stopping, self._over), return_when=asyncio.FIRST_COMPLETED)
-            if self._over.done():
-                await self._over
+            if self._broken is not None:
+                raise self._broken
         finally:
             stopping.cancel()
             self._over.cancel()
@@ -179,8 +181,7 @@ class MindRunner:
         try:
             pause = self._reason()
         except BaseException as error:
-            self._over.set_exception(error)
-            return
+            self._broken, self._finished, pause = error, True, None
         if self._finished:
             self._over.set_result(None)
         elif pause == 0:

@@ -35,6 +35,10 @@ class Turns:
         self.at.append(round(self.loop.time() - self.begun, 3))
         return self._pauses.pop(0) if len(self._pauses) > 1 else self._pauses[0]
 
+    async def end(self) -> None:
+        self.stop.set()
+        await self.running
+
 
 @virtual_test
 async def test_a_turn_comes_at_its_time_or_when_the_mind_is_woken_once_for_several_calls() -> None:
@@ -45,6 +49,7 @@ async def test_a_turn_comes_at_its_time_or_when_the_mind_is_woken_once_for_sever
     turns.runner.wake()
     await asyncio.sleep(1)
     assert turns.at == [0, 0.05, 1]
+    await turns.end()
 
 
 @virtual_test
@@ -54,6 +59,7 @@ async def test_a_mind_that_is_not_done_has_turns_between_which_others_have_their
         await asyncio.sleep(0)
         passes += 1
     assert passes >= 4
+    await turns.end()
 
 
 @virtual_test
@@ -67,6 +73,7 @@ async def test_a_timer_that_is_due_before_the_next_turn_is_left_running() -> Non
     assert turns.runner._alarm._timer is timer
     await asyncio.sleep(1)
     assert turns.at == [0, 0.01, 0.11]
+    await turns.end()
 
 
 @virtual_test
@@ -76,6 +83,7 @@ async def test_a_timer_that_is_due_too_late_is_replaced() -> None:
     turns.runner.wake()
     await asyncio.sleep(1)
     assert turns.at == [0, 0.01, 0.03]
+    await turns.end()
 
 
 @virtual_test
@@ -101,11 +109,17 @@ async def test_a_mind_that_is_finished_has_one_more_turn() -> None:
     assert turns.at == [0, 0.01]
 
 
+@pytest.mark.parametrize(
+    ("error", "raised"), [(ZeroDivisionError, ZeroDivisionError), (StopIteration, RuntimeError)], ids=["usual", "stop"]
+)
 @virtual_test
-async def test_what_a_turn_raises_ends_the_run() -> None:
+async def test_what_a_turn_raises_ends_the_run(error: type[Exception], raised: type[Exception]) -> None:
+    def breaks() -> None:
+        raise error
+
     turns = Turns(0.02)
-    turns.runner._reason = lambda: 1 / 0
-    with pytest.raises(ZeroDivisionError):
+    turns.runner._reason = breaks
+    with pytest.raises(raised):
         await turns.running
 
 
