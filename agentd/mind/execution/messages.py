@@ -227,11 +227,13 @@ def is_answer(in_reply_to: str) -> bool:
 def _handle(mind: MindState, mail: Mail) -> None:
     """Do what a message asks for, as the built-in plans for ``+!kqml_received``."""
     try:
-        if (handler := _HANDLERS.get(mail.performative)) is None:
-            raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
-        handler(mind, mail)
+        _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
     except Exception as error:  # a function of the program's may raise anything; it must not end the mind
         _not_handled(mind, mail, as_failed(error))
+
+
+def _nobody_handles(mind: MindState, mail: Mail) -> None:
+    raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
 
 
 def handle_event(mind: MindState, args: tuple[Term, ...], intention: Intention | None) -> None:
