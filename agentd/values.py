@@ -14,13 +14,14 @@ from agentd.language.terms.terms import (
     Expression,
     List,
     Literal,
+    Open,
     Var,
     deref,
     make_list,
     proper,
 )
 
-_TERMS = (Literal, List, Var, Expression, Code, Collection)
+_TERMS = (Literal, List, Var, Expression, Code, Collection, Open)
 
 
 def term_of(value: Any) -> Any:

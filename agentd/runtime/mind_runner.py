@@ -197,7 +197,7 @@ class MindRunner:
             self._alarm.by(due)
 
     def _ring(self) -> None:
-        if self._due is None:
+        if self._due is None or self._turn_due:
             return
         if self._due > self._loop.time() + EARLY:
             self._alarm.by(self._due)

@@ -116,11 +116,11 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of Zenoh's is no Exception
-        disk = isinstance(error, OSError) and error.errno in MAY_PASS
-        words = f"the disk cannot be written: {error}" if disk else f"defect in argosy: {type(error).__name__}: {error}"
+        full = isinstance(error, OSError) and error.errno in MAY_PASS
+        words = f"the system refuses: {error}" if full else f"defect in argosy: {type(error).__name__}: {error}"
         if os.environ.get("ARGOSY_DEBUG"):
             raise
-        stderr().write(f"error: {name}: {words}" + ("" if disk else "; ARGOSY_DEBUG=1 shows where"), ERROR)
+        stderr().write(f"error: {name}: {words}" + ("" if full else "; ARGOSY_DEBUG=1 shows where"), ERROR)
         return EXIT_FAILED
     finally:
         note_ends(one_line(words))

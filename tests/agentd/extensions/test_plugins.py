@@ -81,7 +81,7 @@ def parts(mind, text):
 
 @internal_action("mylib.same", 2)
 def same(mind, trail, index, found):
-    return unify(found, [3, "three", {3}][int(index)], trail)
+    return unify(found, [3, "three", {3}, True][int(index)], trail)
 
 @internal_action(".print", 1)
 def silence(mind, trail, text):
@@ -118,11 +118,13 @@ def test_python_values_that_a_package_unifies_or_returns_are_terms(ran) -> None:
         """
         !s.
         +!s <- [N,B|Words] = mylib.parts("a bc"); B == true; mylib.same(0, M); X = N + M; .print(X, Words);
-               mylib.same(1, S); .length(S, L); .print(L); mylib.same(2, _).
+               mylib.same(1, S); .length(S, L); mylib.same(3, default::T); .print(L, T); mylib.same(2, _).
         -!s[error_msg(Why)] <- .print(Why).
         """
     )
-    assert done.stdout.startswith('[bob] 7["a","bc"]\n[bob] 5\n[bob] PluginError: mylib.same: TypeError: {3} cannot be')
+    assert done.stdout.startswith(
+        '[bob] 7["a","bc"]\n[bob] 5true\n[bob] PluginError: mylib.same: TypeError: {3} cannot be'
+    )
     assert done.stderr == ""
 
 

@@ -87,6 +87,16 @@ async def test_a_timer_that_is_due_too_late_is_replaced() -> None:
 
 
 @virtual_test
+async def test_a_mind_that_is_woken_when_its_turn_is_due_has_one_turn() -> None:
+    turns = Turns(0.05, 0, None)
+    await asyncio.sleep(0.04999)
+    turns.runner.wake()
+    turns.runner._ring()  # the timer, in the same pass of the loop
+    await asyncio.sleep(1)
+    assert turns.at == [0, 0.05, 0.05]
+
+
+@virtual_test
 async def test_a_mind_that_is_to_stop_has_no_turn_and_leaves_no_timer() -> None:
     turns = Turns(0.02)
     await asyncio.sleep(0.01)

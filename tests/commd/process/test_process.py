@@ -48,7 +48,7 @@ def test_a_full_disk_or_file_table_is_an_error_that_a_later_start_may_not_have_a
     script = FULL.replace("NUMBER", str(number))
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, cwd=ROOT)
     assert ended.returncode == 1
-    said = f"error: test: the disk cannot be written: [Errno {number}] {os.strerror(number)}: '/state'"
+    said = f"error: test: the system refuses: [Errno {number}] {os.strerror(number)}: '/state'"
     assert ended.stderr.strip().endswith(said)
 
 
