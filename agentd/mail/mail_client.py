@@ -30,6 +30,7 @@ from agentd.trace import Tracing
 from commd.bus.bus import Bus, boot_id
 from commd.client.receive_once import MessageRefused, Numbered, Progress, ReceiveOnce
 from commd.client.send_mail import Unsendable
+from commd.common.repeated_log import is_logged
 from commd.mail.message import OFFICE, undelivered
 from schemas.mission.access_rules import NOT_ACCEPTED, MailRights
 from schemas.wire.records import Message, Refusal
@@ -40,8 +41,6 @@ INPUTS = 20_000
 """Messages that may wait for the mind; further ones wait at `commd`."""
 PATIENCE = 5.0
 """Wall seconds until `commd` gets an answer without those messages that are not saved; it offers them again."""
-LOGGED, LOGGED_AGAIN = 10, 1000
-"""Messages not accepted that are logged: the first 10, then each 1000th."""
 
 
 class AgentInbox(ReceiveOnce):
@@ -364,8 +363,7 @@ class MailClient:
     def _not_accepted(self, message: Message) -> None:
         """Refuse a message that its sender may not send to this agent. Raises MessageRefused."""
         self.counters[NOT_ACCEPTED] += 1
-        count = self.counters[NOT_ACCEPTED]
-        if count <= LOGGED or count % LOGGED_AGAIN == 0:
+        if is_logged(count := self.counters[NOT_ACCEPTED]):
             facts = self._agent, count, message.sender, message.performative[:64]
             log.warning("agent=%s mail_not_accepted count=%d sender=%r performative=%r", *facts)
         raise MessageRefused(Refusal(code=NOT_ACCEPTED))
