@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 from bridged.drivers.api import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.drivers.argument_check import read_call
 from bridged.drivers.registry import OURS, DriverError, find_driver
-from commd.process.state_dir import DISK_FAILS
+from commd.process.state_dir import MAY_PASS
 from commd.process.systemd import Loop
 from commd.process.user_code import MISTAKES, describe_error
 from schemas.files.findings import Findings
@@ -255,7 +255,7 @@ class CompositeDriver:
             driver = self._drivers[name] = find_driver(name).make_driver(setup)
         except DRIVER_RAISES as error:  # drivers may be anybody's
             ours = name in OURS and isinstance(error, ValueError | OSError)
-            if ours or isinstance(error, Findings) or (isinstance(error, OSError) and error.errno in DISK_FAILS):
+            if ours or isinstance(error, Findings) or (isinstance(error, OSError) and error.errno in MAY_PASS):
                 raise
             raise DriverError(name, f"make_driver raised {describe_error(error)}") from error
         if lacks := [one for one in LACKS if not hasattr(driver, one)]:

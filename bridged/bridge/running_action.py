@@ -163,7 +163,7 @@ class Statuses:
         """Return a status of an action, with figures that are finite numbers: JSON has no infinity."""
         self._seq += 1
         figures: dict[str, float] = {}
-        for what, value in feedback.items():
+        for what, value in (feedback or NO_FIGURES).items():
             if len(figures) >= MAX_FIGURES:
                 break
             with suppress(OverflowError):

@@ -106,7 +106,7 @@ def _tagged(value: dict[str, Any], structs: Sequence[Any], hook: Hook, path: Pat
     if tag in models:
         yield from _fields({name: item for name, item in value.items() if name != field}, models[tag], hook, path)
     else:
-        yield Misfit(path, f"`{field}`: expected one of {', '.join(models)}, got {f'`{tag}`' if tag else 'none'}")
+        yield Misfit(path, f"`{field}`: expected one of {', '.join(models)}, got {f'`{tag[:40]}`' if tag else 'none'}")
 
 
 @lru_cache(maxsize=64)

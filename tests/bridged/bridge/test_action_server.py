@@ -75,6 +75,13 @@ def test_figures_that_are_no_numbers_are_left_out_and_do_not_turn_success_into_f
     assert end_of(desk.ask("a0", id="1", attempt=2)[-1]) == ("succeeded", "")
 
 
+def test_a_driver_that_sets_no_figures_does_not_keep_its_action_from_ending(desk: Desk) -> None:
+    asked = desk.ask("a0")
+    desk.robot.runs[0].feedback = None  # type: ignore[assignment]
+    desk.robot.runs[0].end(Outcome("succeeded"))
+    assert end_of(sent(asked[-1])) == ("succeeded", "")
+
+
 def test_a_status_carries_no_more_figures_than_fit(desk: Desk) -> None:
     asked = desk.ask("a0")
     desk.robot.runs[0].feedback.update({f"figure{number}": number for number in range(1000)})

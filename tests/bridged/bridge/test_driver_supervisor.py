@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import pty
 import sys
@@ -347,6 +348,10 @@ async def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_us
     monkeypatch.setattr(sonar, "make_driver", broken)
     daemon, _ = serving(mission, endpoint, tmp_path, "r1")
     with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar`: make_driver raised KeyError: 'pin'"):
+        await daemon
+    monkeypatch.setattr(sonar, "make_driver", Mock(side_effect=OSError(errno.EMFILE, "Too many open files")))
+    daemon, _ = serving(mission, endpoint, tmp_path, "r1")
+    with pytest.raises(OSError, match="Too many open files"):  # a later start may succeed
         await daemon
 
 
