@@ -412,6 +412,7 @@ class AgentHost:
             notes=self.notes(),
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),
             idle=self._idle,
+            robot=self.part.robot or "",
         )
 
     @property

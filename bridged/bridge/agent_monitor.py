@@ -66,7 +66,8 @@ log = logging.getLogger("bridged")
 async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bridge, clock: Clock) -> None:
     """Do what the mission says when the agent that acted last is gone, or none intends anything with a flying robot.
 
-    An agent that is silent for the robot's `agent_silence` counts as lost.
+    An agent that is silent for the robot's `agent_silence` counts as lost, and so does one that reports that it does
+    not command this robot: its daemon has read an edited mission.
     """
     robot, agents = mission.robots[part.name], part.agents
     boards, patience = mission.mailboxes, robot.agent_silence
@@ -82,6 +83,7 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
             presence.token(name, boot, alive, clock.wall())
             if not alive:
                 idleness.gone(name)
+                elsewhere.pop(name, None)
             if daemon == "agentd":  # a client of another kind puts no health
                 silence.token(name, boot, alive, clock.wall())
             changed.set()
@@ -91,7 +93,11 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
             for name, its in agents_of(parsed[1], health, agents, boards.get):
                 silence.word(name, health.header.boot, clock.wall())
                 idleness.told(name, its.idle)
-                if name in lost:
+                if its.robot in (None, part.name):
+                    elsewhere.pop(name, None)
+                else:
+                    elsewhere[name] = f"by the mission that its agentd has read it commands {its.robot or 'no robot'}"
+                if (name in lost) != (name in elsewhere):
                     changed.set()
 
     def board(key: str, alive: bool) -> None:
@@ -111,8 +117,9 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "*", "*"), token)  # of an agentd, or of a client that is its own daemon
     lost: set[str] = set()
+    elsewhere: dict[str, str] = {}
     while True:
-        now_lost = presence.lost(clock.wall())
+        now_lost = elsewhere | presence.lost(clock.wall())
         for agent in silence.silent(clock.wall()):
             now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: it hangs")
         bridge.lease.present = presence.there() - set(now_lost)

@@ -220,7 +220,7 @@ async def report_health(
             bus.counters["unsendable"] += 1
             log.error("health of %s cannot be sent: %s", name, bad)
             plain = {field: getattr(record, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
-            bare = {agent: AgentHealth(idle=its.idle) for agent, its in record.agents.items()}
+            bare = {agent: AgentHealth(idle=its.idle, robot=its.robot) for agent, its in record.agents.items()}
             note = Note("health_unsendable", one_line(f"its health cannot be sent: {bad}"))
             record = Health(**plain, notes=(note,), agents=bare)
         bus.put(keys.health(bus.fleet, name, bus.daemon), record, urgent=True)

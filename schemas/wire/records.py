@@ -391,6 +391,8 @@ class AgentHealth(Record, frozen=True, kw_only=True):
     """Seconds since then."""
     idle: bool | None = None
     """It has no intention, no input and nothing is due; none = not known."""
+    robot: str | None = None
+    """The robot that it commands by the mission that its daemon has read; empty: no robot; none = not known."""
 
 
 class Health(Record, frozen=True, kw_only=True):

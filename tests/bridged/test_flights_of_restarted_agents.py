@@ -55,3 +55,19 @@ def test_the_robot_of_an_agent_that_an_edited_mission_has_no_more_is_brought_to_
         with running(*field.bridge) as again:
             again.says("agent uav is lost (it has not come back since the bridge restarted)")
             again.until(lambda text: "rtl (agent uav is lost: rtl): succeeded" in text, "the copter returns")
+
+
+def test_the_robot_of_a_restarted_agent_that_by_an_edited_mission_has_no_robot_is_brought_to_safety(
+    tmp_path: Path,
+) -> None:
+    field = Field(tmp_path, FLIER, "!nothing. +!nothing.", failsafe=0)
+    mission = Path(field.mission)
+    with field.router, field.copter, running(*field.bridge) as bridge:
+        with running(*field.agents("uav")) as agent:
+            printed(agent, "uav", "going")
+            agent.kill()
+        mission.write_text(mission.read_text().replace("uav.asl, robot: uav1", "uav.asl"))
+        with running(*field.agents("uav")) as again:
+            printed(again, "uav", "back 1")
+            bridge.says("agent uav is lost (by the mission that its agentd has read it commands no robot)")
+            bridge.until(lambda text: "rtl (agent uav is lost: rtl): succeeded" in text, "the copter returns")
