@@ -51,6 +51,8 @@ class EndConditions:
         self._idle_since: float | None = None
         """Wall time since when no agent has anything left to do."""
         self._idle_reported = False
+        self._withheld = ""
+        """What would end the run if no operator's order stood, once it was reported."""
         self._death: Ending | None = None
         """The first death of a needed process; a restart to bring vehicles home does not undo it."""
         self._now = now
@@ -68,8 +70,13 @@ class EndConditions:
             return Ending(EXIT_FAILED, f"failed at the start: {why}")
         if order := self._stopped():
             return Ending(EXIT_FAILED, f"stopped by the operator: {order}")
-        if not self._ordered() and (why := self._failed()):  # an agent that gives up does not end an operator's order
+        why = self._failed()
+        if why and not self._ordered():
             return Ending(EXIT_FAILED, f"failed: {why}", graced=True)
+        if why != self._withheld:  # an agent that gives up does not end an operator's order
+            self._withheld = why
+            if why:
+                self._status.journal.add("argosy", f"{why}; the run goes on under an operator's order", "warning")
         if self._done() and not (self._status.paused() and self._status.flying()):
             return Ending(EXIT_DONE, "done")
         if why := self._lost():

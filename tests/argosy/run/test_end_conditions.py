@@ -89,6 +89,8 @@ def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
     recording = ordered("land")
     recording.fail('mission_failed("operator: land")[source(self)]')
     assert look(recording) is None
+    why = 'uav believes mission_failed("operator: land"); the run goes on under an operator\'s order'
+    assert recording.lines.count(f"argosy: {why}") == 1
     recording.percept("state", "LAND", True, False)
     assert look(recording) == Ending(1, "stopped by the operator: land")
 
