@@ -66,7 +66,7 @@ class ActionServer:
         self.on_refused: Callable[[], None] = lambda: None
         """Called when the last such action was refused after that, by the driver or the robot."""
         self._in_control = ""
-        """Id of the last such action."""
+        """Id of the last such action; empty after a pause has interrupted it: a later refusal is no failed begin."""
         self.by_hand = False
         """Whether the last such action was requested by hand: somebody flies the robot in the name of an agent."""
         self._manifest, self._driver, self._percepts, self._action_log = manifest, driver, percepts, action_log
@@ -178,8 +178,10 @@ class ActionServer:
             for action in self._running.values():
                 if not action.held and (action.entry.motion or action.entry.confirm in ("armed", "mode")):
                     interrupted.append(ran := action.execution)
-                    action.execution = Execution(ran.name, feedback=dict(ran.feedback), waits_for=WAITS)
+                    action.execution = Execution(ran.name, feedback=dict(ran.feedback or {}), waits_for=WAITS)
                     action.held = True
+                    if action.request.id == self._in_control:
+                        self._in_control = ""
         self._holding = self._driver.pause(interrupted)
         self._tell_all()
         return self._holding

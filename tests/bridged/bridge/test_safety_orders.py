@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.agent_monitor import Idleness
 from bridged.bridge.safety_orders import UNATTENDED, Step
-from bridged.drivers.api import Execution, Order
+from bridged.drivers.api import Execution, Order, Outcome
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from schemas.wire.log_lines import RobotLeft
 from tests.bridged.sky import Sky, is_command
@@ -137,6 +137,24 @@ async def test_an_action_that_is_refused_does_not_end_the_way_home(sky: Sky) -> 
         await passing(sky, 1)
     await passing(sky, 3)
     assert mode_of(sky) == "RTL"
+
+
+@async_test
+async def test_an_action_that_is_refused_after_a_pause_does_not_begin_the_way_home_again(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    orders = sky.bridge.orders
+    orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    orders.agent_back("uav")
+    down = sky.begin("land")
+    await passing(sky, 3)
+    monkeypatch.setattr(sky.bridge.driver, "refuses", lambda _: Outcome("refused", "its driver restarts"))
+    for order in (orders.pause, orders.resume):
+        done = asyncio.ensure_future(order())
+        await passing(sky, 5)
+        assert (await done).state == "succeeded"
+    assert (down[-1].state, orders._lost, sky.bridge.lease.closed) == ("refused", None, "")
 
 
 @async_test
