@@ -151,7 +151,8 @@ def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ..
         return f"expected {' or '.join([*(f'`{choice}`' for choice in choices), *listed])}, got `{value}`"
     scalar, shown = isinstance(value, str | int | float), str(value)[:40]
     if scalar and message.startswith("Expected `"):  # the value says more than its kind
-        message, shown = message.partition(", got")[0], f'"{shown}"' if isinstance(value, str) else shown
+        shown = f'"{shown}"' if isinstance(value, str) else shown.lower() if isinstance(value, bool) else shown
+        message = message.partition(", got")[0]
     plain = _KINDS.sub(_kinds, message)
     if scalar and ", got" not in plain:
         plain += f", got `{shown}`"

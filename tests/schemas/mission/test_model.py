@@ -104,6 +104,7 @@ FLEET = FLEET.replace("  uav1:\n", "  uav1:\n    board: a\n")
         ("gateway: {board: a, listen: 'h:1', nodes: {old: h}}", "gateway.nodes.old: Expected HOST:PORT"),
         ("gateway: {board: a, listen: 'h:1', nodes: {df: 'h:2'}}", "`df` is the sender of notices"),
         ("radio: {range: far}", "radio.range: expected a distance such as `300m` or `1.5km`, got `far`"),
+        ("clients: {planner: {board: true}}", "clients.planner.board: expected a text, got `true`"),
         ("radio: {loss: 1}", "radio.loss"),
         ("mail: {mailbox: 0}", "mail.mailbox"),
     ],
