@@ -19,9 +19,10 @@ from commd.process.garbage import look_seldom
 from commd.process.output import ERROR, stderr
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
 from commd.process.restart_counter import note_start
-from commd.process.state_dir import DISK_FAILS, probe
+from commd.process.state_dir import probe
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Finding, Findings
+from schemas.files.text_files import DISK_FAILS
 from schemas.mission.model import Mission, load_mission
 
 SPACE = 256 * 1024

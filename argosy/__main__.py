@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from argosy.cli.arguments import expect_command, run_command
 from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.extras import EXTRAS, install_command
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 from schemas.humanize import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("ARGOSY_DEBUG"):
             raise
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        if isinstance(error, OSError) and error.errno in MAY_PASS:
             print(f"error: argosy: {error.strerror}: {error.filename or 'its output is lost'}", file=sys.stderr)
             return EXIT_FAILED
         what = escape_line(f"{type(error).__name__}: {error}")

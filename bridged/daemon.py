@@ -17,9 +17,10 @@ from commd.common.clock import Clock
 from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import note_start
-from commd.process.state_dir import MAY_PASS, state_directory
+from commd.process.state_dir import state_directory
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 from schemas.liveness import HEALTH_EVERY
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys

@@ -22,7 +22,8 @@ from msgspec.structs import replace
 
 from bridged.drivers.api import Order
 from commd.process.restart_counter import machine_boot
-from commd.process.state_dir import DISK_FAILS, make_private_file, make_private_folder
+from commd.process.state_dir import make_private_file, make_private_folder
+from schemas.files.text_files import DISK_FAILS
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Header, Note, State
 
 KEEP = 3600.0

@@ -9,6 +9,7 @@ import logging
 import math
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
+from dataclasses import replace as replaced
 from functools import partial
 from typing import Any
 
@@ -344,6 +345,9 @@ class VehicleRequests:
             late = Outcome("timed_out", f"not done within {REQUEST_AT_MOST:g} s{waited}", "deadline")
             if not execution.over:
                 driver.stop(execution, late, hold=False)
-            return execution.outcome or late
+            outcome = execution.outcome or late
+            if outcome.order:
+                outcome = replaced(outcome, reason=f"it ended, as the robot was ordered ({outcome.reason}); ask again")
+            return outcome
         finally:
             self._busy = False

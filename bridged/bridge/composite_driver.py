@@ -19,10 +19,10 @@ from weakref import WeakKeyDictionary
 from bridged.drivers.api import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.drivers.argument_check import read_call
 from bridged.drivers.registry import OURS, DriverError, find_driver
-from commd.process.state_dir import MAY_PASS
 from commd.process.systemd import Loop
 from commd.process.user_code import MISTAKES, describe_error
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 

@@ -10,8 +10,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from commd.mail.page_checksums import ENDING
-from commd.process.state_dir import MAY_PASS, make_private_file, make_private_folder
+from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 
 CACHE_KIB = 256
 """KiB of pages that each of the two connections caches."""

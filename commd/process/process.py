@@ -26,9 +26,9 @@ from commd.common.wakeup_coalescing import CoalescingLoop, loop_lag
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import note_ends
-from commd.process.state_dir import MAY_PASS
 from commd.process.user_code import where
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 from schemas.files.units import check_endpoint
 from schemas.liveness import HEALTH_EVERY
 from schemas.version import RELEASE

@@ -6,12 +6,6 @@ import errno
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
-
-DISK_FAILS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS})
-"""Errors of a disk that is full or broken: what may be done without it goes on."""
-MAY_PASS: Final = DISK_FAILS | {errno.EMFILE, errno.ENFILE, errno.ENOMEM}
-"""These, and errors of a machine without a free file or memory: no input is bad, and a later start may succeed."""
 
 
 def state_directory(given: Path | None) -> Path:

@@ -6,10 +6,14 @@ import errno
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 from schemas.files.findings import Finding, Findings
 
+DISK_FAILS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS})
+"""Errors of a disk that is full or broken: what may be done without it goes on."""
+MAY_PASS: Final = DISK_FAILS | {errno.EMFILE, errno.ENFILE, errno.ENOMEM}
+"""These, and errors of a machine without a free file or memory: no input is bad, and a later start may succeed."""
 MAX_FILE = 150_000
 """Bytes; a mission or manifest is a few thousand."""
 MAX_LINE = 10_000
@@ -36,17 +40,26 @@ def open_regular(path: str | Path) -> BinaryIO:
 def read_bounded(path: str | Path, most: int = MAX_PROGRAM) -> bytes:
     """Return what is in a regular file. Raises OSError, also for one of more than `most` bytes."""
     with open_regular(path) as file:
-        content = file.read(most + 1)
+        try:
+            content = file.read(most + 1)
+        except OSError as error:
+            error.filename = str(path)
+            raise
     if len(content) > most:
         raise OSError(errno.EFBIG, f"larger than {most} bytes: not a file of this kind", str(path))
     return content
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file. Raises Findings if it cannot be read, is too large, or is no text."""
+    """Return the text of a file.
+
+    Raises Findings if it cannot be read, is too large, or is no text, OSError of `MAY_PASS`.
+    """
     try:
         content = read_bounded(path, MAX_FILE)
     except OSError as error:
+        if error.errno in MAY_PASS:
+            raise
         what = f"{error.strerror}" if error.errno == errno.EFBIG else f"cannot be read: {error.strerror}"
         raise Findings.about(path, what) from None
     try:

@@ -15,6 +15,7 @@ from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT, THIS_NS
 from agentd.language.syntax_tree.traversal import parts, with_parts
+from schemas.files.text_files import MAY_PASS
 
 Load = Callable[[str], nodes.Program]
 """Reads and parses an included file, given its path as `Find` has found it."""
@@ -182,6 +183,8 @@ class _Expansion:
         try:
             included = self._load(self._find(path, directive.position.file))
         except OSError as error:
+            if error.errno in MAY_PASS:
+                raise
             message = f'cannot include "{path}": {error.strerror or error}'
             raise DirectiveError(directive.position, message) from error
         self.file(included, namespace)

@@ -6,11 +6,13 @@ import asyncio
 from collections.abc import Awaitable
 from pathlib import Path
 from typing import Literal
+from unittest.mock import Mock
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.agent_monitor import Idleness
+from bridged.bridge.bus_endpoints import VehicleRequests
 from bridged.bridge.safety_orders import UNATTENDED, Step
 from bridged.drivers.api import Execution, Order, Outcome
 from bridged.drivers.mavlink.driver import MavlinkDriver
@@ -747,3 +749,17 @@ async def test_after_a_release_the_copter_takes_targets_when_its_agent_has_set_t
     await passing(sky, 5)
     assert mode[-1].state == "succeeded"
     assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
+
+
+@async_test
+async def test_an_operators_reading_of_parameters_that_an_order_ends_says_what_has_ended_it(sky: Sky) -> None:
+    bus, query = Mock(), Mock(error="", record=None, concrete=True)
+    VehicleRequests(bus, "uav1", sky.driver, inject=True).open()
+    asked = asyncio.create_task(bus.serve.call_args_list[0].args[2](query))
+    await asyncio.sleep(0)
+    sky.bridge.action_server.order(
+        "rtl", Outcome("failed", "agent uav is lost: rtl", "agent_lost", "rtl"), block=False, insist=False
+    )
+    await asked
+    (answer,) = query.reply.call_args.args
+    assert answer.problem == "it ended, as the robot was ordered (agent uav is lost: rtl); ask again"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -156,6 +159,18 @@ def test_a_missing_or_unreadable_file_is_a_finding(tmp_path: Path) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(Findings, match="expected UTF-8 text"):
         load_mission(tmp_path / "binary.yaml")
+
+
+def test_a_disk_or_machine_that_fails_while_a_file_is_read_makes_no_bad_input_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "m.yaml").write_text("mission: m")
+    for number, failing in ((errno.EIO, "os.fdopen"), (errno.ENFILE, "os.open")):
+        error = OSError(number, os.strerror(number), "m.yaml")
+        monkeypatch.setattr(failing, Mock(side_effect=error))
+        with pytest.raises(OSError, match=os.strerror(number)):
+            load_mission(tmp_path / "m.yaml")
+        monkeypatch.undo()
 
 
 def test_a_file_that_nobody_wrote_is_refused_at_once(tmp_path: Path) -> None:
