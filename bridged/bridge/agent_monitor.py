@@ -83,9 +83,10 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
             presence.token(name, boot, alive, clock.wall())
             if not alive:
                 idleness.gone(name)
-                elsewhere.pop(name, None)
-            if daemon == "agentd":  # a client of another kind puts no health
+            if daemon == "agentd":  # its health says which robot it commands
                 silence.token(name, boot, alive, clock.wall())
+            elif alive:  # a client of another kind puts no health
+                elsewhere.pop(name, None)
             changed.set()
 
     def word(key: str, health: Health) -> None:

@@ -1,8 +1,17 @@
-"""When the agents of a robot count as idle."""
+"""When the agents of a robot count as idle, and when as lost."""
 
 from __future__ import annotations
 
-from bridged.bridge.agent_monitor import Idleness
+import asyncio
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import Mock
+
+from bridged.bridge.agent_monitor import Idleness, watch_agents
+from commd.common.clock import Clock
+from schemas.wire import keys
+from schemas.wire.records import AgentHealth, Health
+from tests.support.buses import async_test
 
 
 def idle_for(idleness: Idleness, there: set[str], *, seconds: float, speed: float = 1.0) -> float:
@@ -60,3 +69,34 @@ def test_what_a_former_life_said_does_not_count() -> None:
 def test_at_high_speed_an_agent_has_the_wall_time_to_say_that_it_is_not_idle() -> None:
     assert idle_for(told(uav=True), {"uav"}, seconds=140, speed=50) == 0
     assert idle_for(told(uav=True), {"uav"}, seconds=160, speed=50) == 160
+
+
+@async_test
+async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daemon_ends() -> None:
+    handlers: dict[str, Any] = {}
+    bus = SimpleNamespace(
+        fleet="f",
+        on_router=Mock(),
+        watch=handlers.__setitem__,
+        subscribe=lambda key, _, word: handlers.update({key: word}),
+    )
+    robot = SimpleNamespace(agent_silence=5.0, idle_after=10.0)
+    mission = SimpleNamespace(robots={"uav1": robot}, mailboxes={"uav": "pi1"})
+    part = SimpleNamespace(name="uav1", agents=("uav",), steps=(), idle_steps=())
+    lease, orders = SimpleNamespace(answers="uav", present=None), Mock(unattended=False)
+    bridge = SimpleNamespace(lease=lease, orders=orders, driver=Mock(active=True))
+    watching = asyncio.create_task(watch_agents(*cast(Any, (bus, mission, part, bridge)), Clock(1.0)))
+
+    async def hear(key: str, handler: str, told: object) -> None:
+        await asyncio.sleep(0)
+        handlers[handler](key, told)
+        for _ in range(10):
+            await asyncio.sleep(0)
+
+    token, health = keys.alive("f", "uav", "agentd", "b1"), keys.health("f", "pi1", "agentd")
+    await hear(token, keys.alive("f", "uav", "*", "*"), True)
+    await hear(health, health, Health(agents={"uav": AgentHealth(robot="uav2")}))
+    orders.agent_lost.assert_called_once()
+    await hear(token, keys.alive("f", "uav", "*", "*"), False)
+    orders.agent_back.assert_not_called()
+    watching.cancel()
