@@ -136,7 +136,10 @@ class Service:
         if not query.concrete or query.record is None:
             self._describe(agent, query)
             return None
-        name = query.key.rpartition("/")[2]
+        name, robot = query.key.rpartition("/")[2], query.record.robot
+        if robot not in (None, self._robot):  # by an edited mission: the other one's bridge answers
+            log.warning("robot=%s action %s of %s ignored: it is for the robot %s", self._robot, name, agent, robot)
+            return None
         following = _Following(query, self.put_percepts)
         self._bridge.action_server.ask(agent, name, query.record, following.hear, inject=self._inject)
         return following.ended.result() if following.ended.done() else following.wait()

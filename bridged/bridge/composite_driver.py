@@ -203,13 +203,21 @@ class CompositeDriver:
             driver.speak_for_agent(present)
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest, of the same drivers. Raises ValueError if it has no order to end a motion by."""
+        """Go on by another manifest, of the same drivers.
+
+        Raises ValueError if it has no order to end a motion by, or a driver cannot; the old one is in effect then.
+        """
         if self.active and (gone := sorted(self._manifest.orders.keys() - manifest.orders.keys() - self.own.orders)):
             raise ValueError(f"orders.{gone[0]}: the robot may be moving, and this order ends it; stop it first")
+        for name, driver in self._drivers.items():
+            try:
+                driver.adopt(manifest.part(name))
+            except DRIVER_RAISES as error:
+                if isinstance(error, Findings | ValueError | OSError):
+                    raise
+                raise DriverError(name, f"adopt raised {describe_error(error)}") from error
         self._manifest = manifest
         self.orders = self._known_orders()
-        for name, driver in self._drivers.items():
-            driver.adopt(manifest.part(name))
 
     async def run(self) -> None:
         """Run all drivers until cancelled; one that fails is a warning, and is run again if its link was not there.

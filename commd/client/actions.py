@@ -164,7 +164,8 @@ class ActionRequests:
             self._fail(one, _HANGS)
             return
         key = keys.action(self._bus.fleet, self._agent, one.action.name)
-        request = replace(one.action, header=self._bus.header("action", self._agent), attempt=one.attempt)
+        header, robot = self._bus.header("action", self._agent), self._bridge.robot
+        request = replace(one.action, header=header, attempt=one.attempt, robot=robot)
         one.taken, one.begun = False, one.begun or self._bridge.up or one.attempt > 1
         try:
             one.close = self._bus.ask(key, request, ActionStatus, QUERY_TIMEOUT, partial(self._heard, one))

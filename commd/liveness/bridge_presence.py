@@ -45,7 +45,7 @@ class BridgePresence:
         """Called when it begins to hang."""
         self.came: list[Callable[[], None]] = []
         """Called when it is there, before `on_up`."""
-        self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
+        self._bus, self.robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._presence = Presence((robot,), lambda _: board, BRIDGE_GRACE)
         self._silence = Silence(SILENT_AFTER)
         self.router_since = asyncio.get_running_loop().time()
@@ -67,7 +67,7 @@ class BridgePresence:
                 self.hangs, self.up, self.gone = True, False, True
                 log.warning(
                     "bridge_lost robot=%s: no health record for %g s, but a token",
-                    self._robot,
+                    self.robot,
                     SILENT_AFTER,
                 )
                 self._on_gone()
@@ -75,20 +75,20 @@ class BridgePresence:
                     handler()
 
     def _word(self, _: str, health: Health) -> None:
-        self._silence.word(self._robot, health.header.boot, asyncio.get_running_loop().time())
+        self._silence.word(self.robot, health.header.boot, asyncio.get_running_loop().time())
         if self.hangs and self._there:
             self._came()
 
     @property
     def _there(self) -> bool:
         """Whether it has a liveliness token."""
-        return self._robot in self._presence.there()
+        return self.robot in self._presence.there()
 
     def _came(self) -> None:
         self.hangs = self.gone = False
         if not self.up:
             self.up = True
-            log.info("bridge_up robot=%s", self._robot)
+            log.info("bridge_up robot=%s", self.robot)
         for handler in self.came:
             handler()
         self._on_up()
@@ -105,11 +105,11 @@ class BridgePresence:
 
     def _token(self, key: str, alive: bool) -> None:
         now, boot = asyncio.get_running_loop().time(), key.rsplit("/", 1)[-1]
-        self._silence.token(self._robot, boot, alive, now)
-        self._presence.token(self._robot, boot, alive, now)
+        self._silence.token(self.robot, boot, alive, now)
+        self._presence.token(self.robot, boot, alive, now)
         if alive:
             self._came()
-        elif self._judging is None and not self._there and self._presence.seems_there(self._robot):
+        elif self._judging is None and not self._there and self._presence.seems_there(self.robot):
             self._judging = asyncio.get_running_loop().create_task(self._judge())
 
     async def _judge(self) -> None:
@@ -117,9 +117,9 @@ class BridgePresence:
         loop = asyncio.get_running_loop()
         try:
             while not self._there:
-                if why := self._presence.lost(loop.time()).get(self._robot):
+                if why := self._presence.lost(loop.time()).get(self.robot):
                     self.up, self.gone, self.hangs = False, True, False
-                    log.warning("bridge_lost robot=%s: %s", self._robot, why)
+                    log.warning("bridge_lost robot=%s: %s", self.robot, why)
                     self._on_gone()
                     return
                 await asyncio.sleep(min(0.1, max(0.01, self._presence.due - loop.time())))

@@ -99,6 +99,8 @@ class Action(Record, frozen=True, kw_only=True):
     """Mission seconds from arrival to the end, at most the manifest's; none = the manifest's."""
     attempt: int = 1
     """Number of requests with this id; above 1 the action is not started, only answered."""
+    robot: str | None = None
+    """The robot that its agent commands; the bridge of another one ignores it. None = not known."""
 
 
 class ActionStatus(Record, frozen=True, kw_only=True):

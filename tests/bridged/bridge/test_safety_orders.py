@@ -12,11 +12,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.agent_monitor import Idleness
-from bridged.bridge.bus_endpoints import VehicleRequests
+from bridged.bridge.bus_endpoints import Service, VehicleRequests
 from bridged.bridge.safety_orders import UNATTENDED, Step
 from bridged.drivers.api import Execution, Order, Outcome
 from bridged.drivers.mavlink.driver import MavlinkDriver
+from schemas.wire import keys
 from schemas.wire.log_lines import RobotLeft
+from schemas.wire.records import Action, ManifestChange
 from tests.bridged.sky import Sky, is_command
 from tests.support.buses import async_test
 from tests.support.notes import identities
@@ -763,3 +765,27 @@ async def test_an_operators_reading_of_parameters_that_an_order_ends_says_what_h
     await asked
     (answer,) = query.reply.call_args.args
     assert answer.problem == "it ended, as the robot was ordered (agent uav is lost: rtl); ask again"
+
+
+@async_test
+async def test_an_action_for_another_robot_of_its_agent_is_left_to_that_ones_bridge(sky: Sky) -> None:
+    bus = Mock(fleet="test")
+    service = Service(bus, "uav1", ["uav"])
+    service.open(sky.bridge)
+    served = {call.args[0]: call.args[2] for call in bus.serve.call_args_list}
+    key = keys.action("test", "uav", "set_mode")
+    for robot, state in (("uav2", None), ("uav1", "refused")):
+        query = Mock(key=key, concrete=True, record=Action(id=f"uav:1:{robot}", agent="uav", robot=robot))
+        served[keys.action("test", "uav", "*")](query)
+        assert [call.args[0].state for call in query.reply.call_args_list] == [state] * (state is not None)
+
+
+def test_a_manifest_that_a_driver_fails_to_take_is_not_in_effect_anywhere(
+    sky: Sky, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver, live = sky.bridge.driver, sky.bridge.live
+    orders = driver.orders
+    monkeypatch.setattr(sky.driver, "adopt", Mock(side_effect=[KeyError("rate"), None]))
+    (problem,) = live.change(ManifestChange(set={"percepts.altitude.rate": 3}))
+    assert problem.startswith("driver `mavlink`: adopt raised KeyError")
+    assert (live.version, driver.orders) == (1, orders)
