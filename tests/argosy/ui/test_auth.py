@@ -35,7 +35,7 @@ async def test_without_the_cookie_nothing_is_shown(path: str) -> None:
     async with served() as browser:
         status, text, _ = await browser.get(path.replace("TOKEN", browser.auth.token))
         assert status == 401
-        assert "open the address that it has printed" in text
+        assert "open the address that `argosy ui` printed" in text
 
 
 @async_test
