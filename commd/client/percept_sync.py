@@ -104,12 +104,15 @@ class PerceptSync:
 
     async def _repair(self) -> bool:
         snapshot: list[Perception] = []
+
+        def take(_: str, perception: Perception) -> None:
+            if perception.header.source == self._robot:  # the bridge of a robot before an edited mission answers, too
+                snapshot.append(perception)
+
         asked_at = self.percepts.seq
         everything = keys.percept(self._bus.fleet, self._agent, "**")
         try:
-            errors = await self._bus.ask_all(
-                everything, Perception, ASK_TIMEOUT, lambda _, perception: snapshot.append(perception)
-            )
+            errors = await self._bus.ask_all(everything, Perception, ASK_TIMEOUT, take)
         except BusClosed:
             return False
         if everything in errors:

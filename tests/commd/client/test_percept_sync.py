@@ -107,6 +107,15 @@ async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: 
 
 
 @bus_test
+async def test_the_bridge_of_another_robot_that_still_serves_the_agent_is_not_believed(connect: Connect) -> None:
+    for robot, altitude in (("uav2", 99), ("uav1", 1)):
+        FakeBridge(await connect(robot, "bridged")).tell("altitude", altitude, lose=True)
+    perceiving, heard = perceive(await connect("uav"))
+    await until(lambda: bool(heard), "the percepts are fetched")
+    assert (heard, perceiving.counters["repairs"]) == ([("came", "altitude", (1,))], 1)
+
+
+@bus_test
 async def test_changes_that_travel_together_are_taken_in_order_and_lost_together(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     _, heard = perceive(await connect("uav"))
