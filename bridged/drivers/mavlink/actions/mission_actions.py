@@ -64,17 +64,25 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
 
     An acknowledgement that is lost proves nothing: then the items are read back and compared.
     """
-    count, plan = len(items), flight.plan
+    count, plan, before, last = len(items), flight.plan, flight.plan.broken, 0
     plan.items = None
 
-    def begun(sent: int) -> None:  # ArduPilot stores items as they arrive
+    def begun(sent: int) -> None:  # ArduPilot cuts its mission to the length announced, and stores items as they arrive
+        nonlocal last
+        last = sent
         plan.broken = (
-            f"the upload was broken off at item {sent - 1} of {count - 1}: "
+            f"the upload was broken off {f'at item {sent - 1} of {count - 1}' if sent else 'after it was announced'}: "
             "what mission the vehicle holds now is not known; upload again or clear it"
         )
         run.leaves = plan.broken
 
-    if not (yield from send_items(flight, run, items, MISSION, begun)):
+    try:
+        acknowledged = yield from send_items(flight, run, items, MISSION, begun)
+    except Ended as ended:
+        if ended.outcome.state == "refused" and not last:  # it has kept what it had
+            plan.broken = before
+        raise
+    if not acknowledged:
         try:
             held = yield from download(flight, run)
         except Ended:  # what it holds is not known
@@ -97,8 +105,8 @@ def send_items(
 ) -> Generator[None, None, bool]:
     """Send a list of items (MAV_MISSION_TYPE) as the vehicle requests them. Returns whether it acknowledged them all.
 
-    `begun` is called with how many have been sent, and sets `run.leaves`. Raises Ended if the vehicle refuses them, or
-    falls silent before it has requested the last.
+    `begun` is called when they are announced (0), and with how many have been sent; it sets `run.leaves`. Raises Ended
+    if the vehicle refuses them, or falls silent before it has requested the last.
     """
     what, first = LISTS[kind], int(kind == MISSION)  # home is no item to people
     count, sent, tries = len(items), 0, 0
@@ -106,7 +114,9 @@ def send_items(
     while True:
         if not sent and flight.now >= again_at:
             if tries >= TRIES:
-                raise Ended("failed", f"the vehicle did not request the {what}, announced {TRIES} times")
+                left, run.leaves = run.leaves, ""
+                raise Ended("failed", f"the vehicle did not request the {what}, announced {TRIES} times; {left}")
+            begun(0)
             tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
             flight.send(dialect.MAVLink_mission_count_message(*flight.addressee, count, kind))
         run.feedback = {"item": float(max(0, sent - first)), "items": float(count - first)}

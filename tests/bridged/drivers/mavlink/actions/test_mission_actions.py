@@ -84,11 +84,20 @@ def test_an_upload_whose_acknowledgement_is_lost_is_read_back_and_compared(sky: 
     assert (final.state, final.reason) == ("succeeded", "")
 
 
-def test_an_upload_that_the_vehicle_does_not_ask_for_fails_and_leaves_what_was(sky: Sky) -> None:
-    sky.wait(3)
-    sky.hears_us = lambda message: not message.get_type().startswith("MISSION_")
+def test_no_mission_is_started_after_an_upload_that_was_announced_and_whose_requests_are_lost(sky: Sky) -> None:
+    armed(sky)
+    sky.we_hear = lambda message: not message.get_type().startswith("MISSION_REQUEST")
     final = sky.do("upload_mission", TOUR)
-    assert (final.state, final.reason) == ("failed", "the vehicle did not request the mission, announced 6 times")
+    left = (
+        "the upload was broken off after it was announced: what mission the vehicle holds now is not known; "
+        "upload again or clear it"
+    )
+    said = f"the vehicle did not request the mission, announced 6 times; {left}"
+    assert (final.state, final.reason) == ("failed", said)
+    sky.we_hear = lambda message: True
+    sky.do("arm_motors", True)
+    refused = sky.do("start_mission")
+    assert (refused.state, refused.reason) == ("refused", left)
 
 
 def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_started_on_it(sky: Sky) -> None:
@@ -136,6 +145,7 @@ def test_a_refused_mission_tells_why_in_words(sky: Sky) -> None:
     final = sky.do("upload_mission", TOUR)
     assert final.state == "refused"
     assert final.reason == "the vehicle refused the mission: the vehicle has no space for all items"
+    assert ("mission_broken", "") not in identities(sky.driver.notes())
 
 
 def test_answers_to_another_ground_station_are_not_taken_for_ours(sky: Sky) -> None:
