@@ -109,7 +109,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("page", "benchmarks.measurements.webpage", 1.5),
     Part("viewers", "benchmarks.measurements.viewers", 1.2),
     Part("trial", "benchmarks.measurements.trial", 15),
-    Part("earlier", "benchmarks.earlier", 35),
+    Part("earlier", "benchmarks.earlier", 25),
 )
 """In the order in which they run."""
 
