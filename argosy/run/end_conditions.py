@@ -51,8 +51,8 @@ class EndConditions:
         self._idle_since: float | None = None
         """Wall time since when no agent has anything left to do."""
         self._idle_reported = False
-        self._withheld = ""
-        """What would end the run if no operator's order stood, once it was reported."""
+        self._withheld = False
+        """Whether an agent has given up and only an operator's order keeps the run, which was reported."""
         self._death: Ending | None = None
         """The first death of a needed process; a restart to bring vehicles home does not undo it."""
         self._now = now
@@ -73,10 +73,9 @@ class EndConditions:
         why = self._failed()
         if why and not self._ordered():
             return Ending(EXIT_FAILED, f"failed: {why}", graced=True)
-        if why != self._withheld:  # an agent that gives up does not end an operator's order
-            self._withheld = why
-            if why:
-                self._status.journal.add("argosy", f"{why}; the run goes on under an operator's order", "warning")
+        if why and not self._withheld:  # an agent that gives up does not end an operator's order
+            self._status.journal.add("argosy", f"{why}; the run goes on under an operator's order", "warning")
+        self._withheld = bool(why)
         if self._done() and not (self._status.paused() and self._status.flying()):
             return Ending(EXIT_DONE, "done")
         if why := self._lost():

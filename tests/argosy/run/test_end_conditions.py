@@ -91,6 +91,11 @@ def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
     assert look(recording) is None
     why = 'uav believes mission_failed("operator: land"); the run goes on under an operator\'s order'
     assert recording.lines.count(f"argosy: {why}") == 1
+    looked = Looked(recording)
+    for battery in range(3):  # a belief that changes is reported once
+        recording.fail(f"mission_failed({battery})[source(self)]")
+        assert looked.look() is None
+    assert sum("the run goes on under" in line for line in recording.lines) == 2
     recording.percept("state", "LAND", True, False)
     assert look(recording) == Ending(1, "stopped by the operator: land")
 
