@@ -199,13 +199,16 @@ class QuerySession:
         return Declaration(queryable, self._declare("queryable", key)).close
 
     async def _serve(self, query: zenoh.Query, ours: Query[Any], rest: Coroutine[Any, Any, None]) -> None:
-        with query:
-            try:
-                await rest
-            except Exception as error:
-                self._failed(ours, error)
-            if ours.on_thread:
-                await self.on_thread(query.drop)
+        try:
+            await rest
+        except Exception as error:
+            self._failed(ours, error)
+        finally:
+            if not ours.on_thread:
+                query.drop()  # type: ignore[no-untyped-call]
+        # after a cancellation a thread may still reply: the query then ends when that thread lets it go
+        if ours.on_thread:
+            await self.on_thread(query.drop)
 
     async def on_thread(self, work: Callable[[], object]) -> None:
         """Run something that may block in Zenoh on one of `REPLY_THREADS`."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import Coroutine, Sequence
 from contextlib import AsyncExitStack, aclosing
 from inspect import CORO_CLOSED, getcoroutinestate
-from typing import Any
+from typing import Any, cast
 from unittest.mock import Mock
 
 import pytest
@@ -516,3 +517,46 @@ async def test_a_session_is_not_told_of_listeners_where_there_are_none(connect: 
     await speaker.round_trip(5.0)
     await other.round_trip(5.0)
     assert said == []
+
+
+class HeldQuery:
+    """A query of Zenoh whose route is full: a reply waits, and nobody else may touch the query meanwhile."""
+
+    key_expr = "argosy/test/uav/mind"
+
+    def __init__(self) -> None:
+        self.replying, self.room, self.dropped = threading.Event(), threading.Event(), 0
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None:
+        self.drop()
+
+    def reply(self, *_: object, **__: object) -> None:
+        self.replying.set()
+        self.room.wait(10.0)
+        self.replying.clear()
+
+    def drop(self) -> None:
+        if self.replying.is_set():
+            raise RuntimeError("Already borrowed")
+        self.dropped += 1
+
+
+@pytest.mark.parametrize("ended", [True, False], ids=["the bus is closed", "the route has room again"])
+@bus_test
+async def test_a_query_that_a_thread_replies_to_is_not_touched_meanwhile(connect: Connect, ended: bool) -> None:
+    bus, held = await connect(), HeldQuery()
+    failures: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.append(context))
+    ours = Query[Any](bus, cast("zenoh.Query", held), None)
+    serving = bus._observer_tasks.spawn(
+        bus._serve(cast("zenoh.Query", held), ours, ours.answer(Perception(name="altitude")))
+    )
+    await asyncio.to_thread(held.replying.wait, 10.0)
+    if ended:
+        serving.cancel()
+        await asyncio.wait([serving])
+    held.room.set()
+    await asyncio.wait([serving])
+    assert (failures, held.dropped) == ([], 0 if ended else 1)
