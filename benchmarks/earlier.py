@@ -45,7 +45,12 @@ LIMIT: Final = 1.05
 REASONS: Final = {
     "loop": "since 6d77f07 an agent that is kept on disk syncs each action before it starts, which a power failure had "
     "made it forget; by that alone its p50 is 1.13 times that of the revision before; tried: the bridge syncs ends in "
-    "a thread"
+    "a thread",
+    "scale": "since ec48f6b8 a busy link is read in 100 passes a second, to save wake-ups: a datagram may wait 10 ms "
+    "for the next one; how much of it that makes is not known",
+    "bridge": "reason not known; tried: daemons that wake at different moments (no difference)",
+    "mail": "reason not known, nothing was tried",
+    "startup": "reason not known, nothing was tried; one pair of runs",
 }
 """What is known of why a probe costs more."""
 _TODAYS: Final = ("benchmarks", "tests/support")
