@@ -58,11 +58,12 @@ class Reader:
         (self._state / "exported").write_text("")
         (self._state / "code").write_text("0")
         home = folder / "home"
-        home.mkdir()
+        (runs := home / "run").mkdir(parents=True, mode=0o700)
         self._environment = {
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "HOME": str(home),
             "XDG_STATE_HOME": str(home / "state"),
+            "XDG_RUNTIME_DIR": str(runs),  # a run of another page that starts now is on another network
             "LANG": "C.UTF-8",
             "NO_COLOR": "1",
             "COLUMNS": "120",
