@@ -238,7 +238,7 @@ class ActionRequests:
         if cause == "unreachable" and one.begun:
             self._unwanted.add(one.action.id)
             if self._bridge.up:
-                self._cancel_unwanted()
+                self._tasks.spawn(self.cancel(one.action.id))
         self._end(one, ActionStatus(id=one.action.id, state=state, result=False, cause=cause, reason=why, name=name))
 
     def _end(self, one: _Request, status: ActionStatus) -> None:

@@ -448,3 +448,29 @@ async def test_what_has_failed_for_the_agent_or_was_dropped_while_its_bridge_was
     watch.came[0]()
     await asyncio.sleep(0.1)
     assert len(cancelled) == 2, "once"
+
+
+@bus_test
+async def test_of_several_actions_that_end_without_an_outcome_each_is_cancelled_once(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.0)
+    cancelled: list[str] = []
+
+    async def serve(query: Query[Action]) -> None:
+        answer(query, "accepted", deadline=0.5)
+        await asyncio.sleep(60)
+
+    def end(query: Query[Cancel]) -> None:
+        assert query.record is not None
+        cancelled.append(query.record.id)
+        answer(query, "cancelled", result=False)
+
+    action_requests, _, bridge, _ = await act(connect, serve)
+    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, end)
+    ends: list[ActionStatus] = []
+    for number in range(1, 4):
+        action_requests.begin(request("goto", (), f"uav:b:{number}"), ends.append)
+    await until(lambda: len(ends) == 3 and not action_requests._tasks, "all have failed, and are cancelled")
+    assert {one.state for one in ends} <= {"failed", "timed_out"}
+    assert sorted(cancelled) == ["uav:b:1", "uav:b:2", "uav:b:3"]
