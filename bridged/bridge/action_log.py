@@ -21,7 +21,6 @@ import msgspec
 from msgspec.structs import replace
 
 from bridged.drivers.api import Order
-from commd.process.restart_counter import machine_boot
 from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.files.text_files import DISK_FAILS
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Header, Note, State
@@ -59,7 +58,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     after: int | None = None
     """Seq of the last percept before its end, of the run of the bridge that `boot` names."""
     boot: str = ""
-    """Of a line without an id: the boot of the machine in which `holder` was recorded."""
+    """Boot of the bridge."""
     holder: str = ""
     """Of a line without an id: which agent answers for the robot, since `at`."""
     free: bool = False
@@ -204,19 +203,18 @@ class ActionLog:
 
     def hold(self, agent: str, free: bool) -> None:
         """Record which agent answers for the robot, and whether another may take it."""
-        standing = replace(self._standing, at=self._wall(), boot=machine_boot(), holder=agent, free=free)
+        standing = replace(self._standing, at=self._wall(), holder=agent, free=free)
         self._record(standing, "who has it")
 
     def held(self) -> tuple[str, bool]:
-        """Return what `hold` recorded in this boot of the machine or within the last hour.
+        """Return what `hold` recorded last, else the agent whose action was begun last.
 
-        Else the agent whose action was begun last within that hour. A clock that is set does not end a boot.
+        However old it is: a wall clock may be wrong, and a robot that is left ends the lease when it is heard.
         """
-        same = self._standing.boot == machine_boot() != ""
-        if same or (self._standing.at and self._standing.at >= self._wall() - KEEP):
+        if self._standing.at:
             return self._standing.holder, self._standing.free
-        recent = (one for one in reversed(self._entries.values()) if one.at >= self._wall() - KEEP)
-        return next(((one.agent, False) for one in recent if one.state != "refused"), ("", False))
+        begun = (one.agent for one in reversed(self._entries.values()) if one.state != "refused")
+        return next(begun, ""), False
 
     @property
     def ordered(self) -> Order | None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from bridged.drivers.api import SAFETY, Execution, Order, Outcome, Setup, Value
 from bridged.drivers.mavlink.action_binding import bind_action, leads_down, may_lead_down, procedure_of
 from bridged.drivers.mavlink.actions import operator_requests
-from bridged.drivers.mavlink.actions.context import Files, ProcedureRun
+from bridged.drivers.mavlink.actions.context import Files, Plan, ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
@@ -66,6 +66,7 @@ class MavlinkDriver(VehicleSession):
             failsafe=robot.failsafe,
         )
         self.flight.files = Files(setup.name, setup.folder, setup.logs)
+        self.flight.plan = Plan(setup.state / f"{setup.name}.mission_broken")
         self.streams.others_listen = bool(robot.forward)
         self._address = LinkAddress.parse(robot.link)
         self._on_turn = setup.on_turn

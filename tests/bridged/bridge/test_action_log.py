@@ -353,20 +353,24 @@ def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_clock_that_is_set_takes_the_robot_from_nobody_in_the_same_boot_of_the_machine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("days", [365, -365])
+def test_a_clock_that_is_wrong_after_a_reboot_of_the_machine_takes_the_robot_from_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, days: int
 ) -> None:
     monkeypatch.setenv("ARGOSY_BOOT", "first")
     wall, path = Wall(), tmp_path / "uav1.actions"
     action_log = ActionLog(path, wall)
     action_log.begin(begun("a:1"))
-    action_log.hold("a", free=True)
     action_log.close()
-    wall.time += 24 * KEEP
-    again = ActionLog(path, wall)
-    assert again.held() == ("a", True)
     monkeypatch.setenv("ARGOSY_BOOT", "second")
-    assert again.held() == ("", False)
+    wall.time += days * 24 * KEEP
+    action_log = ActionLog(path, wall)
+    assert action_log.held() == ("a", False)
+    action_log.hold("b", free=True)
+    action_log.close()
+    wall.time += days * 24 * KEEP
+    again = ActionLog(path, wall)
+    assert again.held() == ("b", True)
     again.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
+from commd.process.state_dir import make_private_folder, replace_file
 from schemas.manifest.loader import Retry
 from schemas.mission.model import Failsafe, Limits
 from schemas.wire.records import Cause
@@ -45,8 +47,11 @@ GUIDED_TIMEOUT = 3.0
 MAX_PARAMETERS = 256
 """Parameters whose values are kept up to date; the oldest is forgotten."""
 
+UNKNOWN_MISSION = "what mission the vehicle holds now is not known; upload again or clear it"
+
 Triple = tuple[float, float, float]
 SUCCEEDED = Outcome("succeeded")
+log = logging.getLogger("mavlink")
 
 
 class Ended(Exception):
@@ -156,18 +161,47 @@ class ProcedureRun(Execution):
     """Its commands so far: withdrawn when it ends early."""
 
 
-@dataclass
 class Plan:
     """Known facts of the mission that the vehicle stores."""
 
-    items: tuple[Item, ...] | None = None
-    """As it was sent or read last; none = not known. The first is home."""
-    broken: str = ""
-    """Remains of an interrupted upload, for people."""
-    busy: str = ""
-    """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
-    flown_by: str = ""
-    """The action that is flying the mission now."""
+    def __init__(self, file: Path | None = None) -> None:
+        """`file` exists while `broken` is not empty: a bridge that is killed during an upload must not forget it."""
+        self.items: tuple[Item, ...] | None = None
+        """As it was sent or read last; none = not known. The first is home."""
+        self.busy = ""
+        """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
+        self.flown_by = ""
+        """The action that is flying the mission now."""
+        self._file, self._broken = file, ""
+        try:
+            self._broken = "" if file is None else file.read_text(errors="replace")
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            self._broken = f"{file} cannot be read ({error.strerror}): {UNKNOWN_MISSION}"
+
+    @property
+    def broken(self) -> str:
+        """Remains of an interrupted upload, for people, also of one that a former run of the bridge began.
+
+        Setting it raises Ended if that cannot be kept on disk: no upload begins then.
+        """
+        return self._broken
+
+    @broken.setter
+    def broken(self, text: str) -> None:
+        if self._file is not None and bool(text) != bool(self._broken):
+            try:
+                if text:
+                    make_private_folder(self._file.parent)
+                    replace_file(self._file, text.encode())
+                else:
+                    self._file.unlink(missing_ok=True)
+            except OSError as error:
+                if text:
+                    raise Ended("refused", f"{self._file} cannot be written: {error.strerror}") from error
+                log.error("%s cannot be removed: %s", self._file, error.strerror)
+        self._broken = text
 
 
 class ProcedureContext:

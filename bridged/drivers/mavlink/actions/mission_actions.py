@@ -18,6 +18,7 @@ from bridged.drivers.mavlink.actions.confirmation import Poll, home_reported, ne
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     TEXT_WINDOW,
+    UNKNOWN_MISSION,
     BoundAction,
     Ended,
     Part,
@@ -72,7 +73,7 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
         last = sent
         plan.broken = (
             f"the upload was broken off {f'at item {sent - 1} of {count - 1}' if sent else 'after it was announced'}: "
-            "what mission the vehicle holds now is not known; upload again or clear it"
+            f"{UNKNOWN_MISSION}"
         )
         run.leaves = plan.broken
 

@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions import mission_actions
+from bridged.drivers.mavlink.actions.context import UNKNOWN_MISSION
 from bridged.drivers.mavlink.actions.mission_items import Item, read_items
 from bridged.simulation.vehicle.mission_items import Item as Stored
 from schemas.wire.records import ActionStatus
@@ -117,6 +118,35 @@ def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_start
     assert (refused.state, refused.reason) == ("refused", left)
     assert sky.do("upload_mission", TOUR).state == "succeeded"
     assert ("mission_broken", "") not in identities(sky.driver.notes())
+
+
+def test_a_bridge_that_was_killed_during_an_upload_starts_no_mission_before_it_knows_what_the_vehicle_holds(
+    tmp_path: Path,
+) -> None:
+    sky = armed(Sky(tmp_path))
+    stored_by_another_station(sky, NEAR)
+    sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 2)
+    sky.begin("upload_mission", TOUR)
+    sky.forward(lambda: any(getattr(one, "seq", 0) == 2 for one in sky.sent), "the second item")
+    after = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)  # of the first bridge nothing is closed
+    after._counter = sky._counter
+    after.wait(12)  # the vehicle gives the upload up
+    assert ("mission_broken", "") in identities(after.driver.notes())
+    for name, arguments in (("start_mission", ()), ("set_mode", ("AUTO",))):
+        final = after.do(name, *arguments)
+        assert (final.state, final.reason.endswith(UNKNOWN_MISSION)) == ("refused", True)
+    assert after.do("upload_mission", TOUR).state == "succeeded"
+    again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    assert ("mission_broken", "") not in identities(again.driver.notes())
+
+
+def test_an_upload_that_could_not_be_remembered_does_not_begin(tmp_path: Path) -> None:
+    sky = armed(Sky(tmp_path))
+    (tmp_path / ".uav1.mission_broken.new").mkdir()
+    final = sky.do("upload_mission", TOUR)
+    assert final.state == "refused"
+    assert final.reason.endswith("uav1.mission_broken cannot be written: Is a directory")
+    assert held(sky) == []
 
 
 def test_an_upload_that_is_cancelled_is_broken_off_at_the_vehicle_too(sky: Sky) -> None:
