@@ -73,6 +73,7 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     boards, patience = mission.mailboxes, robot.agent_silence
     answers = bridge.lease.answers  # it may have ended with our last run, or the mission has it no more
     presence, silence = Presence({*agents, answers} - {""}, boards.get), Silence(patience)
+    hangs = "it hangs, or an edited mission runs it on another board" if mission.boards else "it hangs"
     changed = asyncio.Event()
     idleness = Idleness(robot.idle_after)
     presence.expect(answers, clock.wall())
@@ -122,7 +123,7 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     while True:
         now_lost = elsewhere | presence.lost(clock.wall())
         for agent in silence.silent(clock.wall()):
-            now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: it hangs")
+            now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: {hangs}")
         bridge.lease.present = presence.there() - set(now_lost)
         for agent, why in now_lost.items():
             if agent not in lost and agent == bridge.lease.answers:

@@ -119,7 +119,7 @@ class Bridge:
         self._tell_holder()
 
     def _adopt(self, manifest: Manifest) -> None:
-        """Continue by another manifest. Raises what the drivers raise, before anything else has changed."""
+        """Continue by another manifest. Raises what the drivers raise, before percepts and actions change."""
         self.driver.adopt(manifest)
         self.percepts.adopt(manifest)
         self.action_server.adopt(manifest)
@@ -195,4 +195,5 @@ class Bridge:
     def notes(self) -> tuple[Note, ...]:
         """Return the warnings that hold now."""
         read = self.percepts.notes(self._source_name)
-        return (*self.driver.notes(), *read, *self.orders.notes(), *self.action_log.notes())
+        mixed = [Note("manifest_mixed", self.live.mixed)] if self.live.mixed else []
+        return (*self.driver.notes(), *read, *self.orders.notes(), *self.action_log.notes(), *mixed)

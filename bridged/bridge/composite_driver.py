@@ -205,17 +205,21 @@ class CompositeDriver:
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest, of the same drivers.
 
-        Raises ValueError if it has no order to end a motion by, or a driver cannot; the old one is in effect then.
+        Raises ValueError, before anything has changed, if it has no order to end a motion by. Raises Findings,
+        ValueError or OSError if a driver cannot, when all others have adopted it.
         """
         if self.active and (gone := sorted(self._manifest.orders.keys() - manifest.orders.keys() - self.own.orders)):
             raise ValueError(f"orders.{gone[0]}: the robot may be moving, and this order ends it; stop it first")
+        failures: list[Findings | ValueError | OSError] = []
         for name, driver in self._drivers.items():
             try:
                 driver.adopt(manifest.part(name))
+            except (Findings, ValueError, OSError) as error:
+                failures.append(error)
             except DRIVER_RAISES as error:
-                if isinstance(error, Findings | ValueError | OSError):
-                    raise
-                raise DriverError(name, f"adopt raised {describe_error(error)}") from error
+                failures.append(DriverError(name, f"adopt raised {describe_error(error)}"))
+        for failure in failures:
+            raise failure
         self._manifest = manifest
         self.orders = self._known_orders()
 

@@ -15,6 +15,7 @@ from schemas.manifest.loader import Manifest, read_document
 from schemas.wire.records import LiveManifest, ManifestChange
 
 RESTART = "cannot change while the bridge runs: change the file and restart it"
+MIXED = "a change was refused and the manifest before it was not taken back, restart the bridge"
 MAY_CHANGE = frozenset({"link_loss"})
 """Fields of `[robot]` that may; all others say which robot it is."""
 
@@ -34,6 +35,8 @@ class RunningManifest:
         """
         self.manifest = manifest
         self.version = 1
+        self.mixed = ""
+        """Why the drivers may work by parts of two manifests, for people; empty = they work by this one."""
         self._adopt, self._objections = adopt, objections
         self._drivers = manifest.drivers()
         self._files = " and ".join(file for file in (manifest.file, manifest.percepts_file) if file)
@@ -64,13 +67,20 @@ class RunningManifest:
         ]
         if problems:
             return problems
+        if problems := self._put_into_effect(manifest):
+            kept = self._put_into_effect(self.manifest)
+            self.mixed = f"{MIXED}: {'; '.join(kept)}" if kept else ""
+            return [*problems, *filter(None, [self.mixed])]
+        self.manifest, self.mixed = manifest, ""
+        self.version += 1
+        return []
+
+    def _put_into_effect(self, manifest: Manifest) -> list[str]:
+        """Return why the drivers do not work by a manifest, empty if they do."""
         try:
             self._adopt(manifest)
         except (Findings, ValueError, OSError) as error:
-            self._adopt(self.manifest)
             return _messages(error.findings) if isinstance(error, Findings) else [str(error)]
-        self.manifest = manifest
-        self.version += 1
         return []
 
     def _fixed(self, manifest: Manifest) -> Iterable[str]:

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,6 +14,7 @@ from bridged.bridge.safety_orders import by_operator
 from bridged.drivers.python.driver import PythonDriver
 from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import find_manifest, read_manifest
+from schemas.wire.records import ManifestChange
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
 from tests.support.buses import async_test
@@ -88,6 +90,21 @@ def site(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Install the gripper's functions."""
     install(monkeypatch, tmp_path, {"my_gripper": GRIPPER}, {"argosy.python": {"gripper": "my_gripper"}})
     return tmp_path
+
+
+def test_a_driver_that_fails_to_take_the_old_manifest_back_keeps_no_other_from_it_and_is_reported(
+    site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rigged(site)
+    bridge, old = rig.sky.bridge, rig.gripper.manifest
+    monkeypatch.setattr(rig.sky.driver, "adopt", Mock(side_effect=[KeyError("rate"), KeyError("rate"), None]))
+    change = ManifestChange(set={"percepts.holds.rate": 3})
+    problems = bridge.live.change(change)
+    assert len(problems) == 2
+    assert rig.gripper.manifest == old
+    assert [note.text for note in bridge.notes() if note.code == "manifest_mixed"] == problems[1:]
+    assert bridge.live.change(change) == []
+    assert "manifest_mixed" not in [note.code for note in bridge.notes()]
 
 
 @async_test

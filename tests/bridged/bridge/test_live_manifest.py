@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.bridge.live_manifest import RunningManifest
+from bridged.bridge.live_manifest import MIXED, RunningManifest
 from bridged.drivers.registry import load_robot_manifest
 from commd.bus.bus import Bus
 from schemas.files.findings import Finding, Findings
@@ -43,15 +43,16 @@ hold = "go(0, 0)"
 class Live:
     """A running manifest and what was put into effect."""
 
-    def __init__(self, refuse: str = "") -> None:
+    def __init__(self, *refuse: str) -> None:
+        """`refuse`: what is raised at the first manifests that are put into effect, one after the other."""
         self.adopted: list[Manifest] = []
-        self.refuse = refuse
+        self.refuse = list(refuse)
         self.running = RunningManifest(read_manifest(TEXT, "m.toml"), self.adopt)
 
     def adopt(self, manifest: Manifest) -> None:
         self.adopted.append(manifest)
-        if self.refuse and len(self.adopted) == 1:
-            raise Findings([Finding("", 0, 0, self.refuse)])
+        if self.refuse:
+            raise Findings([Finding("", 0, 0, self.refuse.pop(0))])
 
     def change(self, *remove: str, version: int | None = None, **values: Any) -> list[str]:
         paths = {path.replace("__", "."): value for path, value in values.items()}
@@ -153,10 +154,19 @@ def test_every_shipped_manifest_and_the_papers_form_can_change(named: str | tupl
 
 
 def test_what_a_driver_refuses_is_taken_back() -> None:
-    live = Live(refuse="no such function `blink`")
+    live = Live("no such function `blink`")
     assert live.change(percepts__pose__rate=5) == ["no such function `blink`"]
     assert [one.percepts["pose"].rate for one in live.adopted] == [5, 10]
     assert live.running.version == 1
+
+
+def test_a_manifest_that_is_not_taken_back_either_is_reported_until_a_change_is_in_effect() -> None:
+    live = Live("no such function `blink`", "a defect")
+    mixed = f"{MIXED}: a defect"
+    assert live.change(percepts__pose__rate=5) == ["no such function `blink`", mixed]
+    assert (live.running.mixed, live.running.version) == (mixed, 1)
+    assert live.change(percepts__pose__rate=4) == []
+    assert (live.running.mixed, live.running.version) == ("", 2)
 
 
 WORDS = "robot percepts actions orders pose go args params fields x y 0 1 9 max each rate driver hold field"
