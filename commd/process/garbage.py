@@ -12,7 +12,7 @@ from typing import Final
 
 SETTLED: Final = 3.0
 """Wall seconds after the start by which everything is loaded."""
-YOUNG: Final = 10_000
+YOUNG: Final = 3_000
 """Objects made, and not freed, from one look at the newest to the next; Python's own 700 are fewer than mailboxes
 hold."""
 YOUNG_EACH: Final = 100
