@@ -106,8 +106,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("bridge", "benchmarks.measurements.bridge", 1.2),
     Part("mail", "benchmarks.measurements.mail", 3),
     Part("looking", "benchmarks.measurements.looking", 2.5),
-    Part("page", "benchmarks.measurements.webpage", 1.5),
-    Part("viewers", "benchmarks.measurements.viewers", 1.2),
+    Part("viewers", "benchmarks.measurements.viewers", 2),
     Part("trial", "benchmarks.measurements.trial", 15),
     Part("earlier", "benchmarks.earlier", 25),
 )
