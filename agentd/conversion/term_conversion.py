@@ -88,6 +88,7 @@ class _ToWire:
         """Convert a term that is `depth` levels deep in the message, 0 to `MAX_DEPTH`. Raises BadTerm."""
         if depth > MAX_DEPTH:
             raise BadTerm(f"nested deeper than {MAX_DEPTH}")
+        self._syntax.count()
         term = deref(term)
         match term:
             case float():

@@ -2,16 +2,25 @@
 
 Python's expressions mean the same but for few constructs; those that differ are translated or refused. In the new text
 ``$1`` and ``${name}`` are groups, and a backslash takes the next character as it is.
+
+Python's search counts no steps, and may take for ever (``(a+)+$``). So a replacement is the one formula that is limited
+by time.
 """
 
 from __future__ import annotations
 
 import re
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, Final
 
+from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, TooMuchWork, bounded
 from agentd.mind.data.formula_failure import Failed
 
+MATCHES_FOR: Final = 1.0
+"""Seconds of the process's processor time that a replacement may take."""
 _NAMED_GROUP: Final = re.compile(r"\(\?<(?![=!])")
 _POSIX: Final = {
     "Alpha": "a-zA-Z",
@@ -44,11 +53,45 @@ def _posix(match: re.Match[str]) -> str:
 
 
 def replace_all(pattern: str, new: str, whole: str) -> str:
-    """``whole`` with every match of ``pattern`` replaced. Fails with ``unknown`` where Java throws."""
-    expression = compiled(pattern)
-    if "$" not in new and "\\" not in new:
-        return expression.sub(lambda _: new, whole)
-    return expression.sub(lambda match: _expanded(new, match), whole)
+    """``whole`` with every match of ``pattern`` replaced.
+
+    Fails with ``unknown`` where Java throws, ``too_much_work`` or ``too_large``.
+    """
+    plain, size = "$" not in new and "\\" not in new, len(whole)
+
+    def inserted(match: re.Match[str]) -> str:
+        nonlocal size
+        text = new if plain else _expanded(new, match)
+        size += len(text) - (match.end() - match.start())
+        bounded(".replace", size, MOST_CHARACTERS, "characters")
+        return text
+
+    with _limited(pattern):
+        return compiled(pattern).sub(inserted, whole)
+
+
+@contextmanager
+def _limited(pattern: str) -> Iterator[None]:
+    """End a search that takes too long, by a signal: only the main thread, in which minds run, has those."""
+    over = False
+
+    def end(*_: object) -> None:
+        if over:
+            return
+        raise TooMuchWork("too_much_work", f"the pattern '{pattern}' takes more than {MATCHES_FOR:g} s")
+
+    try:
+        before = signal.signal(signal.SIGVTALRM, end)
+    except ValueError:
+        yield
+        return
+    try:
+        signal.setitimer(signal.ITIMER_VIRTUAL, MATCHES_FOR)
+        yield
+    finally:
+        over = True
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 def _expanded(new: str, match: re.Match[str]) -> str:

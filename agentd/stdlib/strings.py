@@ -25,15 +25,11 @@ from agentd.language.terms.terms import (
 )
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, MOST_MEMBERS, bounded
 from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
-
-MOST_CHARACTERS = 16_000_000
-"""Characters of one text that ``.concat`` makes; a message may have a million bytes."""
-MOST_MEMBERS = 1_000_000
-"""Members of one list that ``.concat`` makes."""
 
 
 def plain_text(term: Term) -> str:
@@ -45,11 +41,6 @@ def plain_text(term: Term) -> str:
     if type(term) is Literal and not term.args and written.startswith("'") and written.endswith("'"):
         return written[1:-1]
     return written
-
-
-def _bounded(size: int, most: int, what: str) -> None:
-    if size > most:
-        raise Failed("too_large", f".concat makes {size} {what}, expected at most {most}")
 
 
 @internal_action(".concat", (2, None), pure=True)
@@ -68,7 +59,7 @@ def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
             if members is None:
                 wrong_arguments(".concat joins lists with lists only")
             joined.extend(members)
-            _bounded(len(joined), MOST_MEMBERS, "members")
+            bounded(".concat", len(joined), MOST_MEMBERS, "members")
         if type(result) is not List and type(result) is not Var:
             raise Failed("internal_action", "the last argument of .concat is neither a list nor a variable")
         return unify(result, make_list(joined), trail)
@@ -77,7 +68,7 @@ def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
     for part in parts:
         texts.append(plain_text(part))
         size += len(texts[-1])
-        _bounded(size, MOST_CHARACTERS, "characters")
+        bounded(".concat", size, MOST_CHARACTERS, "characters")
     whole = "".join(texts)
     if type(result) is Literal:
         return plain_text(result) == whole

@@ -181,9 +181,13 @@ def number(term: Any) -> Any:
 
 
 def _computed(expression: Expression) -> float | Var:
-    """Return the value of arithmetic nested to any depth; a free variable as soon as one is met."""
+    """Return the value of arithmetic nested to any depth; a free variable as soon as one is met.
+
+    An expression that is in it many times is computed once.
+    """
     work: list[tuple[Any, bool]] = [(expression, False)]
     values: list[float] = []
+    computed: dict[int, float] = {}
     while work:
         term, ready = work.pop()
         if ready:
@@ -192,8 +196,12 @@ def _computed(expression: Expression) -> float | Var:
                 values.append(-right if term.operator == "-" else right)
             else:
                 values.append(OPERATIONS[term.operator](values.pop(), right))
+            computed[id(term)] = values[-1]
             continue
         term = deref(term)
+        if (known := computed.get(id(term))) is not None:
+            values.append(known)
+            continue
         if type(term) is float:
             values.append(term)
         elif type(term) is Var:

@@ -12,7 +12,7 @@ from functools import cmp_to_key
 from typing import Any
 
 from agentd.language.syntax_tree.signatures import DEFAULT
-from agentd.language.terms.terms import EMPTY, List, Literal, Rest, Var, deref
+from agentd.language.terms.terms import EMPTY, FIRST_NODES, MOST_NODES, List, Literal, Rest, Var, deref, further
 
 _RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5, Rest: 6}
 
@@ -20,11 +20,15 @@ _RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5, Rest: 6}
 def compare(a: Any, b: Any) -> int:
     """Negative, zero or positive as ``a`` is before, equal to or after ``b``."""
     pending = [(a, b)]
+    budget, rest = FIRST_NODES, MOST_NODES
     while pending:
         a, b = pending.pop()
         a, b = deref(a), deref(b)
         if a is b:
             continue
+        budget -= 1
+        if not budget:
+            budget, rest = further(rest, pending, "compared")
         rank_a, rank_b = _RANK.get(type(a), 4), _RANK.get(type(b), 4)
         if rank_a != rank_b:
             return -1 if rank_a < rank_b else 1

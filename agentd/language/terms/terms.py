@@ -20,8 +20,9 @@ from agentd.language.syntax_tree.signatures import Signature, signature
 Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Code", "Collection", "Open"]
 """Any run-time term."""
 
-MOST_NODES: Final = 5_000_000
-"""Walking a term with more parts than this ends with RecursionError."""
+MOST_NODES: Final = 1_000_000
+"""Walking a term with more parts than this ends with RecursionError. It takes a second or two: a part that is in a term
+many times counts each time, so forty plans can make one of a million million parts (``X = f(Y,Y)``)."""
 FIRST_NODES: Final = 100_000
 """After this many parts a walk of a term calls `further`, which refuses a cyclic one (``X = f(X)``)."""
 

@@ -10,7 +10,19 @@ from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT
-from agentd.language.terms.terms import ARITHMETIC, Code, Expression, List, Literal, Open, Rest, Var, deref, split
+from agentd.language.terms.terms import (
+    ARITHMETIC,
+    MOST_NODES,
+    Code,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    deref,
+    split,
+)
 
 
 class NoSyntax(ValueError):
@@ -42,17 +54,18 @@ class VariableNames:
 class ToSyntax:
     """Makes the syntax of terms that share their variables, none nested deeper than ``deepest``.
 
-    Its methods raise NoSyntax for what is nested deeper or has no syntax, such as a map.
+    Its methods raise NoSyntax for what is nested deeper, too large, or has no syntax, such as a map.
     """
 
     def __init__(self, deepest: int) -> None:
-        self._deepest = deepest
+        self._deepest, self._left = deepest, MOST_NODES
         self.names = VariableNames()
 
     def term(self, term: Any, depth: int = 0) -> Any:
         """Return the syntax of a term that is nested ``depth`` deep in others."""
         if depth > self._deepest:
             raise NoSyntax(f"nested deeper than {self._deepest}")
+        self.count()
         term = deref(term)
         match term:
             case float():
@@ -81,6 +94,12 @@ class ToSyntax:
                 }
                 return kinds[type(node)](node)
         raise NoSyntax(f"a {type(term).__name__.lower()} cannot be written as text")
+
+    def count(self) -> None:
+        """Count a part of a term, which may be in it many times. Raises NoSyntax if there are too many."""
+        self._left -= 1
+        if self._left < 0:
+            raise NoSyntax(f"more than {MOST_NODES} parts")
 
     def code(self, node: Any, values: dict[str, Any]) -> Any:
         """Return a syntax tree with the variables that have values replaced by these."""

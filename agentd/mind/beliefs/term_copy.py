@@ -167,22 +167,32 @@ class Copier:
         return Literal(term.sig, tuple(args), (), ground)
 
     def _deep(self, term: Term) -> Any:
-        """Copy without recursion: nodes are opened on the way down and built on the way up."""
+        """Copy without recursion: nodes are opened on the way down and built on the way up.
+
+        A large term is copied with its sharing: each part once, however often it is in the term.
+        """
         work: list[tuple[Any, bool]] = [(term, False)]
         done: list[Term] = []
         opened: list[bool] = []
         budget, rest = FIRST_NODES, MOST_NODES
+        shared: dict[int, Any] | None = None
         while work:
             budget -= 1
             if not budget:
                 budget, rest = further(rest, work, "copied")
+                shared = {}
             node, build = work.pop()
             if build:
                 self._build(node, done, opened)
+                if shared is not None:
+                    shared[id(node[2] if type(node) is tuple else node)] = done[-1]
                 continue
             node = deref(node)
             kind = type(node)
-            if kind is Literal and not node.ground:
+            if shared is not None and (copied := shared.get(id(node))) is not None:
+                done.append(copied)
+                self.open = self.open or kind is Expression or not copied.ground
+            elif kind is Literal and not node.ground:
                 work.append((node, True))
                 work.extend((a, False) for a in reversed(node.args + node.annots))
                 opened.append(self.open)

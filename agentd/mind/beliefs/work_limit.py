@@ -30,6 +30,10 @@ QUESTION_STEPS: Final = 100_000
 """Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
 _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow with the square of their arguments' size."""
+MOST_CHARACTERS: Final = 16_000_000
+"""Characters of one text that an internal action makes; a message may have a million bytes."""
+MOST_MEMBERS: Final = 1_000_000
+"""Members of one list that ``.concat`` makes."""
 
 
 class TooMuchWork(Failed):
@@ -56,6 +60,12 @@ def work(mind: Computing, steps: int) -> None:
     mind.steps_left -= steps
     if mind.steps_left < 0:
         too_much_work(mind)
+
+
+def bounded(action: str, size: int, most: int, what: str) -> None:
+    """Fail with ``too_large`` if an ``action`` makes more than ``most`` of ``what`` (characters or members)."""
+    if size > most:
+        raise Failed("too_large", f"{action} makes {size} {what}, expected at most {most}")
 
 
 class QueryRefused(Failed):

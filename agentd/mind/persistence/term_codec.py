@@ -25,6 +25,7 @@ from agentd.language.terms.source_annotations import SELF, SOURCE_SELF, is_sourc
 from agentd.language.terms.terms import (
     EMPTY,
     FIRST_NODES,
+    MOST_NODES,
     Code,
     Collection,
     Expression,
@@ -38,8 +39,6 @@ from agentd.language.terms.terms import (
     split,
 )
 
-MOST_PARTS: Final = 1_000_000
-"""Terms with more parts are not kept."""
 MOST_LINES: Final = 100_000
 """The greatest line number kept of code."""
 
@@ -115,7 +114,7 @@ class _Writer:
         """Terms to be written, the next one last; tuples hold the token that ends a term after its parts, and the term
         itself if it may contain itself."""
         work.reverse()
-        until_check, left = FIRST_NODES, MOST_PARTS
+        until_check, left = FIRST_NODES, MOST_NODES
         while work:
             term = work.pop()
             kind = type(term)
@@ -140,7 +139,7 @@ class _Writer:
             if not until_check:
                 left -= FIRST_NODES
                 if left <= 0:
-                    raise CannotKeep(f"it has more than {MOST_PARTS} parts")
+                    raise CannotKeep(f"it has more than {MOST_NODES} parts")
                 further(1, work, "kept")
                 until_check = FIRST_NODES
         return out

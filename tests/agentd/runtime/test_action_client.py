@@ -11,6 +11,7 @@ from typing import Any, cast
 import pytest
 
 from agentd.conversion.term_conversion import BadTerm, to_wire
+from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
@@ -401,6 +402,14 @@ def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() ->
     assert to_wire(nested(5))
     with pytest.raises(BadTerm, match="nested too deeply"):
         to_wire(nested(150))
+
+
+def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_it_is_too_large() -> None:
+    part = atom("x")
+    for _ in range(60):
+        part = Literal(signature("f", 2), (part, part))
+    with pytest.raises(BadTerm, match=r"more than [0-9]+ parts"):
+        to_wire(part)
 
 
 @pytest.mark.usefixtures("usual_recursion")
