@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,6 +26,7 @@ from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus
 from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
+from tests.support.buses import Connect, on_a_bus, run_by
 
 
 class Disk:
@@ -90,6 +91,7 @@ class Hosted:
         self.host, self.daemon, self.disk = host, daemon, daemon.disk
         self._stop = asyncio.Event()
         self._life: asyncio.Task[None] | None = None
+        self._over = False
 
     def begin(self) -> None:
         """Let it reason."""
@@ -109,6 +111,9 @@ class Hosted:
 
     async def leave(self) -> None:
         """Let it leave in order, while its daemon goes on."""
+        if self._over:
+            return
+        self._over = True
         self.disk.open.set()
         self._stop.set()
         if self._life is not None:
@@ -122,6 +127,7 @@ class Hosted:
 
     async def die(self) -> None:
         """End it as a kill does: nothing is saved that is not on disk."""
+        self._over = True
         self.disk.full = "the process is dead"
         self._stop.set()
         if self._life is not None:
@@ -164,6 +170,44 @@ async def host_on(
     if begins:
         hosted.begin()
     return hosted
+
+
+class Board:
+    """The agents of a test on one bus, kept in one folder; those that are there at its end leave in order."""
+
+    def __init__(self, connect: Connect, folder: Path) -> None:
+        self.connect, self.folder = connect, folder
+        self._hosted: list[Hosted] = []
+
+    async def host(self, name: str, source: str, *, bus: Bus | None = None, **options: Any) -> Hosted:
+        """Begin a life of an agent; see `host_on`."""
+        hosted = await host_on(bus or await self.connect(name), name, source, self.folder, **options)
+        self._hosted.append(hosted)
+        return hosted
+
+    async def close(self) -> None:
+        """End all agents."""
+        for hosted in self._hosted:
+            await hosted.leave()
+        for hosted in self._hosted:
+            await hosted.daemon.close()
+
+
+def on_a_board(endpoint: str, folder: Path, body: Callable[[Board], Coroutine[Any, Any, None]]) -> None:
+    """Run `body(board)` with a router at `endpoint`."""
+
+    async def everything(connect: Connect) -> None:
+        board = Board(connect, folder)
+        await body(board)
+        await board.close()
+
+    on_a_bus(endpoint, everything)
+
+
+board_test = run_by(
+    lambda body, endpoint, tmp_path: on_a_board(endpoint, tmp_path, body), "board", needs=("endpoint", "tmp_path")
+)
+"""Runs an async test with a router at `endpoint`: `board.host` begins agents, other parameters are fixtures."""
 
 
 class NoTeam:

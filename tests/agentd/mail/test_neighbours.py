@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Coroutine
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,10 +15,10 @@ from schemas.mission.access_rules import MailRights
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import Mail, Queue, Receipt
-from tests.agentd.hosts import Hosted, Hosts, host_on
+from tests.agentd.hosts import Board, Hosted, Hosts, on_a_board
 from tests.agentd.mail.test_mail_client import Desk, a_desk
 from tests.agentd.minds import term
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, run_by, served, until
 
 SENDS = "+!kqml_received(_, tell, go(N), _) <- for (.range(I, 1, N)) { .send(b, tell, I) }; +sent(N).\n"
 HEARS = "+!kqml_received(_, tell, N, _) <- +got(N); .print(N).\n"
@@ -25,14 +27,14 @@ HEARS = "+!kqml_received(_, tell, N, _) <- +got(N); .print(N).\n"
 class Pair:
     """Agents a and b of one daemon, and the board's desk of a."""
 
-    def __init__(self, bus: Bus, folder: Path, desk: Desk) -> None:
-        self.bus, self.folder, self.desk = bus, folder, desk
+    def __init__(self, board: Board, bus: Bus, desk: Desk) -> None:
+        self.board, self.bus, self.desk = board, bus, desk
 
     async def begin(self, a: str = SENDS, b: str = HEARS, *, kept: str = "ab", b_begins: bool = True) -> None:
-        self.daemon = await Hosts.open(self.folder, *kept)
-        there = {"folder": self.folder, "others": ("a", "b", "c"), "daemon": self.daemon}
-        self.a = await host_on(self.bus, "a", a, **there)  # type: ignore[arg-type]
-        self.b = await host_on(self.bus, "b", b, begins=b_begins, **there)  # type: ignore[arg-type]
+        self.daemon = await Hosts.open(self.board.folder, *kept)
+        there: dict[str, Any] = {"bus": self.bus, "others": ("a", "b", "c"), "daemon": self.daemon}
+        self.a = await self.board.host("a", a, **there)
+        self.b = await self.board.host("b", b, begins=b_begins, **there)
         await served(self.bus, keys.inbox(FLEET, "b"))
 
     async def end(self) -> None:
@@ -49,15 +51,18 @@ def go(agent: Hosted, number: int) -> None:
     agent.tell(Told("x", "tell", term(f"go({number})")))
 
 
-async def a_pair(connect: Connect, folder: Path) -> Pair:
-    return Pair(await connect("a"), folder, await a_desk(connect))
+def of_a_pair(body: Callable[[Pair], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
+    async def everything(board: Board) -> None:
+        await body(Pair(board, await board.connect("a"), await a_desk(board.connect)))
+
+    on_a_board(endpoint, tmp_path, everything)
 
 
-@bus_test
-async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_process(
-    connect: Connect, tmp_path: Path
-) -> None:
-    pair = await a_pair(connect, tmp_path)
+pair_test = run_by(of_a_pair, "pair", needs=("endpoint", "tmp_path"))
+
+
+@pair_test
+async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_process(pair: Pair) -> None:
     await pair.begin()
     go(pair.a, 200)
     await until(lambda: pair.b.prints[-1:] == ["200"], "all are there")
@@ -65,15 +70,13 @@ async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_proc
     assert pair.desk.taken == []
     assert pair.a.host.health().counters["mail_near"] == 200
     assert pair.b.host.health().counters["mail_received"] == 200
-    await pair.end()
 
 
-@bus_test
+@pair_test
 async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that_follows_leaves_the_process(
-    connect: Connect, tmp_path: Path
+    pair: Pair,
 ) -> None:
-    pair = await a_pair(connect, tmp_path)
-    desk = await a_desk(connect, "b")
+    desk = await a_desk(pair.board.connect, "b")
     await pair.begin(b="+!kqml_received(_, tell, N, _) <- .print(N); .send(c, tell, N).\n")
     await until(lambda: bool(pair.daemon.disk.savings), "they are kept once")
     pair.daemon.disk.open.clear()
@@ -83,14 +86,10 @@ async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that
     assert desk.taken == []
     pair.daemon.disk.open.set()
     await until(lambda: desk.told("c") == [1, 2], "what follows leaves when it is kept")
-    await pair.end()
 
 
-@bus_test
-async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_and_in_order(
-    connect: Connect, tmp_path: Path
-) -> None:
-    pair = await a_pair(connect, tmp_path)
+@pair_test
+async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_and_in_order(pair: Pair) -> None:
     await pair.begin(b_begins=False)
     go(pair.a, 3)
     await until(lambda: any(saving.incoming for saving in pair.daemon.disk.savings), "they are written")
@@ -109,12 +108,11 @@ async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_an
     assert pair.desk.taken == []
 
 
-@bus_test
+@pair_test
 async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.MOST", 2)
-    pair = await a_pair(connect, tmp_path)
     await pair.begin(b_begins=False)
     go(pair.a, 5)
     await until(lambda: pair.desk.told("b") == [3, 4, 5], "those that do not fit go by commd")
@@ -128,15 +126,13 @@ async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
     go(pair.a, 2)
     await until(lambda: pair.b.prints[-2:] == ["1", "2"], "when commd has none left, they stay in the process")
     assert len(pair.desk.taken) == 4
-    await pair.end()
 
 
-@bus_test
+@pair_test
 async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_death(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.MOST", 0)
-    pair = await a_pair(connect, tmp_path)
     await pair.begin(b_begins=False)
     go(pair.a, 1)
     await until(lambda: len(pair.desk.taken) == 1, "the first goes by commd")
@@ -151,14 +147,10 @@ async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_de
     go(pair.a, 1)
     await until(lambda: len(pair.desk.taken) == 2, "the second goes behind it")
     first.cancel()
-    await pair.end()
 
 
-@bus_test
-async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan_has_ended(
-    connect: Connect, tmp_path: Path
-) -> None:
-    pair = await a_pair(connect, tmp_path)
+@pair_test
+async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan_has_ended(pair: Pair) -> None:
     program = "+!kqml_received(_, tell, go(N), _) <- !!go(N).\n"
     program += "@g[atomic] +!go(N) <- .send(b, tell, N); for (.range(I, 1, N)) { .print(I) }; +ended.\n"
     await pair.begin(a=program)
@@ -167,15 +159,13 @@ async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan
     go(pair.a, 2000)
     await until(lambda: pair.b.prints == ["2000"], "it is there")
     assert seen == [True]
-    await pair.end()
 
 
-@bus_test
+@pair_test
 async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follows_waits_for_the_disk(
-    connect: Connect, tmp_path: Path
+    pair: Pair,
 ) -> None:
-    pair = await a_pair(connect, tmp_path)
-    desk = await a_desk(connect, "b")
+    desk = await a_desk(pair.board.connect, "b")
     await pair.begin(b="+!kqml_received(S, tell, N, _) <- .print(N); .send(c, tell, N).\n", kept="a")
     pair.daemon.disk.open.clear()
     go(pair.a, 1)
@@ -185,12 +175,10 @@ async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follo
     pair.daemon.disk.open.set()
     await until(lambda: desk.told("c") == [1], "what follows leaves when it is kept")
     assert not any(saving.incoming for saving in pair.daemon.disk.savings)
-    await pair.end()
 
 
-@bus_test
-async def test_a_full_disk_is_reported_and_neighbours_go_on_until_it_has_room(connect: Connect, tmp_path: Path) -> None:
-    pair = await a_pair(connect, tmp_path)
+@pair_test
+async def test_a_full_disk_is_reported_and_neighbours_go_on_until_it_has_room(pair: Pair) -> None:
     await pair.begin()
     await until(lambda: bool(pair.daemon.disk.savings), "they are kept once")
     pair.daemon.disk.full = "database or disk is full"
@@ -204,36 +192,27 @@ async def test_a_full_disk_is_reported_and_neighbours_go_on_until_it_has_room(co
     await pair.end()
     await pair.begin()
     assert {"got(1)[source(self)]", "got(3)[source(self)]"} < set(pair.b.beliefs)
-    await pair.end()
 
 
-@bus_test
-async def test_mail_that_its_receiver_does_not_accept_is_refused_as_that_of_others(
-    connect: Connect, tmp_path: Path
-) -> None:
+@pair_test
+async def test_mail_that_its_receiver_does_not_accept_is_refused_as_that_of_others(pair: Pair, tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(
         "mission: m\nagents:\n  a: {program: a.asl}\n  b: {program: a.asl, accepts: {a: [achieve]}}\n"
     )
     (tmp_path / "a.asl").write_text("")
     rights = MailRights(load_mission(str(tmp_path / "m.yaml")), "b", "local")
-    pair = await a_pair(connect, tmp_path)
     await pair.begin()
     pair.b.host._mailing._rights = rights
     go(pair.a, 1)
     await until(lambda: pair.desk.told("b") == [1], "it goes by commd, which the receiver answers that it does not")
     assert pair.b.prints == []
-    await pair.end()
 
 
-@bus_test
-async def test_the_senders_hear_of_what_an_agent_that_leaves_for_good_has_not_taken(
-    connect: Connect, tmp_path: Path
-) -> None:
-    pair = await a_pair(connect, tmp_path)
+@pair_test
+async def test_the_senders_hear_of_what_an_agent_that_leaves_for_good_has_not_taken(pair: Pair) -> None:
     await pair.begin(a=SENDS + "+undelivered(R, _, C, Why) <- .print(R, C, Why).\n", kept="a", b_begins=False)
     go(pair.a, 1)
     await until(lambda: len(pair.b.host._mind.mailbox) == 1, "it waits")
     pair.b.host._mailing.leave()
-    pair.b.host.close()
+    await pair.b.leave()
     await until(lambda: pair.a.prints == ["b1receiver_left"], "its sender hears of it")
-    await pair.a.end()

@@ -19,9 +19,9 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
-from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.hosts import Board, Hosted, board_test
 from tests.agentd.mail.test_mail_client import a_desk, numbered
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, served, until
 from tests.support.notes import identities
 
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
@@ -34,17 +34,17 @@ async def hand_over(backfill: Bus, *messages: Message) -> Receipt:
     raise AssertionError("nobody serves the inbox")
 
 
-async def a_life(connect: Connect, program: str, folder: Path, backfill: Bus, others: tuple[str, ...] = ()) -> Hosted:
+async def a_life(board: Board, program: str, backfill: Bus, others: tuple[str, ...] = ()) -> Hosted:
     """Begin a life of agent b, to which `backfill` can hand over mail."""
-    agent = await host_on(await connect("b"), "b", program, folder, others=others)
+    agent = await board.host("b", program, others=others)
     await served(backfill, keys.inbox(FLEET, "b"))
     return agent
 
 
-@bus_test
-async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(connect: Connect, tmp_path: Path) -> None:
-    backfill = await connect("board", "commd")
-    agent = await a_life(connect, HEARS, tmp_path, backfill)
+@board_test
+async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(board: Board) -> None:
+    backfill = await board.connect("board", "commd")
+    agent = await a_life(board, HEARS, backfill)
     await until(lambda: bool(agent.disk.savings), "the agent is kept once")
     agent.disk.open.clear()
     answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
@@ -54,64 +54,58 @@ async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(connect
     agent.disk.open.set()
     assert await answer == Receipt(taken=2)
     await agent.die()
-    again = await a_life(connect, HEARS, tmp_path, backfill)
+    again = await a_life(board, HEARS, backfill)
     assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
     assert await hand_over(backfill, numbered(3)) == Receipt(taken=1)
     assert again.prints == ["got(3)"]
     assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
-    await again.end()
 
 
-@bus_test
+@board_test
 async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
-    connect: Connect, tmp_path: Path
+    board: Board,
 ) -> None:
     program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
-
-    backfill = await connect("board", "commd")
-    agent = await a_life(connect, program, tmp_path, backfill)
+    backfill = await board.connect("board", "commd")
+    agent = await a_life(board, program, backfill)
     await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
     told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
     assert await hand_over(backfill, *told) == Receipt(taken=2)
     assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
     assert agent.prints == ["waits"]
     await agent.die()
-    again = await a_life(connect, program, tmp_path, backfill)
+    again = await a_life(board, program, backfill)
     await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
     assert await hand_over(backfill, *told) == Receipt(taken=2)
     assert again.prints == ["heard(1)", "heard(2)"]
-    await again.end()
 
 
-@bus_test
+@board_test
 async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
-
-    backfill = await connect("board", "commd")
-    agent = await a_life(connect, HEARS, tmp_path, backfill)
+    backfill = await board.connect("board", "commd")
+    agent = await a_life(board, HEARS, backfill)
     assert await hand_over(backfill, numbered(1)) == Receipt(taken=1)
     agent.disk.full = "no space left"
     answer = asyncio.create_task(hand_over(backfill, numbered(2)))
     await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
     await agent.die()
-    again = await a_life(connect, HEARS, tmp_path, backfill)
+    again = await a_life(board, HEARS, backfill)
     assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
     assert again.prints == ["got(2)"]
     answer.cancel()
-    await again.end()
 
 
-@bus_test
+@board_test
 async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.5)
     program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
-
-    desk, backfill = await a_desk(connect, "b"), await connect("board", "commd")
-    agent = await a_life(connect, program, tmp_path, backfill, others=("c",))
+    desk, backfill = await a_desk(board.connect, "b"), await board.connect("board", "commd")
+    agent = await a_life(board, program, backfill, others=("c",))
     await until(lambda: bool(agent.disk.savings), "the agent is kept once")
     agent.disk.full = "database or disk is full"
     told = await hand_over(backfill, numbered(1))
@@ -136,16 +130,14 @@ async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_o
     assert await hand_over(backfill, numbered(1), goal) == Receipt(taken=2)
     assert agent.host.health().notes == ()
     assert agent.prints == ["got(1)", "said(7)"]
-    await agent.end()
 
 
-@bus_test
+@board_test
 async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_or_is_remembered(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.persistence.group_commit.SLOW", 0.2)
-
-    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    agent = await board.host("b", HEARS)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
     agent.disk.open.clear()
     agent.tell(Told("a", "tell", 1.0))
@@ -162,12 +154,11 @@ async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_o
     assert (checkpointer._begun, checkpointer._ended) == ({}, [])
     agent.disk.open.set()
     await until(lambda: agent.host.health().notes == (), "it is kept again")
-    await agent.end()
 
 
-@bus_test
-async def test_an_action_that_is_about_to_start_survives_a_power_failure(connect: Connect, tmp_path: Path) -> None:
-    agent = await host_on(await connect("b"), "b", "+!go <- +gone.\n", tmp_path)
+@board_test
+async def test_an_action_that_is_about_to_start_survives_a_power_failure(board: Board) -> None:
+    agent = await board.host("b", "+!go <- +gone.\n")
     checkpointer = agent.host._checkpointer
     assert checkpointer is not None
     await until(lambda: bool(agent.disk.savings), "it is kept once")
@@ -177,18 +168,14 @@ async def test_an_action_that_is_about_to_start_survives_a_power_failure(connect
     await begun.wait()
     kept = zip(agent.disk.savings, agent.disk.soft, strict=True)
     assert [soft for saving, soft in kept if saving.actions] == [False]
-    await agent.end()
 
 
-@bus_test
-async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(board: Board) -> None:
     program = "!count(0). +!count(N) : N < 60 <- -+n(N); .wait(20); !count(N+1). +!count(_) <- .print(done).\n"
     program += "+!kqml_received(_, tell, N, _) <- .send(c, tell, N).\n"
-
-    backfill = await connect("board", "commd")
-    agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
+    backfill = await board.connect("board", "commd")
+    agent = await board.host("b", program, others=("c",))
     await until(lambda: agent.prints == ["done"], "it has counted")
     assert 2 <= len(agent.disk.savings) <= 12
     before = len(agent.disk.savings)
@@ -196,16 +183,14 @@ async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_m
     assert await hand_over(backfill, *map(numbered, range(1, 301))) == Receipt(taken=300)
     assert len(agent.disk.savings) - before < 30
     assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
-    await agent.end()
 
 
-@bus_test
-async def test_an_atomic_plan_is_kept_whole(connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@board_test
+async def test_an_atomic_plan_is_kept_whole(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.BUSY_PATIENCE", 0.0)
     monkeypatch.setattr("agentd.persistence.checkpointer.OTHERS_EVERY", 0.0)
     monkeypatch.setattr("agentd.runtime.mind_runner.SLICE", 1)
     program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) <- -+n(N+1); -+m(N+1); !!go.\n"
-
     seen: list[set[str]] = []
     capture = Checkpointer.capture
 
@@ -216,15 +201,15 @@ async def test_an_atomic_plan_is_kept_whole(connect: Connect, tmp_path: Path, mo
         return captured
 
     monkeypatch.setattr(Checkpointer, "capture", look)
-    agent = await host_on(await connect("b"), "b", program, tmp_path)
+    agent = await board.host("b", program)
     await until(lambda: len(seen) > 5, "it is kept several times while it runs")
     await agent.end()
     assert all(len(values) == 1 for values in seen)
 
 
-@bus_test
+@board_test
 async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 3)
     program = """\
@@ -241,8 +226,7 @@ async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
 +!deep(0, x).
 +!deep(N, f(D)) <- !deep(N-1, D).
 """
-
-    agent = await host_on(await connect("a"), "a", program, tmp_path, others=("b", "d"))
+    agent = await board.host("a", program, others=("b", "d"))
     await until(lambda: "end" in agent.prints, "all are tried")
     assert agent.prints == [
         agent.prints[0],
@@ -256,36 +240,31 @@ async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
     too_large = "message_too_large the message cannot be sent: 13"
     assert agent.prints[0].startswith(f"1 {too_large}")
     assert agent.prints[5].startswith(f"5 {too_large}")
-    desk = await a_desk(connect)
+    desk = await a_desk(board.connect)
     agent.host.retry_mail()
     await until(lambda: len(desk.taken) == 6, "what was taken leaves")
     assert desk.told("b") == desk.told("d") == [1, 2, 3]
-    await agent.end()
 
 
-@bus_test
-async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(board: Board) -> None:
     program = """\
 !go.
 +!go <- .send(c, tell, at(1,[2])).
 +undelivered(R, P, C, Why)[source(S)] <- .print(R, " ", P, " ", C, " ", Why, " ", S).
 """
-
-    desk = await a_desk(connect)
+    desk = await a_desk(board.connect)
     desk.answer = lambda messages: Receipt(
         refused=dict.fromkeys(range(len(messages)), Refusal(code="receiver_not_found"))
     )
-    bus = await connect("a")
-    agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+    bus = await board.connect("a")
+    agent = await board.host("a", program, bus=bus, others=("c",))
     await until(lambda: agent.prints == ["c tell at(1,[2]) receiver_not_found mail"], "the agent hears of it")
     await until(lambda: any(saving.delivered for saving in agent.disk.savings), "it is forgotten")
     await agent.end()
-    again = await host_on(await connect("a"), "a", program, tmp_path, others=("c",))
+    again = await board.host("a", program, others=("c",))
     await asyncio.sleep(0.3)
     assert (again.prints, sum(desk.batches)) == ([], 1)
-    await again.end()
 
 
 def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
@@ -308,15 +287,12 @@ def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
     again.close()
 
 
-@bus_test
-async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_once(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_once(board: Board) -> None:
     program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"
-    file = tmp_path / "a.minds"
-
-    bus = await connect("a")
-    agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+    file = board.folder / "a.minds"
+    bus = await board.connect("a")
+    agent = await board.host("a", program, bus=bus, others=("c",))
     await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
     await agent.die()
     file.with_name("a.minds.sums").unlink()  # what is done to the rows would be found by the checksums
@@ -324,36 +300,32 @@ async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_
         database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
         database.execute("INSERT INTO action SELECT number, 'a:1:1', cast(x'67ff' AS TEXT), x'83' FROM agent")
         database.commit()
-    again = await host_on(bus, "a", program, tmp_path, others=("c",))
+    again = await board.host("a", program, bus=bus, others=("c",))
     await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
     assert identities(again.host.health().notes) == [
         ("state_damaged", "message 1 to c"),
         ("state_damaged", "action a:1:1"),
     ]
-    desk = await a_desk(connect)
+    desk = await a_desk(board.connect)
     again.host.retry_mail()
     await until(lambda: len(desk.taken) == 1, "the other one leaves")
     assert desk.taken[0].header.seq == 2
     await again.end()
-    third = await host_on(bus, "a", program, tmp_path, others=("c",))
+    third = await board.host("a", program, bus=bus, others=("c",))
     assert third.host.health().notes == ()
-    await third.end()
 
 
 @pytest.mark.parametrize("ends", ["the agent leaves", "an action begins"])
-@bus_test
-async def test_an_atomic_plan_is_kept_whole_though(
-    connect: Connect, ends: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@board_test
+async def test_an_atomic_plan_is_kept_whole_though(board: Board, ends: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.runtime.agent_host.ATOMIC_END", 20.0)
     program = """\
 +!kqml_received(_, tell, go, _) <- !!go.
 @p[atomic] +!go <- +begun; for (.range(I, 1, 5000)) { .print(I) }; +ended.
 +restarted(_).
 """
-
-    bus = await connect("a")
-    agent = await host_on(bus, "a", program, tmp_path)
+    bus = await board.connect("a")
+    agent = await board.host("a", program, bus=bus)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
     agent.tell(Told("b", "tell", atom("go")))
     await until(lambda: bool(agent.prints), "the plan has begun")
@@ -367,21 +339,20 @@ async def test_an_atomic_plan_is_kept_whole_though(
         await agent.die()
     else:
         await agent.end()
-    again = await host_on(bus, "a", program, tmp_path)
+    again = await board.host("a", program, bus=bus)
     believed = {belief.partition("[")[0] for belief in again.beliefs} & {"begun", "ended"}
     await again.end()
     assert believed in (set(), {"begun", "ended"})
     assert believed or ends == "an action begins"
 
 
-@bus_test
+@board_test
 async def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    board: Board, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.3)
     monkeypatch.setattr("agentd.persistence.group_commit.CLOSE_PATIENCE", 0.3)
-
-    agent = await host_on(await connect("a"), "a", HEARS, tmp_path)
+    agent = await board.host("a", HEARS)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
     agent.disk.open.clear()
     agent.tell(Told("b", "tell", atom("x")))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -25,9 +24,9 @@ from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
-from tests.agentd.hosts import Hosted, Hosts, host_on
+from tests.agentd.hosts import Board, Hosted, Hosts, board_test
 from tests.agentd.minds import run
-from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
+from tests.support.buses import FLEET, async_test, served, until
 
 
 class Bridge:
@@ -76,23 +75,23 @@ class Bridge:
             self._changed.notify_all()
 
 
-async def a_bridge(connect: Connect) -> Bridge:
-    bus = await connect("uav1", "bridged")
+async def a_bridge(board: Board) -> Bridge:
+    bus = await board.connect("uav1", "bridged")
     bridge = Bridge(bus)
     await bus.claim("uav1")
     return bridge
 
 
-async def a_life(connect: Connect, source: str, folder: Path) -> Hosted:
-    bus = await connect("a")
+async def a_life(board: Board, source: str) -> Hosted:
+    bus = await board.connect("a")
     await served(bus, keys.action(FLEET, "a", "x"))
-    return await host_on(bus, "a", source, folder, robot="uav1")
+    return await board.host("a", source, bus=bus, robot="uav1")
 
 
-async def died_acting(connect: Connect, source: str, folder: Path) -> Bridge:
+async def died_acting(board: Board, source: str) -> Bridge:
     """A bridge that performs the action of an agent which has died since."""
-    bridge = await a_bridge(connect)
-    agent = await a_life(connect, source, folder)
+    bridge = await a_bridge(board)
+    agent = await a_life(board, source)
     await until(lambda: len(bridge.begun) == 1, "the action begins")
     await agent.die()
     return bridge
@@ -112,28 +111,26 @@ FLIES = """\
 """
 
 
-@bus_test
-async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(connect: Connect, tmp_path: Path) -> None:
-    bridge = await a_bridge(connect)
-    agent = await a_life(connect, FLIES, tmp_path)
+@board_test
+async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(board: Board) -> None:
+    bridge = await a_bridge(board)
+    agent = await a_life(board, FLIES)
     await until(lambda: bridge.begun == [("goto", (1, 2, 3))], "the action begins")
     assert [list(saving.actions) for saving in agent.disk.savings if saving.actions] == [[bridge.asked[0][0]]]
     await bridge.end("succeeded")
     await until(lambda: agent.prints == ["there"], "the plan goes on")
     await until(lambda: any(saving.ended for saving in agent.disk.savings), "it is forgotten in the end")
     await agent.end()
-    again = await a_life(connect, FLIES, tmp_path)
+    again = await a_life(board, FLIES)
     await asyncio.sleep(0.3)
     assert (again.prints, len(bridge.asked)) == ([], 1)
-    await again.end()
 
 
-@bus_test
-async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(connect: Connect, tmp_path: Path) -> None:
+@board_test
+async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(board: Board) -> None:
     program = FLIES.replace("+!begin <- !!fly.", "+!begin. +!kqml_received(_, achieve, fly, _) <- !!fly.")
-
-    bridge = await a_bridge(connect)
-    agent = await a_life(connect, program, tmp_path)
+    bridge = await a_bridge(board)
+    agent = await a_life(board, program)
     await until(lambda: bool(agent.disk.savings), "it is kept once")
     for problem in ("slow", "full"):
         agent.disk.full = "no space left" if problem == "full" else ""
@@ -147,22 +144,20 @@ async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(con
         agent.disk.full = ""
         bridge.begun.clear()
         agent.host._prints.clear()
-    await agent.end()
 
 
 @pytest.mark.parametrize("keeping", ["works", "fails", "nothing"])
-@bus_test
+@board_test
 async def test_what_is_dropped_is_cancelled_before_the_action_that_follows_is_requested(
-    connect: Connect, tmp_path: Path, keeping: str, monkeypatch: pytest.MonkeyPatch
+    board: Board, keeping: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = "!fly. +!fly <: danger <- goto(1,2,3). +danger <- drop(1). +!see <- +danger.\n"
     asked = list[str]()
-
-    bridge = await a_bridge(connect)
-    bus = await connect("a")
+    bridge = await a_bridge(board)
+    bus = await board.connect("a")
     await served(bus, keys.action(FLEET, "a", "x"))
-    daemon = await Hosts.open(tmp_path, "b" if keeping == "nothing" else "a")
-    agent = await host_on(bus, "a", program, tmp_path, robot="uav1", daemon=daemon)
+    daemon = await Hosts.open(board.folder, "b" if keeping == "nothing" else "a")
+    agent = await board.host("a", program, bus=bus, robot="uav1", daemon=daemon)
     await until(lambda: len(bridge.begun) == 1, "the first one begins")
     if keeping == "fails":
         daemon.disk.full = "no space left"
@@ -173,94 +168,77 @@ async def test_what_is_dropped_is_cancelled_before_the_action_that_follows_is_re
     await until(lambda: len(bridge.begun) == 2, "the second one begins")
     assert asked == [keys.cancel(FLEET, "a"), keys.action(FLEET, "a", "drop")]
     daemon.disk.full = ""
-    await agent.end()
 
 
-@bus_test
-async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(
-    connect: Connect, tmp_path: Path
-) -> None:
-    bridge = await died_acting(connect, FLIES, tmp_path)
-    second = await a_life(connect, FLIES, tmp_path)
+@board_test
+async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(board: Board) -> None:
+    bridge = await died_acting(board, FLIES)
+    second = await a_life(board, FLIES)
     await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
     await until(lambda: "goto" in str(second.host.viewer.view().intentions), "the plan performs it again")
     await bridge.end("succeeded")
     await until(lambda: second.prints == ["there"], "the plan goes on from there")
     assert len(bridge.begun) == 1
     assert len({identity for identity, _ in bridge.asked}) == 1
-    await second.end()
 
 
-@bus_test
-async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(board: Board) -> None:
     program = FLIES + "+!drop <- .wait(100); .drop_intention(fly); .print(dropped).\n+restarted(_) <- !!fly; !!drop.\n"
-
-    bridge = await died_acting(connect, program, tmp_path)
-    second = await a_life(connect, program, tmp_path)
+    bridge = await died_acting(board, program)
+    second = await a_life(board, program)
     await until(lambda: second.prints == ["dropped"], "the intention is dropped")
     await until(lambda: bridge.cancelled == [bridge.asked[0][0]], "the action is cancelled")
-    await second.end()
 
 
 @pytest.mark.parametrize(
     ("state", "reason"), [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")]
 )
-@bus_test
+@board_test
 async def test_what_an_action_came_to_meanwhile_is_reported_before_anything_else_goes_on(
-    connect: Connect, tmp_path: Path, state: State, reason: str
+    board: Board, state: State, reason: str
 ) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
-
-    bridge = await died_acting(connect, program, tmp_path)
+    bridge = await died_acting(board, program)
     await bridge.end(state, reason)
-    second = await a_life(connect, program, tmp_path)
+    second = await a_life(board, program)
     await until(lambda: len(second.prints) == 2, "it is reported")
     assert second.prints == ["back 1", f"goto(1,2,3) {state} {reason}"]
     await second.end()
-    third = await a_life(connect, program, tmp_path)
+    third = await a_life(board, program)
     await until(lambda: third.prints == ["back 2"], "it is reported once")
     assert len(bridge.asked) == 2
-    await third.end()
 
 
-@bus_test
-async def test_what_ends_later_and_nobody_has_joined_is_reported_when_it_ends(connect: Connect, tmp_path: Path) -> None:
+@board_test
+async def test_what_ends_later_and_nobody_has_joined_is_reported_when_it_ends(board: Board) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
-
-    bridge = await died_acting(connect, program, tmp_path)
-    second = await a_life(connect, program, tmp_path)
+    bridge = await died_acting(board, program)
+    second = await a_life(board, program)
     await until(lambda: second.prints == ["back 1"], "it is back")
     await bridge.end("failed", "the wind")
     await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is reported")
-    await second.end()
 
 
-@bus_test
-async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_hears_so(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_hears_so(board: Board) -> None:
     program = FLIES + "+restarted(_).\n"
 
-    bridge_bus = await connect("uav1", "bridged")
+    bridge_bus = await board.connect("uav1", "bridged")
     bridge = Bridge(bridge_bus)
     await bridge_bus.claim("uav1")
-    first = await a_life(connect, program, tmp_path)
+    first = await a_life(board, program)
     await until(lambda: len(bridge.begun) == 1, "the action begins")
     await first.die()
     await bridge_bus.close()
-    another = await a_bridge(connect)
-    second = await a_life(connect, program, tmp_path)
+    another = await a_bridge(board)
+    second = await a_life(board, program)
     await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is reported")
     assert another.begun == []
-    await second.end()
 
 
-@bus_test
-async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_it(
-    connect: Connect, tmp_path: Path
-) -> None:
+@board_test
+async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_it(board: Board) -> None:
     program = """\
 !begin.
 +!begin <- !!deliver.
@@ -274,26 +252,23 @@ async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_
         await until(lambda: any(saving.ended for saving in agent.disk.savings) or "back 2" in told, "that is kept")
         await agent.die()
 
-    bridge = await died_acting(connect, program, tmp_path)
+    bridge = await died_acting(board, program)
     await bridge.end("succeeded")
     for life in (1, 2):
-        await hears([f"back {life}", "drop(1) succeeded"], await a_life(connect, program, tmp_path))
+        await hears([f"back {life}", "drop(1) succeeded"], await a_life(board, program))
 
 
-@bus_test
-async def test_an_agent_that_has_lost_its_robot_hears_once_what_was_interrupted(
-    connect: Connect, tmp_path: Path
-) -> None:
-    await died_acting(connect, FLIES, tmp_path)
-    agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+@board_test
+async def test_an_agent_that_has_lost_its_robot_hears_once_what_was_interrupted(board: Board) -> None:
+    await died_acting(board, FLIES)
+    agent = await board.host("a", FLIES)
     lost = "goto(1,2,3) failed the agent has no robot any more"
     await until(lambda: lost in agent.prints, "the agent hears of it")
     await until(lambda: any(saving.ended for saving in agent.disk.savings), "that is kept")
     await agent.end()
-    agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+    agent = await board.host("a", FLIES)
     await until(lambda: any(saving.mind for saving in agent.disk.savings), "it goes on")
     assert lost not in agent.prints
-    await agent.end()
 
 
 class Hands:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder, MindView
 from schemas.wire.records import Outcome
 from tests.agentd.daemons import daemons
-from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.hosts import Board, Hosted, board_test, on_a_board
 from tests.agentd.minds import term
-from tests.support.buses import Connect, bus_test, served, until
+from tests.support.buses import run_by, served, until
 from tests.support.promises import in_time
 
 PROGRAM = """\
@@ -49,16 +50,25 @@ class Desk:
         return await order(self.bus, "bob", do, text)
 
 
-async def desk(connect: Connect, folder: Path, program: str = PROGRAM, **part: Any) -> Desk:
-    agents, operator = await connect("board1"), await connect("op", "argosy")
-    agent = await host_on(agents, "bob", program, folder, inject=True, **part)
+async def desk(board: Board, **part: Any) -> Desk:
+    operator = await board.connect("op", "argosy")
+    agent = await board.host("bob", PROGRAM, **{"inject": True, **part})
     await served(operator, keys.control("test", "bob"))
     return Desk(operator, agent)
 
 
-@bus_test
-async def test_a_paused_mind_stands_still_until_it_goes_on(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+def at_a_desk(body: Callable[[Desk], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
+    async def everything(board: Board) -> None:
+        await body(await desk(board))
+
+    on_a_board(endpoint, tmp_path, everything)
+
+
+desk_test = run_by(at_a_desk, "bob", needs=("endpoint", "tmp_path"))
+
+
+@desk_test
+async def test_a_paused_mind_stands_still_until_it_goes_on(bob: Desk) -> None:
     assert (await bob.order("pause")).ok
     view = bob.agent.host.viewer.view()
     assert view.state == "paused"
@@ -73,12 +83,10 @@ async def test_a_paused_mind_stands_still_until_it_goes_on(connect: Connect, tmp
     await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
     assert bob.agent.host.viewer.view().state != "paused"
     assert bob.agent.host.health().notes == ()
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_step_is_one_cycle(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_a_step_is_one_cycle(bob: Desk) -> None:
     assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
     await bob.order("pause")
     cycle = bob.agent.host.viewer.view().cycle
@@ -94,12 +102,10 @@ async def test_a_step_is_one_cycle(connect: Connect, tmp_path: Path) -> None:
     together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
     assert all(outcome.ok for outcome in together)
     assert bob.agent.host.viewer.view().cycle == cycle + 13
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_goal_and_a_belief_come_from_the_operator(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_a_goal_and_a_belief_come_from_the_operator(bob: Desk) -> None:
     assert await bob.order("goal", "say(1)") == Outcome(ok=True)
     assert await bob.order("goal", " !say([a,2]) ") == Outcome(ok=True)
     assert await bob.order("belief", "told(3)") == Outcome(ok=True)
@@ -114,7 +120,6 @@ async def test_a_goal_and_a_belief_come_from_the_operator(connect: Connect, tmp_
     await bob.order("resume")
     await until(lambda: len(bob.agent.prints) == 4, "it takes what it was given meanwhile")
     assert "operator" in bob.agent.prints[-1], "nobody speaks as somebody else"
-    await bob.agent.end()
 
 
 @pytest.mark.parametrize(
@@ -139,55 +144,40 @@ async def test_a_goal_and_a_belief_come_from_the_operator(connect: Connect, tmp_
         ("resume", "", "it is not paused"),
     ],
 )
-@bus_test
-async def test_what_cannot_be_done_is_refused_in_words(
-    connect: Connect, do: str, text: str, why: str, tmp_path: Path
-) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_what_cannot_be_done_is_refused_in_words(bob: Desk, do: str, text: str, why: str) -> None:
     outcome = await bob.order(do, text)
     assert not outcome.ok
     assert outcome.reason.startswith(why)
     assert "\n" not in outcome.reason
-    await bob.agent.end()
 
 
-@bus_test
-async def test_an_order_keeps_nobody_waiting(
-    connect: Connect, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+@desk_test
+async def test_an_order_keeps_nobody_waiting(bob: Desk, caplog: pytest.LogCaptureFixture) -> None:
     """All agents of a process wait while one order is read: a large one is refused unread, and no line is long."""
     caplog.set_level("INFO", "control")
-
-    bob = await desk(connect, tmp_path)
     query = bob.bus.query(keys.control("test", "bob"), MindOrder(do="belief", text="x" * 5000), Outcome, 5.0)
     [why] = [reply.error async for reply in query]
     assert why.endswith(" bytes, expected at most 4096")
     long = "told([" + ",".join(f'"({number}"' for number in range(400)) + "])"
     assert await bob.order("belief", long) == Outcome(ok=True), "brackets in texts are none"
     assert max(len(one.getMessage()) for one in caplog.records) < 300
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(
-    connect: Connect, tmp_path: Path
-) -> None:
-    bob = await desk(connect, tmp_path, robot="uav1")
+@board_test
+async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(board: Board) -> None:
+    bob = await desk(board, robot="uav1")
     means = "; until then nobody reacts to percepts of uav1"
     assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
     [note] = bob.agent.host.health().notes
     assert note.code == "mind_paused"
     assert note.text.endswith(means)
-    await bob.agent.end()
 
 
-@bus_test
-async def test_pausing_again_does_not_move_the_end(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@board_test
+async def test_pausing_again_does_not_move_the_end(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 1.0)
-
-    bob = await desk(connect, tmp_path)
+    bob = await desk(board)
     await bob.order("pause")
     cycle, pauses = bob.agent.host.viewer.view().cycle, 0
     async with asyncio.timeout(120):
@@ -201,16 +191,11 @@ async def test_pausing_again_does_not_move_the_end(
     assert pauses < 1000
     await bob.order("resume")
     await until(lambda: bob.agent.host.viewer.view().cycle > cycle, "it went on")
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_step_that_is_not_made_is_not_reported_as_made(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@desk_test
+async def test_a_step_that_is_not_made_is_not_reported_as_made(bob: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "STEP_PATIENCE", 0.05)
-
-    bob = await desk(connect, tmp_path)
     held = bob.agent.host._control
     await held.carry_out(MindOrder(do="pause"))
     asked = [asyncio.create_task(held.carry_out(MindOrder(do="step"))) for _ in range(3)]
@@ -223,24 +208,19 @@ async def test_a_step_that_is_not_made_is_not_reported_as_made(
     late = await held.carry_out(MindOrder(do="step"))
     assert late == Outcome(ok=False, reason="it has not been made within 0.05 s")
     assert held.take_step() is None, "it is not made later"
-    await bob.agent.end()
 
 
-@bus_test
-async def test_without_leave_of_the_mission_nothing_is_done(connect: Connect, tmp_path: Path) -> None:
-    agents, operator = await connect("board1"), await connect("op", "argosy")
-    bob = await host_on(agents, "bob", PROGRAM, tmp_path)
-    await served(operator, keys.control("test", "bob"))
+@board_test
+async def test_without_leave_of_the_mission_nothing_is_done(board: Board) -> None:
+    bob = await desk(board, inject=False)
     for do in ("pause", "step", "resume", "goal", "belief"):
-        assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
-    assert bob.host.viewer.view().state != "paused"
-    assert bob.prints == []
-    await bob.end()
+        assert await bob.order(do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
+    assert bob.agent.host.viewer.view().state != "paused"
+    assert bob.agent.prints == []
 
 
-@bus_test
-async def test_an_order_to_everybody_is_no_order(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_an_order_to_everybody_is_no_order(bob: Desk) -> None:
     said = [
         reply.error async for reply in bob.bus.query(keys.control("test", "*"), MindOrder(do="pause"), Outcome, 5.0)
     ]
@@ -248,14 +228,12 @@ async def test_an_order_to_everybody_is_no_order(connect: Connect, tmp_path: Pat
     said = [reply.error async for reply in bob.bus.query(keys.control("test", "bob"), None, Outcome, 5.0)]
     assert said == ["an order was expected: do=pause, step, resume, goal or belief"]
     assert bob.agent.host.viewer.view().state != "paused"
-    await bob.agent.end()
 
 
-@bus_test
-async def test_nobody_forgets_a_paused_mind(connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@board_test
+async def test_nobody_forgets_a_paused_mind(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 0.5)
-
-    bob = await desk(connect, tmp_path)
+    bob = await desk(board)
     outcome = await bob.order("pause")
     assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
     before = count(bob.agent)
@@ -263,16 +241,11 @@ async def test_nobody_forgets_a_paused_mind(connect: Connect, tmp_path: Path, mo
     (note,) = bob.agent.host.health().notes
     assert note.code == "mind_went_on"
     assert note.text.endswith("a pause lasts at most 0.5 s")
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_pause_ends_when_too_much_waits(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@desk_test
+async def test_a_pause_ends_when_too_much_waits(bob: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "MOST_WAITING", 10)
-
-    bob = await desk(connect, tmp_path)
     await bob.order("pause")
     for number in range(11):
         bob.agent.host.feed(PerceptReplaced(term(f"at({number})")))
@@ -280,12 +253,10 @@ async def test_a_pause_ends_when_too_much_waits(
     (note,) = bob.agent.host.health().notes
     assert note.code == "mind_went_on"
     assert note.text.endswith("more than 10 inputs waited for it")
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(bob: Desk) -> None:
     await bob.order("pause")
     await bob.order("belief", "told(1)")
     await bob.order("step")
@@ -299,12 +270,10 @@ async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(connect:
     assert bob.agent.host.health().lag == 0.0
     await bob.order("resume")
     await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
-    await bob.agent.end()
 
 
-@bus_test
-async def test_a_paused_agent_leaves_immediately_when_asked_to(connect: Connect, tmp_path: Path) -> None:
-    bob = await desk(connect, tmp_path)
+@desk_test
+async def test_a_paused_agent_leaves_immediately_when_asked_to(bob: Desk) -> None:
     await bob.order("pause")
     before = time.monotonic()
     await bob.agent.end()

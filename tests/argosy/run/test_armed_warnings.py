@@ -19,6 +19,10 @@ HOME = RobotLeft(robot="uav1", state="ordered", order="rtl", text="rtl: the vehi
 DISARMED = RobotLeft(robot="uav1", state="disarmed", text="not armed")
 PILOTED = RobotLeft(robot="uav1", state="piloted", text="left to the pilot in LOITER, armed")
 SILENT = RobotLeft(robot="uav1", state="unconfirmed", text="armed, and it has not confirmed rtl: no answer")
+TAKE_OVER = (
+    "MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up; {}; "
+    "nothing brings it home: take over with the transmitter or ground station"
+)
 
 
 def airborne(*, real: bool = True) -> Recording:
@@ -36,30 +40,30 @@ def last_words(recording: Recording) -> str:
     return summary(recording.status, FAILED, [("startup", 1.0)]).splitlines()[-1]
 
 
-def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> None:
-    recording = airborne()
-    recording.status.left["uav1"] = HOME
-    assert last_words(recording) == "uav1 IS STILL IN THE AIR: RTL confirmed by its bridge; nobody watches it now"
-
-
 @pytest.mark.parametrize(
-    ("left", "killed", "how"),
+    ("left", "killed", "real", "told"),
     [
-        (SILENT, False, "its bridge reports: armed, and it has not confirmed rtl: no answer"),
-        (None, True, "its bridge did not leave and was killed, no order was confirmed"),
-        (None, False, "its bridge reports nothing, no order was confirmed"),
+        (HOME, False, True, "IS STILL IN THE AIR: RTL confirmed by its bridge; nobody watches it now"),
+        (PILOTED, False, True, "IS STILL IN THE AIR: left to the pilot in LOITER, armed; nobody else watches it now"),
+        (
+            HOME,
+            False,
+            False,
+            "WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run",
+        ),
+        (SILENT, False, True, TAKE_OVER.format("its bridge reports: armed, and it has not confirmed rtl: no answer")),
+        (None, True, True, TAKE_OVER.format("its bridge did not leave and was killed, no order was confirmed")),
+        (None, False, True, TAKE_OVER.format("its bridge reports nothing, no order was confirmed")),
     ],
+    ids=["on its way home", "piloted", "simulated", "not confirmed", "bridge killed", "bridge silent"],
 )
-def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(
-    left: RobotLeft | None, killed: bool, how: str
+def test_a_vehicle_in_the_air_is_in_the_last_line_of_the_summary(
+    left: RobotLeft | None, killed: bool, real: bool, told: str
 ) -> None:
-    recording = airborne()
+    recording = airborne(real=real)
     recording.status.killed |= {"uav1"} if killed else set()
     recording.status.left |= {"uav1": left} if left else {}
-    assert last_words(recording) == (
-        f"uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up; {how}; "
-        "nothing brings it home: take over with the transmitter or ground station"
-    )
+    assert last_words(recording) == f"uav1 {told}"
 
 
 def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_last_state() -> None:
@@ -101,22 +105,6 @@ def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None
     recording = airborne()
     recording.status.left["uav1"] = DISARMED
     assert in_the_air(recording.status) == []
-
-
-def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
-    recording = airborne()
-    recording.status.left["uav1"] = PILOTED
-    assert last_words(recording) == (
-        "uav1 IS STILL IN THE AIR: left to the pilot in LOITER, armed; nobody else watches it now"
-    )
-
-
-def test_a_simulated_vehicle_ends_with_the_run() -> None:
-    recording = airborne(real=False)
-    recording.status.left["uav1"] = HOME
-    assert last_words(recording) == (
-        "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
-    )
 
 
 def test_data_of_a_frozen_bridge_is_marked_with_its_age() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -20,16 +20,13 @@ from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header, Health, Perception, Perceptions, State
 from schemas.wire.terms import Term
-from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, under_way, until
 from tests.support.promises import in_time
 
-Served = Callable[[Query[Action]], Awaitable[None]]
-
-
-def answer(query: Query[Action] | Query[Cancel], state: State, **more: Any) -> None:
-    """Reply a status of the action that is asked for."""
-    assert query.record is not None
-    query.reply(ActionStatus(id=query.record.id, state=state, **more))
+HANG = 600.0
+"""Seconds of a script, longer than any test."""
+Step = State | dict[str, Any] | float
+"""Of a script: a status that is replied, by its state or its fields, or seconds that pass."""
 
 
 def request(name: str, parameters: tuple[Term, ...] = (), identity: str = "uav:b:1") -> Action:
@@ -37,346 +34,288 @@ def request(name: str, parameters: tuple[Term, ...] = (), identity: str = "uav:b
     return Action(id=identity, agent="uav", name=name, parameters=parameters)
 
 
-def altitude(header: Header, metres: float) -> Perceptions:
-    """Return what a bridge puts of an altitude."""
-    return Perceptions(changes=(Perception(header=header, name="altitude", parameters=(metres,)),))
+def altitude(header: Header, metres: float) -> Perception:
+    """Return what a bridge says of an altitude."""
+    return Perception(header=header, name="altitude", parameters=(metres,))
 
 
-async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, PerceptSync, Bus, BridgePresence]:
-    """Return an agent's side of actions, with a bridge that serves them by `serve`."""
-    bridge = await connect("uav1", "bridged")
-    if serve is not None:
-        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
-    await bridge.claim("uav1")
-    bus = await connect("uav")
-    if serve is not None:
+class Acting:
+    """An agent's side of actions before a bridge that answers by scripts, and what the bridge was asked."""
+
+    def __init__(self, bridge: Bus, agent: Bus, scripts: tuple[list[Step], ...]) -> None:
+        self.bridge, self._scripts = bridge, scripts
+        self.asked: list[tuple[str, int]] = []
+        """Identity and attempt of each request."""
+        self.cancelled: list[str] = []
+        self.perceiving = PerceptSync(agent, "uav", "uav1", lambda one: None)
+        self.watch = BridgePresence(agent, "uav1", lambda: None, lambda: None)
+        self.requests = ActionRequests(agent, "uav", self.perceiving, self.watch)
+
+    def perform(self, name: str, patience: float = 30, **more: Any) -> asyncio.Task[ActionStatus]:
+        """Perform an action; it ends within a bound."""
+        identity = more.pop("identity", "uav:b:1")
+        performing = self.requests.perform(request(name, more.pop("parameters", ()), identity), patience, **more)
+        return asyncio.create_task(asyncio.wait_for(performing, 120))
+
+    async def serve(self, query: Query[Action]) -> None:
+        """Answer by the script for as many requests as there were, the last one for all further ones."""
+        assert query.record is not None
+        self.asked.append((query.record.id, query.record.attempt))
+        for step in self._scripts[min(len(self.asked), len(self._scripts)) - 1]:
+            if isinstance(step, float):
+                await asyncio.sleep(step)
+            else:
+                fields: dict[str, Any] = {"state": step} if isinstance(step, str) else step
+                query.reply(ActionStatus(id=query.record.id, **fields))
+
+    def serve_cancellations(self, bus: Bus, *answers: str | ActionStatus) -> None:
+        """Answer cancellations on `bus`: by `answers` first, each an error or a status, then that it is cancelled."""
+        left = list(answers)
+
+        def cancel(query: Query[Cancel]) -> None:
+            assert query.record is not None
+            assert query.record.header.source == "uav", "the bridge asks who it is"
+            self.cancelled.append(query.record.id)
+            answer = left.pop(0) if left else ActionStatus(id=query.record.id, state="cancelled", result=False)
+            query.reply_error(answer) if isinstance(answer, str) else query.reply(answer)
+
+        bus.serve(keys.cancel(FLEET, "uav"), Cancel, cancel)
+
+
+async def act(connect: Connect, *scripts: list[Step]) -> Acting:
+    """Return an agent's side of actions, with a bridge that serves them by scripts, or serves none without any."""
+    bridge, bus = await connect("uav1", "bridged"), await connect("uav")
+    acting = Acting(bridge, bus, scripts)
+    if scripts:
+        bridge.serve(keys.action(FLEET, "uav", "*"), Action, acting.serve)
         await served(bus, keys.action(FLEET, "uav", "*"))
-    perceiving = PerceptSync(bus, "uav", "uav1", lambda one: None)
-    watch = BridgePresence(bus, "uav1", lambda: None, lambda: None)
-    await until(lambda: watch.up, "the bridge is seen")
-    return ActionRequests(bus, "uav", perceiving, watch), perceiving, bridge, watch
+    await bridge.claim("uav1")
+    await until(lambda: acting.watch.up, "the bridge is seen")
+    return acting
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return what makes the times of actions as short as a test can wait for, in seconds."""
+
+    def shorten(**seconds: float) -> None:
+        for name, value in seconds.items():
+            monkeypatch.setattr(f"commd.client.actions.{name}", value)
+
+    return shorten
+
+
+Short = Callable[..., None]
 
 
 @bus_test
 async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect) -> None:
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted")
-        answer(query, "refused", result=False, reason="Arm: RTL mode not armable")
-
-    action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform(request("arm_motors", (True,)), 10)
+    acting = await act(connect, ["accepted", {"state": "refused", "reason": "Arm: RTL mode not armable"}])
+    status = await acting.perform("arm_motors", parameters=(True,))
     assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
-    assert action_requests.counters["asked_again"] == 0
+    assert acting.requests.counters["asked_again"] == 0
 
 
 @bus_test
 async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(connect: Connect) -> None:
-    asked: list[tuple[str, int]] = []
-
-    async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        asked.append((query.record.id, query.record.attempt))
-        if len(asked) < 3:
-            answer(query, "running")
-        else:
-            answer(query, "succeeded", result=True)
-
-    action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform(request("land"), 30)
-    assert status.state == "succeeded"
-    assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
+    acting = await act(connect, ["running"], ["running"], ["succeeded"])
+    assert (await acting.perform("land")).state == "succeeded"
+    assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
 
 
 @bus_test
 async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_again(connect: Connect) -> None:
-    asked: list[int] = []
-
-    async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        asked.append(query.record.attempt)
-        if len(asked) == 1:
-            answer(query, "accepted", deadline=600.0)
-            await asyncio.sleep(60)  # as a query that is broken and that nobody ends
-        answer(query, "succeeded", result=True)
-
-    action_requests, *_ = await act(connect, serve)
-    status = await asyncio.wait_for(action_requests.perform(request("land"), 30), 5 * ACTION_ASKED_AGAIN)
-    assert status.state == "succeeded"
-    assert asked == [1, 2]
+    acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG], ["succeeded"])
+    assert (await asyncio.wait_for(acting.perform("land"), 5 * ACTION_ASKED_AGAIN)).state == "succeeded"
+    assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2)]
 
 
 @bus_test
 async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.ACTION_ASKED_AGAIN", 0.2)
-    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
-    asked: list[int] = []
-
-    async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        asked.append(query.record.attempt)
-        await asyncio.sleep(60 if len(asked) < 6 else 0)
-        answer(query, "succeeded", result=True)
-
-    action_requests, *_ = await act(connect, serve)
-    status = await action_requests.perform(request("land"), 30)
-    assert status.state == "succeeded"
-    assert asked == [1] * 6
-
-
-@bus_test
-async def test_an_action_that_nobody_serves_fails_after_the_grace(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
-    action_requests, *_ = await act(connect, None)
-    status = await action_requests.perform(request("land"), 30)
-    assert (status.state, status.result) == ("failed", False)
-    assert status.reason == "bridge_lost: nobody serves this action"
+    short(ACTION_ASKED_AGAIN=0.2, BUS_GRACE=0.5)
+    acting = await act(connect, *[[HANG]] * 5, ["succeeded"])
+    assert (await acting.perform("land")).state == "succeeded"
+    assert acting.asked == [("uav:b:1", 1)] * 6
 
 
 @bus_test
 async def test_an_action_whose_statuses_stopped_before_the_loss_of_the_router_was_noticed_has_the_grace_from_then(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
-    asked = list[int]()
-
-    async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        asked.append(query.record.attempt)
-        answer(query, "succeeded" if len(asked) > 1 else "running")
-        await asyncio.sleep(600)
-
-    action_requests, *_ = await act(connect, serve)
-    flying = asyncio.create_task(action_requests.perform(request("goto"), 60))
-    await until(lambda: asked, "it runs")
-    await asyncio.sleep(1)
-    bus = action_requests._bus
+    short(BUS_GRACE=0.5)
+    acting = await act(connect, ["running", HANG], ["succeeded"])
+    flying = acting.perform("goto", 60)
+    await until(lambda: acting.asked, "it runs")
+    await asyncio.sleep(1)  # longer than the grace
+    bus = acting.requests._bus
     for zid in bus._routers.copy():
         for kind in (zenoh.SampleKind.DELETE, zenoh.SampleKind.PUT):
-            bus._router_event(
-                cast(zenoh.TransportEvent, SimpleNamespace(kind=kind, transport=SimpleNamespace(zid=zid)))
-            )
-    status = await asyncio.wait_for(flying, 120)
-    assert (status.state, asked) == ("succeeded", [1, 2])
+            event = SimpleNamespace(kind=kind, transport=SimpleNamespace(zid=zid))
+            bus._router_event(cast(zenoh.TransportEvent, event))
+    assert (await flying).state == "succeeded"
+    assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2)]
+
+
+@bus_test
+async def test_an_action_that_nobody_serves_or_takes_fails_after_its_time(connect: Connect, short: Short) -> None:
+    short(BUS_GRACE=0.5)
+    acting = await act(connect)
+    status = await acting.perform("land")
+    assert (status.state, status.result) == ("failed", False)
+    assert status.reason == "bridge_lost: nobody serves this action"
+    acting._scripts = ([HANG],)
+    acting.bridge.serve(keys.action(FLEET, "uav", "*"), Action, acting.serve)
+    await served(acting.requests._bus, keys.action(FLEET, "uav", "*"))
+    status = await acting.perform("land", 0.5)
+    assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
 
 @bus_test
 async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> None:
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "running")
-        begun.set()
-        await asyncio.sleep(60)
-
-    begun = asyncio.Event()
-    action_requests, _, bridge, _ = await act(connect, serve)
-    flying = asyncio.create_task(action_requests.perform(request("goto", (1, 2, 3)), 60))
-    await asyncio.wait_for(begun.wait(), 120)
-    await bridge.close()
-    status = await asyncio.wait_for(flying, 120)
-    assert status.state == "failed"
-    assert status.reason == "bridge_lost: the bridge of this robot is not running"
+    acting = await act(connect, ["running", HANG])
+    flying = acting.perform("goto")
+    await until(lambda: acting.asked, "it runs")
+    await acting.bridge.close()
+    status = await flying
+    assert (status.state, status.reason) == ("failed", "bridge_lost: the bridge of this robot is not running")
 
 
 @bus_test
-async def test_a_status_waits_for_the_percept_that_it_follows(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 10.0)
+async def test_a_status_waits_for_the_percept_that_it_follows(connect: Connect, short: Short) -> None:
+    short(AFTER_PATIENCE=10.0)
+    acting = await act(connect)
+    bridge, perceiving = acting.bridge, acting.perceiving
 
     async def serve(query: Query[Action]) -> None:
         header = bridge.header("percept")
-        answer(query, "succeeded", header=header, result=True, after=header.seq)
+        query.reply(ActionStatus(id="uav:b:1", state="succeeded", header=header, result=True, after=header.seq))
         await asyncio.sleep(0.1)  # the percept comes after the status that follows it
-        bridge.put(keys.percepts(FLEET, "uav"), altitude(header, 5))
+        bridge.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(altitude(header, 5),)))
 
-    action_requests, perceiving, bridge, _ = await act(connect, None)
     bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
     await subscribed(bridge, keys.percepts(FLEET, "uav"))
-    bridge.put(keys.percepts(FLEET, "uav"), altitude(bridge.header("percept"), 0))
+    bridge.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(altitude(bridge.header("percept"), 0),)))
     await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-    status = await action_requests.perform(request("takeoff", (5,)), 10)
-    assert status.state == "succeeded"
+    assert (await acting.perform("takeoff")).state == "succeeded"
     assert perceiving.percepts.present()[0].parameters == (5,)
     assert perceiving.counters["late"] == 0
 
 
 @bus_test
 async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 30.0)
-    action_requests, perceiving, bridge, _ = await act(connect, None)
-    present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
+    short(AFTER_PATIENCE=30.0)
+    acting = await act(connect)
+    bridge, perceiving = acting.bridge, acting.perceiving
+    present = [altitude(bridge.header("percept"), 0)]
 
     async def repair(query: Query[Perception]) -> None:
         query.reply(present[0], keys.percept(FLEET, "uav", "altitude"))
 
     async def serve(query: Query[Action]) -> None:
         header = bridge.header("percept")
-        present[:] = [Perception(header=header, name="altitude", parameters=(5,))]  # its put is lost
-        after = header.seq
-        answer(query, "succeeded", header=header, result=True, after=after)
+        present[:] = [altitude(header, 5)]  # its put is lost
+        query.reply(ActionStatus(id="uav:b:1", state="succeeded", header=header, result=True, after=header.seq))
         asyncio.get_running_loop().call_later(1.0, perceiving.doubt)  # as by the next health
 
     bridge.serve(keys.percept(FLEET, "uav", "**"), Perception, repair)
     bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
-    repairing = asyncio.create_task(perceiving.run())
-    # The first query may be earlier than the bridge's declaration is known here: health has it repeated.
-    await until(lambda: perceiving.percepts.seq == 1 or perceiving.doubt(), "the first percept arrives")
-    status = await action_requests.perform(request("takeoff", (5,)), 10)
-    assert status.state == "succeeded"
-    assert perceiving.present()[0].parameters == (5,)
-    repairing.cancel()
+    async with under_way(perceiving.run()):
+        # The first query may be earlier than the bridge's declaration is known here: health has it repeated.
+        await until(lambda: perceiving.percepts.seq == 1 or perceiving.doubt(), "the first percept arrives")
+        assert (await acting.perform("takeoff")).state == "succeeded"
+        assert perceiving.present()[0].parameters == (5,)
 
 
 @bus_test
 async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(connect: Connect) -> None:
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "succeeded", header=header, result=True, after=99)
-
-    header = Perception(name="x").header
-    action_requests, perceiving, *_ = await act(connect, serve)
-    status = await action_requests.perform(request("takeoff", (5,)), 10)
-    assert status.state == "succeeded"
-    assert perceiving.counters["late"] == 1
+    acting = await act(connect, [{"state": "succeeded", "after": 99}])
+    assert (await acting.perform("takeoff")).state == "succeeded"
+    assert acting.perceiving.counters["late"] == 1
 
 
 @bus_test
 async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.RETRY", 0.5)
-    begun: list[str] = []
-
-    async def begin(query: Query[Action]) -> None:
-        assert query.record is not None
-        begun.append(query.record.id)
-        answer(query, "succeeded", result=True)
-
-    async def know_nothing(query: Query[Cancel]) -> None:
-        answer(query, "refused", result=False, reason="no such action")
-
-    action_requests, _, bridge, _ = await act(connect, None)
-    action_client = asyncio.create_task(action_requests.perform(request("takeoff", (5,)), 30))
-    await until(lambda: action_requests.counters["asked_again"] > 0, "the first attempt reached nobody")
-    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
-    bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
-    await action_requests.cancel("uav:b:1")
-    status = await asyncio.wait_for(action_client, 120)
-    assert (status.state, begun) == ("cancelled", [])
+    short(RETRY=0.5)
+    acting = await act(connect)
+    performing = acting.perform("takeoff")
+    await until(lambda: acting.requests.counters["asked_again"] > 0, "the first attempt reached nobody")
+    unknown = ActionStatus(id="uav:b:1", state="refused", result=False, reason="no such action")
+    acting.serve_cancellations(acting.bridge, unknown)
+    acting.bridge.serve(keys.action(FLEET, "uav", "*"), Action, acting.serve)
+    await acting.requests.cancel("uav:b:1")
+    assert ((await performing).state, acting.asked) == ("cancelled", [])
 
 
 @bus_test
 async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(connect: Connect) -> None:
-    asked: list[str] = []
-
-    async def turn_away_once(query: Query[Cancel]) -> None:
-        assert query.record is not None
-        assert query.record.header.source == "uav", "the bridge asks who it is"
-        asked.append(query.record.id)
-        if len(asked) == 1:
-            query.reply_error("busy: too many queries at once")
-        else:
-            answer(query, "cancelled", result=False)
-
-    action_requests, _, bridge, _ = await act(connect, None)
-    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
-    await action_requests.cancel("uav:b:1")
-    assert asked == ["uav:b:1", "uav:b:1"]
+    acting = await act(connect)
+    acting.serve_cancellations(acting.bridge, "busy: too many queries at once")
+    await acting.requests.cancel("uav:b:1")
+    assert acting.cancelled == ["uav:b:1", "uav:b:1"]
 
 
 @bus_test
 async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect: Connect) -> None:
-    action_requests, *_ = await act(connect, None)
-    status = await asyncio.wait_for(action_requests.perform(request("set_mode", ("\ud800",)), 30), 120)
+    status = await (await act(connect)).perform("set_mode", parameters=("\ud800",))
     assert status.state == "failed"
     assert status.reason.startswith("cannot be sent: Action:")
 
 
 @bus_test
-async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted", deadline=0.3)
-        await asyncio.sleep(0.4)
-        answer(query, "running", deadline=0.3)
-        await asyncio.sleep(60)
-
-    action_requests, *_ = await act(connect, serve)
+async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(connect: Connect, short: Short) -> None:
+    short(ASKERS_MARGIN=0.2)
+    said = {"deadline": 0.3}
+    acting = await act(connect, [{"state": "accepted", **said}, 0.4, {"state": "running", **said}, HANG])
     began = asyncio.get_running_loop().time()
-    status = await asyncio.wait_for(action_requests.perform(request("goto", (1, 2, 3)), patience=20), 120)
-    assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
+    status = await acting.perform("goto", 20)
     took = asyncio.get_running_loop().time() - began
+    assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
     assert took > 0.8
     assert in_time(took, 10)
-    assert action_requests.counters["asked_again"] == 0
+    assert acting.requests.counters["asked_again"] == 0
+
+
+def fail(status: ActionStatus) -> None:
+    """Be a function of a caller with a defect."""
+    raise ValueError(f"cannot show {status.state}")
 
 
 @bus_test
 async def test_what_the_callers_function_for_statuses_raises_reaches_the_caller(connect: Connect) -> None:
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted", deadline=600.0)
-        await asyncio.sleep(60)
-
-    def fail(status: ActionStatus) -> None:
-        raise ValueError(f"cannot show {status.state}")
-
-    action_requests, *_ = await act(connect, serve)
+    acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG])
     with pytest.raises(ValueError, match="cannot show accepted"):
-        await action_requests.perform(request("land"), patience=1, on_status=fail)
+        await acting.perform("land", 1, on_status=fail)
 
 
 @bus_test
 async def test_a_defect_in_who_hears_an_end_or_a_status_keeps_no_action_from_its_end(connect: Connect) -> None:
     defects, ends = list[str](), list[ActionStatus]()
     asyncio.get_running_loop().set_exception_handler(lambda _, context: defects.append(str(context["exception"])))
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "running")
-        await asyncio.sleep(600)
-
-    def fail(status: ActionStatus) -> None:
-        raise ValueError(status.state)
-
-    action_requests, *_ = await act(connect, serve)
-    action_requests.begin(request("goto"), fail, patience=0.5)
-    action_requests.begin(request("land", (), "uav:b:2"), ends.append, patience=0.5, on_status=fail)
+    acting = await act(connect, ["running", HANG])
+    acting.requests.begin(request("goto"), fail, patience=0.5)
+    acting.requests.begin(request("land", (), "uav:b:2"), ends.append, patience=0.5, on_status=fail)
     await until(lambda: bool(ends), "the other one ends too")
     assert ends[0].reason == "the bridge has not taken it within 0.5 s"
-    assert sorted(defects) == ["failed", "running"]
+    assert sorted(defects) == ["cannot show failed", "cannot show running"]
 
 
 @bus_test
-async def test_after_the_close_no_end_is_reported(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 0.3)
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "succeeded", result=True, after=99, header=Header(boot="its life"))
-
-    ends = list[ActionStatus]()
-    action_requests, perceiving, *_ = await act(connect, serve)
-    perceiving.percepts.boot = "its life"
-    action_requests.begin(request("land"), ends.append)
-    await until(lambda: bool(perceiving._waiting), "the end waits for the percepts before it")
-    action_requests.close()
-    await until(lambda: perceiving.counters["late"] == 1, "it has waited for long enough")
+async def test_after_the_close_no_end_is_reported(connect: Connect, short: Short) -> None:
+    short(AFTER_PATIENCE=0.3)
+    header, ends = Header(boot="its life"), list[ActionStatus]()
+    acting = await act(connect, [{"state": "succeeded", "result": True, "after": 99, "header": header}])
+    acting.perceiving.percepts.boot = "its life"
+    acting.requests.begin(request("land"), ends.append)
+    await until(lambda: bool(acting.perceiving._waiting), "the end waits for the percepts before it")
+    acting.requests.close()
+    await until(lambda: acting.perceiving.counters["late"] == 1, "it has waited for long enough")
     assert ends == []
-
-
-@bus_test
-async def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(connect: Connect) -> None:
-    async def serve(query: Query[Action]) -> None:
-        await asyncio.sleep(60)
-
-    action_requests, *_ = await act(connect, serve)
-    status = await asyncio.wait_for(action_requests.perform(request("land"), patience=0.5), 120)
-    assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
 
 @bus_test
@@ -384,93 +323,58 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.bridge_presence.SILENT_AFTER", 2.0)
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted", deadline=1000.0)
-        await asyncio.sleep(1000)
-
-    action_requests, _, bridge, watch = await act(connect, serve)
-    looking = asyncio.create_task(watch.run())
+    acting = await act(connect, [{"state": "accepted", "deadline": 1000.0}, HANG])
     key = keys.health(FLEET, "uav1", "bridged")
-    await subscribed(bridge, key)
+    await subscribed(acting.bridge, key)
     said = list[Health]()
     (await connect("eye")).subscribe(key, Health, lambda _, health: said.append(health))
-    speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-    doing = asyncio.create_task(action_requests.perform(request("goto"), 10))
-    await until(lambda: len(said) > 3, "it speaks for longer than it may be silent")
-    assert watch.up, "a bridge that speaks is not given up"
-    assert not doing.done()
-    speaking.cancel()
-    status = await asyncio.wait_for(doing, 120)
-    assert (status.state, status.reason) == (
-        "failed",
-        "bridge_lost: the bridge is alive but sends no health records: it hangs",
-    )
-    assert not watch.up
-    status = await asyncio.wait_for(action_requests.perform(request("goto", (), "uav:b:2"), 1000), 120)
-    assert status.reason == "bridge_lost: the bridge is alive but sends no health records: it hangs"
-    speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-    await until(lambda: watch.up and not watch.hangs, "the bridge is back")
-    speaking.cancel()
-    looking.cancel()
+    silent = ("failed", "bridge_lost: the bridge is alive but sends no health records: it hangs")
+    async with under_way(acting.watch.run()):
+        async with under_way(report_health(acting.bridge, "uav1", Clock())):
+            doing = acting.perform("goto")
+            await until(lambda: len(said) > 3, "it speaks for longer than it may be silent")
+            assert acting.watch.up, "a bridge that speaks is not given up"
+            assert not doing.done()
+        for status in (await doing, await acting.perform("goto", 1000, identity="uav:b:2")):
+            assert (status.state, status.reason) == silent
+            assert not acting.watch.up
+        async with under_way(report_health(acting.bridge, "uav1", Clock())):
+            await until(lambda: acting.watch.up and not acting.watch.hangs, "the bridge is back")
 
 
 @bus_test
 async def test_what_has_failed_for_the_agent_or_was_dropped_while_its_bridge_was_away_is_cancelled_when_it_is_back(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
-    cancelled: list[str] = []
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted", deadline=600.0)
-        await asyncio.sleep(60)
-
-    async def end(query: Query[Cancel]) -> None:
-        assert query.record is not None
-        cancelled.append(query.record.id)
-        answer(query, "cancelled", result=False)
-
-    action_requests, _, bridge, watch = await act(connect, serve)
+    short(BUS_GRACE=0.5)
+    acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG])
     accepted, ends = asyncio.Event(), list[ActionStatus]()
-    action_requests.begin(request("goto"), ends.append, on_status=lambda status: accepted.set())
+    acting.requests.begin(request("goto"), ends.append, on_status=lambda status: accepted.set())
     await asyncio.wait_for(accepted.wait(), 60)
-    await bridge.close()  # as one that is stopped, which goes on with the action later
+    await acting.bridge.close()  # as one that is stopped, which goes on with the action later
     await until(lambda: bool(ends), "the agent is told")
     assert ends[0].reason.startswith("bridge_lost: ")
-    await action_requests.cancel("uav:b:2")
-    assert action_requests.counters["cancels_unanswered"] == 1
+    await acting.requests.cancel("uav:b:2")
+    assert acting.requests.counters["cancels_unanswered"] == 1
     back = await connect("uav1", "bridged")
-    back.serve(keys.cancel(FLEET, "uav"), Cancel, end)
+    acting.serve_cancellations(back)
     await back.claim("uav1")
-    await until(lambda: len(cancelled) == 2, "the bridge ends both")
-    assert sorted(cancelled) == ["uav:b:1", "uav:b:2"]
-    watch.came[0]()
-    await asyncio.sleep(0.1)
-    assert len(cancelled) == 2, "once"
+    await until(lambda: len(acting.cancelled) == 2 and not acting.requests._tasks, "the bridge ends both, and says so")
+    assert sorted(acting.cancelled) == ["uav:b:1", "uav:b:2"]
+    acting.watch.came[0]()
+    await until(lambda: not acting.requests._tasks, "nothing is left to cancel")
+    assert len(acting.cancelled) == 2, "once"
 
 
 @bus_test
 async def test_of_several_actions_that_end_without_an_outcome_each_is_cancelled_once(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect, short: Short
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.0)
-    cancelled: list[str] = []
-
-    async def serve(query: Query[Action]) -> None:
-        answer(query, "accepted", deadline=0.5)
-        await asyncio.sleep(60)
-
-    def end(query: Query[Cancel]) -> None:
-        assert query.record is not None
-        cancelled.append(query.record.id)
-        answer(query, "cancelled", result=False)
-
-    action_requests, _, bridge, _ = await act(connect, serve)
-    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, end)
-    ends: list[ActionStatus] = []
+    short(ASKERS_MARGIN=0.0)
+    acting, ends = await act(connect, [{"state": "accepted", "deadline": 0.5}, HANG]), list[ActionStatus]()
+    acting.serve_cancellations(acting.bridge)
     for number in range(1, 4):
-        action_requests.begin(request("goto", (), f"uav:b:{number}"), ends.append)
-    await until(lambda: len(ends) == 3 and not action_requests._tasks, "all have failed, and are cancelled")
+        acting.requests.begin(request("goto", (), f"uav:b:{number}"), ends.append)
+    await until(lambda: len(ends) == 3 and not acting.requests._tasks, "all have failed, and are cancelled")
     assert {one.state for one in ends} <= {"failed", "timed_out"}
-    assert sorted(cancelled) == ["uav:b:1", "uav:b:2", "uav:b:3"]
+    assert sorted(acting.cancelled) == ["uav:b:1", "uav:b:2", "uav:b:3"]
