@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import signal
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,7 @@ from argosy.recording.reader import Recording
 from argosy.trial.faults import Fault
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
-from tests.support.buses import until
+from tests.support.buses import Connect, on_a_bus, run_by, until
 
 STARTED = "recording "
 
@@ -83,6 +84,30 @@ async def seen(path: Path, key: str, count: int, seconds: float = 90) -> None:
         f"{count} on {key}",
         seconds,
     )
+
+
+class Studio:
+    """A bus on which is recorded and replayed, and the file of a test."""
+
+    def __init__(self, connect: Connect, endpoint: str, folder: Path) -> None:
+        self.connect, self.endpoint, self.folder, self.path = connect, endpoint, folder, folder / "a.mcap"
+
+    def recording(self, *arguments: str, fleet: str = "test") -> AbstractAsyncContextManager[Process]:
+        """Start a recorder of the file and wait until it hears everything."""
+        return recording(self.endpoint, self.path, *arguments, fleet=fleet)
+
+    async def seen(self, key: str, count: int) -> None:
+        """Wait until so many messages on a key are in the file."""
+        await seen(self.path, key, count)
+
+
+def in_a_studio(body: Callable[[Studio], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
+    """Run `body(studio)` with a router at `endpoint`."""
+    on_a_bus(endpoint, lambda connect: body(Studio(connect, endpoint, tmp_path)))
+
+
+studio_test = run_by(in_a_studio, "studio", needs=("endpoint", "tmp_path"))
+"""Runs an async test with a router at `endpoint`, other parameters are fixtures."""
 
 
 async def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:

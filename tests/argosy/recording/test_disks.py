@@ -25,8 +25,8 @@ from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
-from tests.argosy.recording.recorders import Process, recording, refused
-from tests.support.buses import Connect, bus_test, until
+from tests.argosy.recording.recorders import Process, Studio, refused, studio_test
+from tests.support.buses import until
 
 SMALL = 1024 * 1024
 END = End(why="ctrl-C", ended=BEGIN)
@@ -117,13 +117,11 @@ def test_a_file_that_may_grow_no_more_ends_the_recording_and_the_summary_tells_w
     told_truly(recorder, "File too large")
 
 
-@bus_test
-async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(
-    connect: Connect, endpoint: str, small_disk: Path
-) -> None:
-    path = small_disk / "a.mcap"
-    bus = await connect("uav1", "bridged")
-    async with recording(endpoint, path, "--compression", "none") as recorder:
+@studio_test
+async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(studio: Studio, small_disk: Path) -> None:
+    studio.path = small_disk / "a.mcap"
+    bus = await studio.connect("uav1", "bridged")
+    async with studio.recording("--compression", "none") as recorder:
         rounds = iter(range(100))
 
         def ended() -> bool:
@@ -134,10 +132,10 @@ async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(
 
         await until(ended, "the disk is full")
         code, out, err = await recorder.end(None)
-    told = f"cannot write {path}: No space left on device"
+    told = f"cannot write {studio.path}: No space left on device"
     assert (code, err) == (1, f"error: {told}; the file can be read up to there\n")
     assert out.splitlines()[-1].endswith(f"; ended: {told}")
-    assert f"{path}: {sum(topic.messages for topic in Recording(path).topics)} messages in " in out
+    assert f"{studio.path}: {sum(topic.messages for topic in Recording(studio.path).topics)} messages in " in out
 
 
 HANGS = """
@@ -159,10 +157,9 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-@bus_test
-async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    command = [sys.executable, "-c", HANGS, "record", "--router", endpoint, "-o", str(path)]
+@studio_test
+async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(studio: Studio) -> None:
+    command = [sys.executable, "-c", HANGS, "record", "--router", studio.endpoint, "-o", str(studio.path)]
     pipe = asyncio.subprocess.PIPE
     handle = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
     recorder = Process(handle)
@@ -176,7 +173,7 @@ async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(connect: Connect, endpoi
         if handle.returncode is None:
             handle.kill()
             await handle.wait()
-    told = f"error: {tmp_path} does not accept writes: the last messages are lost"
+    told = f"error: {studio.folder} does not accept writes: the last messages are lost"
     assert (code, err) == (1, f"{told}; the file can be read up to there\n")
 
 
@@ -186,20 +183,17 @@ def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> Non
         RecordingWriter(small_disk / "a.mcap", FACTS)
 
 
-@bus_test
-async def test_two_recorders_never_write_one_file(
-    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "a.mcap"
-    writer = write(path, [altitude(1, 1)])
+@studio_test
+async def test_two_recorders_never_write_one_file(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = write(studio.path, [altitude(1, 1)])
     with pytest.raises(BlockingIOError, match="another recorder is writing it"):
-        RecordingWriter(path, FACTS, overwrite=True)
-    told = f"error: {path}: another recorder is writing it\n"
-    assert await refused(capsys, "--router", endpoint, "-o", path, "--force") == told
+        RecordingWriter(studio.path, FACTS, overwrite=True)
+    told = f"error: {studio.path}: another recorder is writing it\n"
+    assert await refused(capsys, "--router", studio.endpoint, "-o", studio.path, "--force") == told
     writer.add(altitude(2, 2))
     writer.close(END)
-    assert [record.parameters for _, record in Recording(path).typed(Perception)] == [(1,), (2,)]
-    RecordingWriter(path, FACTS, overwrite=True).close(END)
+    assert [record.parameters for _, record in Recording(studio.path).typed(Perception)] == [(1,), (2,)]
+    RecordingWriter(studio.path, FACTS, overwrite=True).close(END)
 
 
 def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
@@ -207,15 +201,14 @@ def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
     assert ("--force" in asked, "--force" in report) == (False, True)
 
 
-@bus_test
+@studio_test
 async def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(
-    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "a.mcap"
-    (tmp_path / "a-0003.mcap").write_text("mine")
-    told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
-    assert await refused(capsys, "--router", endpoint, "-o", path, "--split") == told
-    assert not path.exists()
+    (studio.folder / "a-0003.mcap").write_text("mine")
+    told = f"error: {studio.path}: a-0003.mcap exists, and would be its next part\n"
+    assert await refused(capsys, "--router", studio.endpoint, "-o", studio.path, "--split") == told
+    assert not studio.path.exists()
 
 
 def test_a_part_that_cannot_be_begun_leaves_the_one_before_it_ended_as_it_should_be(tmp_path: Path) -> None:

@@ -186,30 +186,89 @@ def test_decisions_about_a_name_are_told_up_to_a_time(replayed: Replay) -> None:
     assert 1 <= out.count("+!offer(lamp,") <= 3
 
 
-def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed: Replay) -> None:
-    """The digest of what was decided does not fit any more: the recorded decision is shown beside the other one."""
+Change = Callable[[MindInputs], MindInputs | None]
 
-    def other_limit(batch: MindInputs) -> MindInputs:
+
+def without(which: Callable[[MindInputs], bool]) -> Change:
+    """Return a change that leaves out some of the inputs."""
+    return lambda batch: None if which(batch) else batch
+
+
+def born(**fields: object) -> Change:
+    """Return a change of what a mind began with."""
+
+    def change(batch: MindInputs) -> MindInputs:
         if batch.initial is None:
             return batch
-        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, beliefs=("limit(9)",)))
+        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, **fields))
 
-    code, out, _ = replayed("buyer", path=recorded.changed("other.mcap", other_limit))
+    return change
+
+
+FINAL = without(lambda batch: batch.final)
+PROVES: dict[str, tuple[Change, dict[str, bool], int, list[str]]] = {
+    "a batch is missing": (
+        without(lambda batch: batch.number == 2),
+        {},
+        1,
+        ["buyer: the same for ", "but not all of it is proved:\n  batch 2 of its inputs is missing\n"],
+    ),
+    "it ended before the agent": (
+        FINAL,
+        {"stays": True},
+        0,
+        ["buyer: agrees as far as the recording goes: ", "  note: the recording ends before the agent does\n"],
+    ),
+    "it ended before the agent, and a batch is missing": (
+        without(lambda batch: batch.number == 1),
+        {"stays": True},
+        1,
+        ["batch 1 of its inputs is missing"],
+    ),
+    "it ended as the next life began": (
+        FINAL,
+        {"again": True},
+        1,
+        ["its end is not in the recording: it was killed"],
+    ),
+    "it began too late": (
+        without(lambda batch: batch.number == 0),
+        {},
+        1,
+        ["buyer: nothing can be proved\n  its start is missing, with batch 0 of its inputs: begin to record sooner\n"],
+    ),
+    "nobody listened": (
+        lambda batch: msgspec.structs.replace(batch, digest="", decided=0),
+        {},
+        1,
+        ["its decisions had no subscriber in "],
+    ),
+    "it could not be recorded": (
+        born(unknown="it is a clone"),
+        {},
+        1,
+        ["buyer: nothing can be proved\n", "it is a clone"],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", PROVES)
+def test_what_a_recording_proves_of_which(what: str, recorded: Recorded, replayed: Replay) -> None:
+    change, how, expected, told = PROVES[what]
+    code, out, _ = replayed("buyer", path=recorded.changed("changed.mcap", change, **how))
+    assert (code, "agrees" in out) == (expected, expected == 0)
+    assert all(text in out for text in told), out
+
+
+def test_what_was_changed_in_the_recording_is_found(recorded: Recorded, replayed: Replay) -> None:
+    """The digest of what was decided does not fit any more: the recorded decision is shown beside the other one."""
+    code, out, _ = replayed("buyer", path=recorded.changed("other.mcap", born(beliefs=("limit(9)",))))
     assert code == 1
     assert "agrees" not in out
     assert out.startswith("buyer: differs: the same for ")
     assert "recorded:\n" in out
     assert "chosen: @leave" in out.split("recorded:\n")[1].split("now:\n")[0]
     assert "chosen: @take" in out.split("now:\n")[1]
-
-
-def test_nothing_is_proved_beyond_inputs_that_are_missing(recorded: Recorded, replayed: Replay) -> None:
-    last = max(batch.number for batch in Recording(recorded.path).minds("buyer")[0].batches)
-    path = recorded.changed("gap.mcap", lambda batch: None if batch.number == last - 1 else batch)
-    code, out, _ = replayed("buyer", path=path)
-    assert code == 1
-    assert out.startswith("buyer: the same for ")
-    assert f"but not all of it is proved:\n  batch {last - 1} of its inputs is missing\n" in out
 
 
 def test_a_life_whose_end_is_missing_does_not_agree_although_its_daemon_was_seen_to_go(
@@ -229,42 +288,6 @@ def test_a_life_whose_end_is_missing_does_not_agree_although_its_daemon_was_seen
     assert re.search(lines, out, re.MULTILINE)
 
 
-def test_a_recording_that_ended_before_the_agent_says_so(recorded: Recorded, replayed: Replay) -> None:
-    """Nothing is missing of what it was to hold: that agrees, and is not told as a life that is proved to its end."""
-    path = recorded.changed("sooner.mcap", lambda batch: None if batch.final else batch, stays=True)
-    code, out, _ = replayed("buyer", path=path)
-    assert code == 0
-    assert out.startswith("buyer: agrees as far as the recording goes: ")
-    assert "  note: the recording ends before the agent does\n" in out
-    path = recorded.changed("tail2.mcap", lambda batch: None if batch.number == 1 else batch, stays=True)
-    assert replayed("buyer", path=path)[0] == 1
-
-
-def test_a_life_that_was_killed_does_not_live_on_in_the_next_one(recorded: Recorded, replayed: Replay) -> None:
-    """The recording ended before the next life told anything: its daemon alone was seen."""
-    path = recorded.changed("next.mcap", lambda batch: None if batch.final else batch, again=True)
-    code, out, _ = replayed("buyer", path=path)
-    assert code == 1
-    assert "its end is not in the recording: it was killed" in out
-
-
-def test_a_recording_that_began_too_late_proves_nothing(recorded: Recorded, replayed: Replay) -> None:
-    path = recorded.changed("late.mcap", lambda batch: None if batch.number == 0 else batch)
-    code, out, _ = replayed("buyer", path=path)
-    assert (code, out) == (
-        1,
-        "buyer: nothing can be proved\n  its start is missing, with batch 0 of its inputs: begin to record sooner\n",
-    )
-
-
-def test_what_nobody_listened_to_is_lived_again_but_not_proved(recorded: Recorded, replayed: Replay) -> None:
-    path = recorded.changed("unheard.mcap", lambda batch: msgspec.structs.replace(batch, digest="", decided=0))
-    code, out, _ = replayed("buyer", path=path)
-    assert code == 1
-    assert "agrees" not in out
-    assert "its decisions had no subscriber in " in out
-
-
 def test_inputs_that_this_version_cannot_read_are_told_and_never_agree(recorded: Recorded, replayed: Replay) -> None:
     recording, one, all_of_them = Recording(recorded.path), "one.mcap", "all.mcap"
     for name in (one, all_of_them):
@@ -282,18 +305,6 @@ def test_inputs_that_this_version_cannot_read_are_told_and_never_agree(recorded:
     code, out, err = replayed("buyer", path=all_of_them)
     assert (code, out) == (2, "")
     assert err.startswith("error: all.mcap: no inputs of buyer can be read: another version of Argosy")
-
-
-def test_a_mind_that_could_not_be_recorded_says_why(recorded: Recorded, replayed: Replay) -> None:
-    def unknown(batch: MindInputs) -> MindInputs:
-        if batch.initial is None:
-            return batch
-        return msgspec.structs.replace(batch, initial=msgspec.structs.replace(batch.initial, unknown="it is a clone"))
-
-    code, out, _ = replayed("buyer", path=recorded.changed("clone.mcap", unknown))
-    assert code == 1
-    assert out.startswith("buyer: nothing can be proved\n")
-    assert "it is a clone" in out
 
 
 def cut_off(recorded: Recorded, good: Callable[[RecordedMind], bool]) -> Path:

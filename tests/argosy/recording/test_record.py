@@ -26,9 +26,9 @@ from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
-from tests.argosy.recording.recorders import recording, refused, seen
+from tests.argosy.recording.recorders import Studio, recording, refused, seen, studio_test
 from tests.argosy.watch.terminal import Terminal
-from tests.support.buses import FLEET, Connect, async_test, bus_test, session, subscribed
+from tests.support.buses import FLEET, async_test, session, subscribed
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 INPUTS = keys.trace(FLEET, "uav", "inputs")
@@ -39,13 +39,11 @@ def altitude(bus: Bus, value: float) -> Perception:
     return Perception(header=bus.header("percepts"), name="altitude", parameters=(value,))
 
 
-@bus_test
-async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path, sent = tmp_path / "a.mcap", list[tuple[str, Record]]()
-    bus = await connect("uav1", "bridged")
-    async with recording(endpoint, path) as recorder:
+@studio_test
+async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(studio: Studio) -> None:
+    sent = list[tuple[str, Record]]()
+    bus = await studio.connect("uav1", "bridged")
+    async with studio.recording() as recorder:
         await subscribed(bus, ALTITUDE)
         began = time.time_ns()
         for n in range(2000):
@@ -55,28 +53,27 @@ async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(
             bus.put(key, one)
             if n % 100 == 99:
                 await asyncio.sleep(0.01)
-        await seen(path, ALTITUDE, 1800)
+        await studio.seen(ALTITUDE, 1800)
         code, out, err = await recorder.end()
     assert (code, err) == (0, "")
-    assert out.splitlines()[0] == f"recording {path}"
+    assert out.splitlines()[0] == f"recording {studio.path}"
     assert out.splitlines()[-1].endswith("; ended: ctrl-C")
-    found = Recording(path)
+    found = Recording(studio.path)
     messages = [m for m in found.messages() if m.origin == "put"]
     assert sorted(((m.key, m.record) for m in messages), key=str) == sorted(sent, key=str)
     for key in (ALTITUDE, keys.health(FLEET, "uav1", "bridged")):
         assert [m.record for m in messages if m.key == key] == [record for where, record in sent if where == key]
     assert all(began <= m.stamp <= m.at + 1_000_000 <= time.time_ns() for m in messages)
-    assert validated(path) == sum(topic.messages for topic in found.topics)
+    assert validated(studio.path) == sum(topic.messages for topic in found.topics)
     assert found.facts.fleet == FLEET
 
 
-@bus_test
+@studio_test
 async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
-    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav1", "bridged")
-    async with recording(endpoint, path) as recorder:
+    bus = await studio.connect("uav1", "bridged")
+    async with studio.recording() as recorder:
         await subscribed(bus, ALTITUDE)
         said: list[tuple[float, int]] = []
         until_ = time.monotonic() + 4.0
@@ -89,23 +86,20 @@ async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
         killed = time.monotonic()
         code, _, _ = await recorder.end(signal.SIGKILL)
     assert code == -signal.SIGKILL
-    found = Recording(path)
+    found = Recording(studio.path)
     assert found.end is None
     assert "cut off" in found.missing
     values = [record.parameters[0] for _, record in found.typed(Perception)]
     assert values == list(range(len(values)))
     safe = [number for at, number in said if at < killed - 2 * PERIOD]  # twice: this machine may be busy
     assert len(values) >= len(safe) > 50
-    assert await asyncio.to_thread(main, ["replay", str(path), "--info"]) == 0
+    assert await asyncio.to_thread(main, ["replay", str(studio.path), "--info"]) == 0
     assert "no: it was cut off, or is still being written" in capsys.readouterr().out
 
 
-@bus_test
-async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_comes_and_goes(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav1", "bridged")
+@studio_test
+async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_comes_and_goes(studio: Studio) -> None:
+    bus = await studio.connect("uav1", "bridged")
     gps = altitude(bus, 7)
 
     async def percepts(query: Query[Perception]) -> None:
@@ -117,15 +111,15 @@ async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_co
     bus.serve(f"{keys.ROOT}/{FLEET}/uav1/percept/**", Perception, percepts)
     bus.serve(keys.manifest(FLEET, "uav1"), ManifestChange, manifest)
     await bus.claim("uav1")
-    async with recording(endpoint, path) as recorder:
-        await seen(path, keys.manifest(FLEET, "uav1"), 1)
-        await seen(path, ALTITUDE, 1)
-        other = await connect("uav2", "bridged")
+    async with studio.recording() as recorder:
+        await studio.seen(keys.manifest(FLEET, "uav1"), 1)
+        await studio.seen(ALTITUDE, 1)
+        other = await studio.connect("uav2", "bridged")
         token = await other.claim("uav2")
         other.withdraw(token)
-        await seen(path, f"{keys.ROOT}/{FLEET}/uav2/alive/bridged", 2)
+        await studio.seen(f"{keys.ROOT}/{FLEET}/uav2/alive/bridged", 2)
         await recorder.end()
-    found = Recording(path)
+    found = Recording(studio.path)
     tokens = [(record.key.split("/")[2], record.alive) for _, record in found.typed(TokenSeen)]
     assert tokens == [("uav1", True), ("uav2", True), ("uav2", False)]
     ((percept, record),) = found.typed(Perception)
@@ -133,12 +127,9 @@ async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_co
     assert [one.version for _, one in found.typed(LiveManifest)] == [3]
 
 
-@bus_test
-async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lost_again(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav", "agentd")
+@studio_test
+async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lost_again(studio: Studio) -> None:
+    bus = await studio.connect("uav", "agentd")
     kept, asked = [stretch(n) for n in range(3)], 0
 
     async def inputs(query: Query[MindInputs]) -> None:
@@ -149,116 +140,106 @@ async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lo
 
     bus.serve(INPUTS, MindInputs, inputs)
     await bus.claim("uav")
-    async with recording(endpoint, path) as recorder:
-        await seen(path, INPUTS, 3)
+    async with studio.recording() as recorder:
+        await studio.seen(INPUTS, 3)
         kept += [stretch(n) for n in range(3, 7)]
         await subscribed(bus, INPUTS)
         bus.put(INPUTS, kept[3])
         bus.put(INPUTS, kept[6])  # as if two had been lost on the way
-        await seen(path, INPUTS, 7)
+        await studio.seen(INPUTS, 7)
         code, out, _ = await recorder.end()
     assert (code, "missing" in out) == (0, False)
-    (life,) = Recording(path).minds()
+    (life,) = Recording(studio.path).minds()
     assert life.batches == kept
     assert life.whole
 
 
-@bus_test
-async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav", "agentd")
-    async with recording(endpoint, path) as recorder:
+@studio_test
+async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(studio: Studio) -> None:
+    bus = await studio.connect("uav", "agentd")
+    async with studio.recording() as recorder:
         await subscribed(bus, INPUTS)
         bus.put(INPUTS, stretch(0))
         bus.put(INPUTS, stretch(3))
-        await seen(path, INPUTS, 2)
+        await studio.seen(INPUTS, 2)
         code, out, _ = await recorder.end(signal.SIGTERM)
     assert code == 0
     gap = Gap(FLEET, "uav", "b1", missing=((1, 2),), uncounted=0, batches=4)
     told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
     assert str(gap) == told
     assert f"warning: {told}" in out.splitlines()
-    found = Recording(path)
+    found = Recording(studio.path)
     assert found.end is not None
     assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
     assert found.minds()[0].missing == [range(1, 3)]
 
 
-@bus_test
-async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    buses = {name: await connect(name, "agentd") for name in ("killed", "left", "here")}
+@studio_test
+async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(studio: Studio) -> None:
+    buses = {name: await studio.connect(name, "agentd") for name in ("killed", "left", "here")}
     tokens = {name: await bus.claim(name) for name, bus in buses.items()}
-    async with recording(endpoint, path) as recorder:
+    async with studio.recording() as recorder:
         for name, bus in buses.items():
             await subscribed(bus, keys.trace(FLEET, name, "inputs"))
             one = stretch(0, bus.boot, name)
             bus.put(keys.trace(FLEET, name, "inputs"), replace(one, final=name == "left"))
-            await seen(path, keys.trace(FLEET, name, "inputs"), 1)
+            await studio.seen(keys.trace(FLEET, name, "inputs"), 1)
         for name in ("killed", "left"):
             buses[name].withdraw(tokens[name])
-            await seen(path, f"argosy/{FLEET}/{name}/alive/agentd", 2)
+            await studio.seen(f"argosy/{FLEET}/{name}/alive/agentd", 2)
         code, out, _ = await recorder.end()
     told = "its end is missing: it was killed, or its last inputs were lost"
     warnings = [line for line in out.splitlines() if line.startswith("warning")]
     assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
 
 
-@bus_test
-async def test_it_records_the_keys_alone_that_it_is_told(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav1", "bridged")
-    async with recording(endpoint, path, "--only", "uav1/percept/**") as recorder:
+@studio_test
+async def test_it_records_the_keys_alone_that_it_is_told(studio: Studio) -> None:
+    bus = await studio.connect("uav1", "bridged")
+    async with studio.recording("--only", "uav1/percept/**") as recorder:
         await subscribed(bus, ALTITUDE)
         bus.put(keys.health(FLEET, "uav1", "bridged"), Health())
         bus.put(ALTITUDE, altitude(bus, 1))
-        await seen(path, ALTITUDE, 1)
+        await studio.seen(ALTITUDE, 1)
         await recorder.end()
-    found = Recording(path)
+    found = Recording(studio.path)
     assert [topic.key for topic in found.topics] == [ALTITUDE]
     assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
 
 
-@bus_test
-async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    bus = await connect("uav1", "bridged")
-    async with recording(endpoint, path) as recorder:
+@studio_test
+async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(studio: Studio) -> None:
+    bus = await studio.connect("uav1", "bridged")
+    async with studio.recording() as recorder:
         await subscribed(bus, ALTITUDE)
         bus.put(f"argosy/*/{ALTITUDE.split('/', 2)[2]}", altitude(bus, 1))
         bus.put(ALTITUDE, altitude(bus, 2))
-        await seen(path, ALTITUDE, 1)
+        await studio.seen(ALTITUDE, 1)
         code, out, _ = await recorder.end()
     told = f"warning: 1 messages, put on key expressions (`*`), are under {NOTES}"
     assert (code, told in out.splitlines()) == (0, True)
-    found = Recording(path)
+    found = Recording(studio.path)
     assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
     ((_, kept),) = found.typed(Unread)
     assert kept.key == "argosy/*/uav1/percept/altitude"
     assert codec(Perception).decode(b64decode(kept.base64)).parameters == (1,)
 
 
-@bus_test
+@studio_test
 async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_its_time(
-    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, nowhere = tmp_path / "a.mcap", tmp_path / "no" / "a.mcap"
-    path.write_text("mine")
-    told = f"error: {path} exists: name another file, or overwrite it with --force\n"
-    assert await refused(capsys, "--router", endpoint, "-o", path) == told
-    assert path.read_text() == "mine"
+    nowhere = studio.folder / "no" / "a.mcap"
+    studio.path.write_text("mine")
+    told = f"error: {studio.path} exists: name another file, or overwrite it with --force\n"
+    assert await refused(capsys, "--router", studio.endpoint, "-o", studio.path) == told
+    assert studio.path.read_text() == "mine"
     told = f"error: {nowhere}: No such file or directory\n"
-    assert await refused(capsys, "--router", endpoint, "-o", nowhere) == told
-    async with recording(endpoint, path, "--force", "--max-time", "1s") as recorder:
+    assert await refused(capsys, "--router", studio.endpoint, "-o", nowhere) == told
+    async with studio.recording("--force", "--max-time", "1s") as recorder:
         code, out, _ = await recorder.end(None)
     assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
-    assert Recording(path).end is not None
+    assert Recording(studio.path).end is not None
 
 
 @pytest.mark.parametrize(
@@ -278,14 +259,12 @@ def test_bad_arguments_are_told_in_a_line(
     assert not (tmp_path / "a.mcap").exists()
 
 
-@bus_test
-async def test_a_recorder_of_nobody_says_so(
-    connect: Connect, endpoint: str, tmp_path: Path, free_port: Callable[[], int]
-) -> None:
-    async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
+@studio_test
+async def test_a_recorder_of_nobody_says_so(studio: Studio, free_port: Callable[[], int]) -> None:
+    async with studio.recording(fleet="misspelt") as recorder:
         assert recorder.handle.stderr is not None
         line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
-        told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one appears"
+        told = f"no daemon of fleet `misspelt` is on {studio.endpoint} yet; recording starts when one appears"
         assert line.decode() == f"note: {told}\n"
         code, out, _ = await recorder.end()
     assert code == 0
@@ -313,9 +292,9 @@ async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_ask
     assert notes == ["the router is lost: nothing is received", "the router is back"]
 
 
-@bus_test
-async def test_on_a_terminal_one_line_tells_how_it_goes(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    command = ["argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(tmp_path / "a.mcap")]
+@studio_test
+async def test_on_a_terminal_one_line_tells_how_it_goes(studio: Studio) -> None:
+    command = ["argosy", "record", "--fleet", FLEET, "--router", studio.endpoint, "-o", str(studio.folder / "a.mcap")]
     with Terminal(command, columns=200) as terminal:
         await asyncio.to_thread(terminal.shows, "0 dropped")
         assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", terminal.output)

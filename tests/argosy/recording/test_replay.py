@@ -28,7 +28,7 @@ from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
-from tests.argosy.recording.recorders import argosy, tried
+from tests.argosy.recording.recorders import Studio, argosy, studio_test, tried
 from tests.support.buses import FLEET, PATIENCE, Connect, async_test, bus_test, session, until
 from tests.support.forked import ROOT
 
@@ -72,23 +72,21 @@ class Listener:
         self.heard.append(one)
 
 
-async def replayed(endpoint: str, path: Path, *arguments: str) -> tuple[int, str, str]:
+async def replayed(studio: Studio, *arguments: str) -> tuple[int, str, str]:
     """Run a replay to its end; that a busy machine was late is no matter here."""
-    async with argosy("replay", path, "--router", endpoint, *arguments) as process:
+    async with argosy("replay", studio.path, "--router", studio.endpoint, *arguments) as process:
         code, out, err = await process.end(None, 40)
         return code, out, re.sub(r"warning: up to [\d.]+ s late: .*\n", "", err)
 
 
-@bus_test
-async def test_it_says_all_in_order_and_at_the_times_of_the_recording(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = recorded(tmp_path / "a.mcap", fast(101))
-    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+@studio_test
+async def test_it_says_all_in_order_and_at_the_times_of_the_recording(studio: Studio) -> None:
+    recorded(studio.path, fast(101))
+    said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
     took = dict[str, float]()
     for speed, seconds in (("1", 2.0), ("4", 0.5)):
         said.heard.clear()
-        code, out, err = await replayed(endpoint, path, "--speed", speed)
+        code, out, err = await replayed(studio, "--speed", speed)
         assert (code, err) == (0, "")
         assert out.endswith("replayed 2.0 s: 101 messages\n")
         assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[n] for n in range(101)]
@@ -104,45 +102,41 @@ def codec_encoding(wire: Wire) -> str:
     return codec(Perception).encodings[wire]
 
 
-@bus_test
-async def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
+@studio_test
+async def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes(studio: Studio) -> None:
     packed = [altitude(n, n, "msgpack") for n in range(3)]
     blob = Heard(BEGIN, f"argosy/{FLEET}/uav1/blob", b"\x00\xff", "image/png")
-    path = recorded(tmp_path / "a.mcap", [blob, *(replace_at(one, 0.1) for one in packed)])
-    said = Listener(await connect("eye", "argosy"), "other")
-    assert (await replayed(endpoint, path, "--fleet", "other"))[0] == 0
+    recorded(studio.path, [blob, *(replace_at(one, 0.1) for one in packed)])
+    said = Listener(await studio.connect("eye", "argosy"), "other")
+    assert (await replayed(studio, "--fleet", "other"))[0] == 0
     found = [(key, payload, encoding) for _, key, payload, encoding in said.heard]
     assert found[0] == ("argosy/other/uav1/blob", b"\x00\xff", "image/png")
     assert [payload for _, payload, _ in found[1:]] == [one.payload for one in packed]
     assert {encoding for _, _, encoding in found[1:]} == {codec_encoding("msgpack")}
 
 
-@bus_test
-async def test_a_part_of_it_is_replayed_by_time_and_key(connect: Connect, endpoint: str, tmp_path: Path) -> None:
+@studio_test
+async def test_a_part_of_it_is_replayed_by_time_and_key(studio: Studio) -> None:
     other = heard(keys.trace(FLEET, "uav", "inputs"), stretch(0), 0.5)
-    path = recorded(
-        tmp_path / "a.mcap",
+    recorded(
+        studio.path,
         [token(0, True), *fast(26), other, *[replace_at(altitude(n, n), n * 0.02) for n in range(26, 101)]],
     )
-    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+    said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
     arguments = ("--from", "0.5", "--to", "0.6", "--only", "*/percept/**", "--only", "*/alive/**")
-    assert (await replayed(endpoint, path, *arguments))[0] == 0
+    assert (await replayed(studio, *arguments))[0] == 0
     values = [json.loads(payload)["parameters"][0] for _, _, payload, _ in said.heard]
     assert values == [24, 25, 26, 27, 28, 29]  # the last before it is what was perceived at its beginning
     assert (keys.alive(f"{FLEET}-replay", "uav1", "bridged", "b1"), True) in said.tokens
 
 
-@bus_test
-async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
+@studio_test
+async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(studio: Studio) -> None:
     answer = heard(keys.mind(FLEET, "uav"), MindView(agent="uav"), 0.1)._replace(origin="query")
     percept = replace_at(altitude(1, 5), 0.1, origin="query")
-    path = recorded(tmp_path / "a.mcap", [token(0, True), answer, percept, token(0.6, False), token(0.8, True, "uav2")])
-    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-    code, out, _ = await replayed(endpoint, path)
+    recorded(studio.path, [token(0, True), answer, percept, token(0.6, False), token(0.8, True, "uav2")])
+    said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
+    code, out, _ = await replayed(studio)
     assert code == 0
     assert out.endswith("replayed 0.8 s: 1 messages, 1 left out (answers to queries)\n")
     await until(lambda: len(said.tokens) == 4, "all tokens are gone")
@@ -151,13 +145,10 @@ async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left
     assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[5]]
 
 
-@bus_test
-async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "trial.mcap"
-    assert tried(ROOT / "missions/single_uav.yaml", path).success
-    bus, views = await connect("eye", "argosy"), list[MindView]()
+@studio_test
+async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(studio: Studio) -> None:
+    assert tried(ROOT / "missions/single_uav.yaml", studio.path).success
+    bus, views = await studio.connect("eye", "argosy"), list[MindView]()
 
     async def seen() -> bool:
         with suppress(BusError):
@@ -165,7 +156,7 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(
         return bool(views)
 
     part = ("--from", "50", "--to", "60", "--loop", "--fleet", "flown")
-    async with argosy("replay", path, "--router", endpoint, *part) as process:
+    async with argosy("replay", studio.path, "--router", studio.endpoint, *part) as process:
         await until(seen, "the mind answers")
         await process.end()
     view = views[0]
@@ -199,21 +190,21 @@ async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_
         mind.withdraw()
 
 
-@bus_test
-async def test_nothing_is_said_to_somebody_alive(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", fast(1001))
-    said = Listener(await connect("eye", "argosy"), FLEET)
-    alive = await connect("uav", "agentd")
+@studio_test
+async def test_nothing_is_said_to_somebody_alive(studio: Studio) -> None:
+    recorded(studio.path, fast(1001))
+    said = Listener(await studio.connect("eye", "argosy"), FLEET)
+    alive = await studio.connect("uav", "agentd")
     life = await alive.claim("uav")
-    code, _, err = await replayed(endpoint, path, "--fleet", FLEET)
+    code, _, err = await replayed(studio, "--fleet", FLEET)
     assert (code, said.heard) == (1, [])
     danger = "it must not receive the percepts of another flight. Name another --fleet, or use --force"
     assert err == f"error: agentd uav of fleet `{FLEET}` is running: {danger}\n"
-    code, *_ = await replayed(endpoint, path, "--fleet", FLEET, "--force", "--speed", "100")
+    code, *_ = await replayed(studio, "--fleet", FLEET, "--force", "--speed", "100")
     assert (code, len(said.heard)) == (0, 1001)
     alive.withdraw(life)
     await until(lambda: said.tokens[-1:] == [(keys.alive(FLEET, "uav", "agentd", alive.boot), False)], "it has gone")
-    async with argosy("replay", path, "--router", endpoint, "--fleet", FLEET) as process:
+    async with argosy("replay", studio.path, "--router", studio.endpoint, "--fleet", FLEET) as process:
         await process.until("replaying")
         await alive.claim("uav")
         code, _, err = await process.end(None)
@@ -221,8 +212,8 @@ async def test_nothing_is_said_to_somebody_alive(connect: Connect, endpoint: str
     assert len(said.heard) < 2002
 
 
-@bus_test
-async def test_what_stands_under_keys_of_others_is_never_said(connect: Connect, endpoint: str, tmp_path: Path) -> None:
+@studio_test
+async def test_what_stands_under_keys_of_others_is_never_said(studio: Studio) -> None:
     wild = [
         f"**/uav1/percept/{FLEET}",
         "argosy/*/uav1/percept/x",
@@ -237,23 +228,22 @@ async def test_what_stands_under_keys_of_others_is_never_said(connect: Connect, 
         token(0.1, True)._replace(payload=codec(TokenSeen).encode(TokenSeen(key=key, alive=True)))
         for key in (keys.alive("live", "uav1", "agentd", "b"), "@/session", f"argosy/{FLEET}/*/alive/agentd/b", "//")
     ]
-    path = recorded(tmp_path / "a.mcap", [altitude(0, 0), *strange, *tokens])
-    bus = await connect("eye", "argosy")
+    recorded(studio.path, [altitude(0, 0), *strange, *tokens])
+    bus = await studio.connect("eye", "argosy")
     said, live = Listener(bus, f"{FLEET}-replay"), Listener(bus, "live")
     bus.raw.tap("rt/**", said._take)
-    code, out, err = await replayed(endpoint, path)
+    code, out, err = await replayed(studio)
     assert (code, out.splitlines()[-1]) == (0, "replayed 0.1 s: 1 messages")
     assert err.startswith("warning: 11 messages were not published: their keys are outside the recorded fleets")
     assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[0]]
     assert (live.heard, live.tokens, said.tokens) == ([], [], [])
 
 
-@bus_test
-async def test_what_cannot_be_read_is_left_out_and_told(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
+@studio_test
+async def test_what_cannot_be_read_is_left_out_and_told(studio: Studio) -> None:
     bad = [(Unread, b'{"base64": "!!!a"}', "", "put"), (Perception, b"{bad", codec_encoding("msgpack"), "put")]
     bad.append((TokenSeen, b"[", "", "token"))
-    with path.open("wb") as file:
+    with studio.path.open("wb") as file:
         made = Writer(file)
         made.start()
         made.add_metadata(BEGUN, FACTS.metadata())
@@ -262,16 +252,16 @@ async def test_what_cannot_be_read_is_left_out_and_told(connect: Connect, endpoi
             channel = made.register_channel(ALTITUDE, "json", schema, {"encoding": encoding, "origin": origin})
             made.add_message(channel, BEGIN, data, BEGIN)
         made.finish()
-    code, out, err = await replayed(endpoint, path)
+    code, out, err = await replayed(studio)
     assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
     assert err == "warning: 3 messages were not published: they cannot be read\n"
 
 
-@bus_test
-async def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", fast(11))
-    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-    async with argosy("replay", path, "--router", endpoint, "--loop") as process:
+@studio_test
+async def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(studio: Studio) -> None:
+    recorded(studio.path, fast(11))
+    said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
+    async with argosy("replay", studio.path, "--router", studio.endpoint, "--loop") as process:
         await until(lambda: len(said.heard) >= 33, "it is said three times")
         code, out, err = await process.end(signal.SIGINT)
     assert (code, err) == (130, "")

@@ -20,25 +20,23 @@ from commd.mail import queries
 from commd.mail import store as store_module
 from commd.mail.store import QUEUE, Store, StoreFailed, open_store
 from schemas.files.findings import Findings
-from tests.support.buses import run_by, until
-
-
-def in_store(path: Path, body: Callable[[Store], Coroutine[Any, Any, None]], synchronous: Any = "full") -> None:
-    """Run `body(store)` on the file at `path`, bounded."""
-
-    async def everything() -> None:
-        async with asyncio.timeout(240), open_store(path, synchronous) as store:
-            await body(store)
-
-    asyncio.run(everything())
-
-
-store_test = run_by(lambda body, path: in_store(path, body), "store", needs=("path",))
+from tests.support.buses import async_test, in_a_loop, run_by, until
 
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "fleet" / "pi1.mail"
+
+
+def with_a_store(body: Callable[[Store], Coroutine[Any, Any, None]], path: Path) -> None:
+    async def everything() -> None:
+        async with open_store(path) as store:
+            await body(store)
+
+    in_a_loop(everything)
+
+
+store_test = run_by(with_a_store, "store", needs=("path",))
 
 
 def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
@@ -64,26 +62,29 @@ asyncio.run(main())
 """
 
 
+def rewrite(path: Path, change: Callable[[bytes], bytes]) -> None:
+    """Change what is on disk."""
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(change(path.read_bytes() if path.exists() else b""))
+
+
 def keep_and_die(path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(path)], timeout=30).returncode == -9
 
 
-def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
+@async_test
+async def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
     keep_and_die(path)
-
-    async def body(store: Store) -> None:
+    async with open_store(path) as store:
         assert await store.read(kept) == {"a": b"1"}
-
-    in_store(path, body)
 
 
 @pytest.mark.parametrize(("synchronous", "number"), [("full", 2), ("normal", 1)])
-def test_the_file_is_written_as_the_mission_says(path: Path, synchronous: str, number: int) -> None:
-    async def body(store: Store) -> None:
+@async_test
+async def test_the_file_is_written_as_the_mission_says(path: Path, synchronous: str, number: int) -> None:
+    async with open_store(path, synchronous) as store:
         assert await store.write(lambda db: db.execute("PRAGMA synchronous").fetchone()) == (number,)
         assert await store.write(lambda db: db.execute("PRAGMA journal_mode").fetchone()) == ("wal",)
-
-    in_store(path, body, synchronous)
 
 
 @store_test
@@ -176,10 +177,12 @@ def fill_up(folder: Path, name: str) -> None:
             filler.write(bytes(4096))
 
 
-def test_what_was_said_to_have_failed_is_not_written_after_all(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_what_was_said_to_have_failed_is_not_written_after_all(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.mail.store.PATIENCE", 0.5)
-
-    async def body(store: Store) -> None:
+    async with open_store(path) as store:
         slow, began = threading.Event(), threading.Event()
 
         def hangs(db: Connection) -> None:
@@ -199,20 +202,18 @@ def test_what_was_said_to_have_failed_is_not_written_after_all(path: Path, monke
         await store.write(keep("b"))
         assert list(await store.read(kept)) == ["b"]
 
-    in_store(path, body)
 
-
-def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_there_is_room(
+@async_test
+async def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_there_is_room(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(store_module, "OPEN_AGAIN", 0.1)
     path = small_disk / "pi1.mail"
     keep_and_die(path)
     fill_up(small_disk, "filler")
-    Path(f"{path}-shm").unlink()  # as after a boot
+    (small_disk / "pi1.mail-shm").unlink()  # as after a boot
     fill_up(small_disk, "more")
-
-    async def body(store: Store) -> None:
+    async with open_store(path) as store:
         assert store.note.startswith("no mail is accepted: "), "it starts all the same"
         with pytest.raises(StoreFailed):
             await store.write(keep("b"))
@@ -223,58 +224,42 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
         await until(lambda: store.note == "", "it opens its file by itself")
         assert await store.read(kept) == {"a": b"1"}
         await store.write(keep("b"))
-
-    in_store(path, body)
     assert caplog.text.count("mail_store_failing") == 1
 
 
-def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    path.parent.mkdir()
+@async_test
+async def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for number in (1, 2):
-        path.write_bytes(os.urandom(8192))
-
-        async def body(store: Store) -> None:
-            assert store.set_aside == [f"pi1.mail.corrupt-{number}"]  # noqa: B023 (it runs before the next round)
+        rewrite(path, lambda _: os.urandom(8192))
+        async with open_store(path) as store:
+            assert store.set_aside == [f"pi1.mail.corrupt-{number}"]
             assert await store.read(kept) == {}
             await store.write(keep("new"))
             assert list(await store.read(kept)) == ["new"]
-
-        in_store(path, body)
         aside = path.with_name(f"pi1.mail.corrupt-{number}")
         assert aside.stat().st_size == 8192
         assert f"set_aside={aside}: its mail is lost, a new file is made" in caplog.text
 
 
-def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Path) -> None:
+@async_test
+async def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Path) -> None:
     """SQLite quotes the damaged schema in its message, which Python then cannot decode."""
-
-    async def fill(store: Store) -> None:
+    async with open_store(path) as store:
         await store.write(keep("a"))
-
-    in_store(path, fill)
-    path.write_bytes(path.read_bytes().replace(b"INTEGER PRIMARY KEY", b"INTEGER PRIMARY \xcbEY", 1))
+    rewrite(path, lambda content: content.replace(b"INTEGER PRIMARY KEY", b"INTEGER PRIMARY \xcbEY", 1))
     path.with_name("pi1.mail.sums").unlink()
-
-    async def body(store: Store) -> None:
+    async with open_store(path) as store:
         assert store.set_aside == ["pi1.mail.corrupt-1"]
 
-    in_store(path, body)
 
-
-def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
-    async def fill(store: Store) -> None:
+@async_test
+async def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
+    async with open_store(path) as store:
         for number in range(50):
             await store.write(keep(f"n{number}", bytes(3000)))
-
-    in_store(path, fill)
-    content = bytearray(path.read_bytes())
-    content[20_000:24_000] = os.urandom(4_000)
-    path.write_bytes(content)
-
-    async def body(store: Store) -> None:
+    rewrite(path, lambda content: content[:20_000] + os.urandom(4_000) + content[24_000:])
+    async with open_store(path) as store:
         assert store.set_aside == ["pi1.mail.corrupt-1"]
-
-    in_store(path, body)
 
 
 @store_test
@@ -348,7 +333,8 @@ async def test_a_disk_that_was_away_for_a_while_is_used_again(store: Store) -> N
     assert list(await store.read(kept)) == ["after", "before"]
 
 
-def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: pytest.LogCaptureFixture) -> None:
+@async_test
+async def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     faults = [KeyError("a defect")]
 
     def count(db: Connection) -> None:
@@ -358,93 +344,80 @@ def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: py
     def fails(db: Connection) -> None:
         raise ValueError("rolled back")
 
-    async def everything() -> None:
-        async with asyncio.timeout(240), open_store(path, count=count) as store:
-            counting.append(True)
-            with pytest.raises(StoreFailed, match="defect in argosy: 'a defect'"):
-                await store.write(fails)
-            await store.write(keep("after"))
-            assert list(await store.read(kept)) == ["after"]
-
     counting: list[bool] = []
-    asyncio.run(everything())
+    async with open_store(path, count=count) as store:
+        counting.append(True)
+        with pytest.raises(StoreFailed, match="defect in argosy: 'a defect'"):
+            await store.write(fails)
+        await store.write(keep("after"))
+        assert list(await store.read(kept)) == ["after"]
     assert "defect in argosy: writing" in caplog.text
 
 
-def test_a_file_of_an_older_version_becomes_one_of_this_version(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def first(store: Store) -> None:
+@async_test
+async def test_a_file_of_an_older_version_becomes_one_of_this_version(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with open_store(path) as store:
         await store.write(keep("old"))
-
-    in_store(path, first)
     steps = (
         *queries.MIGRATIONS,
         "ALTER TABLE facts ADD COLUMN note TEXT; UPDATE facts SET note = 'from before';",
         "CREATE TABLE further(a); INSERT INTO further VALUES(7);",
     )
     monkeypatch.setattr(queries, "MIGRATIONS", steps)
+    for _ in range(2):  # and not once more
+        async with open_store(path) as store:
+            facts = await store.read(
+                lambda db: db.execute("SELECT name, note FROM facts WHERE kind = 'test'").fetchall()
+            )
+            assert facts == [("old", "from before")]
+            assert await store.read(lambda db: db.execute("SELECT a FROM further").fetchall()) == [(7,)]
+            assert await store.read(lambda db: db.execute("PRAGMA user_version").fetchone()) == (len(steps),)
 
-    async def second(store: Store) -> None:
-        rows = await store.read(lambda db: db.execute("SELECT name, note FROM facts WHERE kind = 'test'").fetchall())
-        assert rows == [("old", "from before")]
-        assert await store.read(lambda db: db.execute("SELECT a FROM further").fetchall()) == [(7,)]
-        assert await store.read(lambda db: db.execute("PRAGMA user_version").fetchone()) == (len(steps),)
 
-    in_store(path, second)
-    in_store(path, second)  # and not once more
-
-
-def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
+@async_test
+async def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def first(store: Store) -> None:
+    async with open_store(path) as store:
         await store.write(keep("old"))
-
-    in_store(path, first)
     monkeypatch.setattr(
         queries, "MIGRATIONS", (*queries.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
     )
     with pytest.raises(Findings, match="no such table: nowhere"):
-        in_store(path, first)
+        async with open_store(path):
+            pytest.fail("half a migration was taken")
     monkeypatch.undo()
-
-    async def second(store: Store) -> None:
+    async with open_store(path) as store:
         assert list(await store.read(kept)) == ["old"]
-        assert (
-            await store.read(lambda db: db.execute("SELECT name FROM sqlite_master WHERE name = 'further'").fetchall())
-            == []
-        )
-
-    in_store(path, second)
+        tables = await store.read(lambda db: db.execute("SELECT name FROM sqlite_master").fetchall())
+        assert ("further",) not in tables
 
 
-def test_a_file_belongs_to_one_process(path: Path) -> None:
-    async def body(_: Store) -> None:
+@async_test
+async def test_a_file_belongs_to_one_process(path: Path) -> None:
+    async with open_store(path):
         with pytest.raises(Findings, match=r"another commd stores its mail in this file: give each its own --state"):
             async with open_store(path):
                 pytest.fail("two have it")
+    async with open_store(path) as store:
+        await store.write(keep("a"))
 
-    in_store(path, body)
-    in_store(path, lambda store: store.write(keep("a")))
 
-
-def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> None:
+@async_test
+async def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> None:
     (tmp_path / "fleet").write_text("a file where the folder should be")
     with pytest.raises(Findings, match=r"cannot store mail in this file: .*File exists"):
-        in_store(tmp_path / "fleet" / "pi1.mail", pytest.fail)  # type: ignore[arg-type]
+        async with open_store(tmp_path / "fleet" / "pi1.mail"):
+            pytest.fail("there is no place for it")
 
 
-def test_a_closed_file_takes_nothing_and_says_so(path: Path) -> None:
-    kept_store: list[Store] = []
-
-    async def body(store: Store) -> None:
-        kept_store.append(store)
-
-    async def everything() -> None:
-        async with open_store(path) as store:
-            await body(store)
-        with pytest.raises(StoreFailed, match="closed"):
-            await store.write(keep("a"))
-        with pytest.raises(StoreFailed, match="closed"):
-            await store.read(kept)
-
-    asyncio.run(everything())
+@async_test
+async def test_a_closed_file_takes_nothing_and_says_so(path: Path) -> None:
+    async with open_store(path) as store:
+        pass
+    with pytest.raises(StoreFailed, match="closed"):
+        await store.write(keep("a"))
+    with pytest.raises(StoreFailed, match="closed"):
+        await store.read(kept)
