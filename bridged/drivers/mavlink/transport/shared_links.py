@@ -30,8 +30,6 @@ STRANGE_FOR = 10.0
 """Wall seconds for which an unclaimed vehicle, or a refused packet, is a warning."""
 MAX_NOTED = 8
 """Most such vehicles, and such packets, that are remembered."""
-HOME_AFTER = 3.0
-"""Wall seconds of silence after which packets of a camera or companion may come from another address."""
 WARN_AGAIN = 1.0
 """Wall seconds between two packets that send the time to a sender."""
 log = logging.getLogger("mavlink")
@@ -79,16 +77,19 @@ class LinkClient:
         """
         if self.link is None or (link := self.link.link) is None:
             return
-        home = self.address.peer
-        part = self.link.parts.get((self.vehicle, getattr(message, "target_component", AUTOPILOT)))
-        home = home if part is None or part.closed else part
-        two = self.address.two_vehicles(asyncio.get_running_loop().time())
-        peers = link.peers_of(self.vehicle) if two or home is None or home.closed else [home]
+        part, _ = self.address.parts.get(getattr(message, "target_component", AUTOPILOT), (None, 0.0))
+        peers = [part] if part is not None and not part.closed else self.homes(link)
         try:
             link.send(message, peers, ids=self.ids, signing=self.signing)
         except ValueError as error:
             self.unsendable += 1
             log.error("not sent: %s", error)
+
+    def homes(self, link: Link) -> list[Peer]:
+        """Return where its autopilot is; while there are two, or none was heard, each address of its system."""
+        home, now = self.address.peer, asyncio.get_running_loop().time()
+        unsure = home is None or home.closed or self.address.two_vehicles(now)
+        return link.peers_of(self.vehicle) if unsure or home is None else [home]
 
 
 @asynccontextmanager
@@ -126,10 +127,6 @@ class SharedLink:
         self._by_key: dict[bytes, Signing] = {}
         self._strangers: dict[int, tuple[str, float]] = {}
         self._refused: dict[tuple[int, str, str], float] = {}
-        self.homes: dict[tuple[int, int], tuple[Peer, float]] = {}
-        """Where each part of each vehicle, by system and component, spoke last, and when."""
-        self.parts: dict[tuple[int, int], Peer] = {}
-        """Where the parts of vehicles beside their autopilots, by system and component, spoke last."""
 
     @property
     def up(self) -> bool:
@@ -166,8 +163,6 @@ class SharedLink:
             if not self.link_clients and self.link is not None:
                 link, self.link = self.link, None
                 await link.close()
-                self.homes.clear()
-                self.parts.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
                     self._signed.close()
@@ -288,24 +283,23 @@ class SharedLink:
 
     def _pass_on(self, link_client: LinkClient, packet: bytes) -> bool:
         """Send a packet to the autopilot, and to the other parts of the vehicle where they were heard."""
-        since = asyncio.get_running_loop().time() - STILL_THERE
-        homes = {
-            home
-            for (system, part), (home, at) in self.homes.items()
-            if system == link_client.vehicle and (part == AUTOPILOT or at > since)
-        }
-        return self.link is not None and bool(homes) and self.link.pass_on(homes, packet, MAX_FOREIGN_BYTES)
+        if self.link is None:
+            return False
+        since, parts = asyncio.get_running_loop().time() - STILL_THERE, link_client.address.parts.values()
+        homes = {*link_client.homes(self.link), *(home for home, at in parts if at > since)}
+        return bool(homes) and self.link.pass_on(homes, packet, MAX_FOREIGN_BYTES)
 
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
         if link_client := self.link_clients.get(system):
-            # Cameras and companions may send from anywhere: their messages are not the vehicle's state.
-            if message.get_srcComponent() != AUTOPILOT:
-                self.parts[system, message.get_srcComponent()] = peer
-            elif self.link is not None and self.link.listens:
-                heartbeat, now = message.get_type() == "HEARTBEAT", asyncio.get_running_loop().time()
-                if not link_client.address.counts(peer, now, heartbeat=heartbeat):
-                    return
+            component, now = message.get_srcComponent(), asyncio.get_running_loop().time()
+            if component != AUTOPILOT:
+                counts = link_client.address.counts_of_part(component, peer, now)
+            else:
+                heartbeat, one_end = message.get_type() == "HEARTBEAT", self.link is None or not self.link.listens
+                counts = one_end or link_client.address.counts(peer, now, heartbeat=heartbeat)
+            if not counts:
+                return
             link_client.signs = bool(message.get_header().incompat_flags & SIGNED)
             link_client.receive(message)
         elif message.get_type() == "HEARTBEAT" and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
@@ -344,8 +338,8 @@ class _ClientGate(Gate):
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
         """Pass a packet to the ground stations of its vehicle, unless it comes back from one of them.
 
-        Each part of a vehicle has one address at a time: what another address says in its name meanwhile may be our
-        own copy. Where signatures are needed, an address is that of a vehicle once a packet from there was taken.
+        What another address than that of a part of the vehicle says in its name may be our own copy. Where signatures
+        are needed, an address is that of a vehicle once a packet from there was taken.
         """
         link, peer = self._link, self._peer
         link_client = link.link_clients.get(system)
@@ -353,16 +347,7 @@ class _ClientGate(Gate):
             return
         if link_client.signing is not None and system not in peer.systems:
             return
-        now = asyncio.get_running_loop().time()
         _, component, _ = ids_of(packet)
-        speaker = (system, component)
-        if component == AUTOPILOT:
-            if link_client.address.peer is not None and str(link_client.address.peer) != str(peer):
-                return
-        else:
-            home, at = link.homes.get(speaker, (peer, now))
-            if home is not peer and now - at < HOME_AFTER and link.link is not None and home in link.link.peers:
-                return
-        link.homes[speaker] = (peer, now)
-        for station in link_client.stations:
-            station.copy(bytes(packet))
+        if link_client.address.is_home(component, peer, asyncio.get_running_loop().time()):
+            for station in link_client.stations:
+                station.copy(bytes(packet))

@@ -14,8 +14,10 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from bridged.drivers.mavlink.transport.endpoint import Peer
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT
 from schemas.wire.records import Note
 
 BACK_WITHIN = 5.0
@@ -27,6 +29,8 @@ FIRST_HEARTBEAT = 3.0
 """Seconds of packets without a HEARTBEAT after which they are a warning: a vehicle sends one each second."""
 NOTED_FOR = 10.0
 """Seconds for which a packet that did not count, or a change of address, is a warning."""
+PART_MOVED = 3.0
+"""Seconds of silence of a camera or companion after which its packets may come from another address."""
 MAX_ADDRESSES = 8
 """Addresses that are remembered; the one silent longest goes first."""
 log = logging.getLogger("mavlink")
@@ -51,6 +55,8 @@ class VehicleAddress:
         """The known address; None before the first HEARTBEAT."""
         self.foreign = 0
         """Packets of the vehicle's system id from elsewhere so far, which did not count."""
+        self.parts: dict[int, tuple[Peer, float]] = {}
+        """Where each other part of the vehicle, by component, spoke last, and when."""
         self._system = system
         self._heard: dict[str, _Heard] = {}
         self._last = ""
@@ -64,16 +70,39 @@ class VehicleAddress:
         """Whether a packet of the autopilot counts: it came from the vehicle's address."""
         if heartbeat:
             self._heartbeat(peer, now)
-        if self.peer is not None and (peer is self.peer or str(peer) == str(self.peer)):
+        if _same(peer, self.peer):
             self.peer = peer
             return True
+        if self.peer is not None:
+            return self._refuse(f"system {self._system}", peer, f"its HEARTBEATs come from {self.peer}", now)
+        self._unknown_since = min(self._unknown_since, now)
+        if now - self._unknown_since >= FIRST_HEARTBEAT:
+            return self._refuse(f"system {self._system}", peer, "no HEARTBEAT was heard yet", now)
         self.foreign += 1
-        if self.peer is None:
-            self._unknown_since = min(self._unknown_since, now)
-            if now - self._unknown_since < FIRST_HEARTBEAT:
-                return False
-        known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
-        warning = f"packets of system {self._system} from {peer} are refused: {known}"
+        return False
+
+    def counts_of_part(self, component: int, peer: Peer, now: float) -> bool:
+        """Whether a packet of another `component` of the vehicle, such as a camera, counts.
+
+        Such a part may be anywhere, but at one address at a time: where it was heard last, until it has been silent for
+        `PART_MOVED`; the vehicle's own address always counts.
+        """
+        home, _ = self.parts.get(component, (peer, now))
+        if not self.is_home(component, peer, now):
+            return self._refuse(f"component {component} of system {self._system}", peer, f"it is at {home}", now)
+        self.parts[component] = (peer, now)
+        return True
+
+    def is_home(self, component: int, peer: Peer, now: float) -> bool:
+        """Whether a `component` of the vehicle may be at an address, without a change of what is known."""
+        if component == AUTOPILOT:
+            return self.peer is None or _same(peer, self.peer)
+        home, at = self.parts.get(component, (peer, now))
+        return _same(peer, home) or _same(peer, self.peer) or home.closed or now - at >= PART_MOVED
+
+    def _refuse(self, who: str, peer: Peer, known: str, now: float) -> Literal[False]:
+        self.foreign += 1
+        warning = f"packets of {who} from {peer} are refused: {known}"
         if now >= self._foreign_until:  # a sender at ever new ports does not fill the log
             log.warning("%s", warning)
         self._foreign, self._foreign_until = warning, now + NOTED_FOR
@@ -129,3 +158,8 @@ class VehicleAddress:
             log.warning("%s", self._moved)
             self.peer = peer
             self._foreign_until = -math.inf
+
+
+def _same(peer: Peer, other: Peer | None) -> bool:
+    """Whether two are one address: a peer that was dropped for others is made again."""
+    return peer is other or (other is not None and str(peer) == str(other))

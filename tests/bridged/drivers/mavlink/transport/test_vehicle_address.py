@@ -219,6 +219,35 @@ async def test_a_camera_at_an_address_of_its_own_is_spoken_to_there() -> None:
         assert marks(camera) == [1.0]
 
 
+@async_test
+async def test_what_another_address_says_in_a_cameras_name_is_no_picture_and_no_command_goes_there() -> None:
+    port, camera_beat = free_port(), dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3)
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        vehicle, camera, forger = Speaker(port), Speaker(port, component=100), Speaker(port, component=100)
+        vehicle.say(BEAT)
+        camera.say(camera_beat)
+        await until(lambda: ride.driver.flight.present([100]), "the camera is heard")
+        forger.say(camera_beat, dialect.MAVLink_command_ack_message(2000, 0), camera_beat)
+        await until(lambda: ride.driver.counters()["foreign_packets"] == 3, "they are counted")
+        ride.driver._send(dialect.MAVLink_command_long_message(1, 100, 2000, 0, 7.0, 0, 0, 0, 0, 0, 0))
+        await until(lambda: any(getattr(one, "param1", 0) == 7.0 for one in camera.listen()), "it is commanded")
+        assert not forger.listen(), "what is for the camera does not go to the forger"
+        said = [note.text for note in ride.driver.notes() if note.code == "foreign_packets"]
+        assert said == [
+            f"packets of component 100 of system 1 from udp:127.0.0.1:{forger.port} are refused: "
+            f"it is at udp:127.0.0.1:{camera.port}"
+        ]
+
+
+def test_a_part_that_falls_silent_is_taken_at_its_new_address_and_at_the_vehicles_own_at_any_time() -> None:
+    address = VehicleAddress(1)
+    own, first, second = (Peer(label, lambda data: True) for label in ("udp:own", "udp:first", "udp:second"))
+    address.counts(own, 0.0, heartbeat=True)
+    heard = [(first, 0.0), (second, 2.9), (first, 2.9), (second, 5.9), (first, 6.0), (own, 6.0), (second, 6.5)]
+    taken = [address.counts_of_part(100, peer, at) for peer, at in heard]
+    assert taken == [True, False, True, True, False, True, False]
+
+
 FLYING = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
 
 
