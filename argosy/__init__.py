@@ -1,1 +1,13 @@
 """The operator's command, `argosy`."""
+
+import sys
+from typing import NoReturn
+
+
+def command() -> NoReturn:
+    """Run the command line as a process. Ctrl-C during the imports, which take long, ends it without a traceback."""
+    try:
+        from argosy import __main__
+    except KeyboardInterrupt:
+        sys.exit(130)
+    __main__.command()

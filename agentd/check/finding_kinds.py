@@ -14,6 +14,7 @@ class Kind(enum.Enum):
 
     SYNTAX = "syntax", "the text does not parse; nothing else is checked until it does"
     MISSING_SEMICOLON = "missing-semicolon", "a formula on a new line without ; before it, read as if it were there"
+    EMPTY_PROGRAM = "empty-program", "a program without beliefs, goals and plans"
     FILE = "file", "a file that is checked or included cannot be read"
     PROJECT = "project", "a feature that a project file names and agentd does not have, such as a Java class"
     UNKNOWN_DIRECTIVE = "unknown-directive", "a directive that does not exist or has wrong arguments"

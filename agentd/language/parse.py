@@ -63,6 +63,10 @@ def _shared(text: str, file: str) -> Program:
     return _program(Source(text, file))
 
 
+def _empty(file: str) -> Finding:
+    return Finding(file, 0, 0, "the program is empty: its agent does nothing", "warning", "empty-program")
+
+
 def parse_term(text: str, file: str = "<term>") -> Term:
     """Parse a term, also a logical formula or code in braces."""
     term: Term = _parse(Source(text, file), "lone_expression")
@@ -109,7 +113,8 @@ def _whole(source: Source, recognise_facts: bool) -> Program:
     tokens = tokenize(source, _lexicon(), _broken, find_run=run_finder(source, _items) if recognise_facts else None)
     program = _built(source, tokens, "program")
     assert isinstance(program, Program)
-    return replace(program, warnings=tuple(tokens.warnings), scoped="::" in source.text, this_ns=THIS_NS in source.text)
+    warnings = tokens.warnings if program.items else [*tokens.warnings, _empty(source.file)]
+    return replace(program, warnings=tuple(warnings), scoped="::" in source.text, this_ns=THIS_NS in source.text)
 
 
 def _items(source: Source, start: int, end: int) -> tuple[Item, ...]:

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping, Sequence
-from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 from typing import Any, TypeVar
 
 import zenoh
 
 from commd.bus.bus import Bus, Reply, open_bus
-from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
-from commd.bus.loop_dispatch import BACKLOG
+from commd.bus.errors import BusClosed
 from commd.bus.router_endpoints import endpoint_of
 from commd.bus.tls import Tls
 from commd.common.tasks import Tasks
@@ -25,11 +24,10 @@ from commd.liveness.presence import Tokens
 from schemas.files.findings import Findings
 from schemas.mission.access_rules import hidden
 from schemas.mission.model import Mission
+from schemas.wire.codec import codec
 from schemas.wire.records import Header, Record
 
 R = TypeVar("R", bound=Record)
-AT_ONCE = 256
-"""Queued replies of several boards."""
 DIAL_AGAIN = 5.0
 """Wall seconds between two attempts to reach a board, while something subscribes at all boards."""
 MOST_STREAMS = 20_000
@@ -45,8 +43,8 @@ class Boards:
         """The board of each name."""
         self._sights = mission.security.sights
         self.opening: dict[str, asyncio.Task[FleetBus]] = {}
-        self.listening = Tasks("listening to a board")
-        """Subscriptions at boards that are not reached yet."""
+        self.work = Tasks("asking a board")
+        """Queries, and subscriptions at boards that are not reached yet."""
         self.dial: Callable[[str], asyncio.Task[FleetBus]] | None = None
 
     def why_unseen(self, observer: str, key: str) -> str:
@@ -74,7 +72,7 @@ class Boards:
     def at_each(self, declare: Callable[[str, Bus], None]) -> None:
         """Call `declare(board, session)` for each board, as soon as it is reached."""
         for board in self.opening:
-            self.listening.spawn(self._once_reached(board, declare))
+            self.work.spawn(self._once_reached(board, declare))
 
     async def _once_reached(self, board: str, declare: Callable[[str, Bus], None]) -> None:
         while isinstance(bus := await self.bus(board), str):
@@ -126,68 +124,46 @@ class FleetBus(Bus):
 
         self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, deliver))
 
-    async def ask_one(self, key: str, ask: Record | None, answer: type[R], timeout: float) -> R:
-        """Like `Bus.ask_one`; `timeout`: wall seconds."""
-        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
-        async with aclosing(self.query(key, ask, answer, timeout)) as replies:
-            async for reply in replies:
-                if reply.record is not None:
-                    return reply.record
-                failed = reply.failure(timeout)
-        raise failed
-
-    async def query(
+    def ask(
         self,
         key: str,
         ask: Record | None,
         answer: type[R],
         timeout: float,
-        *,
-        limit: int = BACKLOG,
-    ) -> AsyncGenerator[Reply[R], None]:
-        """Like `Bus.query`; for an unreached board the reply says why.
-
-        `timeout`: wall seconds; `limit`: queued replies of one board.
-        """
-        if why := self.boards.why_unseen(self.name, key):
-            yield Reply(key, None, why)
-            return
-        name = key.split("/")[2]
+        heard: Callable[[Reply[R] | None], None],
+    ) -> Callable[[], object]:
+        """Like `Bus.ask`; for an unreached board the reply says why. `timeout`: wall seconds, of each board."""
+        if ask is not None:
+            codec(type(ask)).encode(ask, self.wire)  # it raises here, and not in a task
+        why = self.boards.why_unseen(self.name, key)
+        root, fleet, name, rest = key.split("/", 3)
         homes = [self.boards.homes[name]] if name in self.boards.homes else list(self.boards.opening)
-        replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue(AT_ONCE)
 
         async def at(board: str) -> None:
-            bus = await self.boards.bus(board)
+            bus, ended = await self.boards.bus(board), asyncio.Event()
             if isinstance(bus, str):
-                root, fleet, _, rest = key.split("/", 3)
                 its_key = "/".join((root, fleet, board, rest)) if "*" in name else key
-                await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
+                heard(Reply(its_key, None, f"board {board} is not reached: {bus}"))
                 return
             try:
-                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit)) as its:
-                    async for reply in its:
-                        await replies.put(reply)
+                close = Bus.ask(bus, key, ask, answer, timeout, lambda one: heard(one) if one else ended.set())
             except BusClosed as closed:
-                await replies.put(Reply(key, None, f"board {board} is no longer reached: {closed}"))
-
-        asking = [asyncio.create_task(at(board)) for board in homes]
-
-        async def all_of_them() -> None:
+                heard(Reply(key, None, f"board {board} is no longer reached: {closed}"))
+                return
             try:
-                await asyncio.gather(*asking)
-            except Exception:  # raised below, in the caller's task
-                await replies.put(None)
-                raise
-            await replies.put(None)
+                await ended.wait()
+            finally:
+                close()
 
-        ending = asyncio.create_task(all_of_them())
-        try:
-            while (reply := await replies.get()) is not None:
-                yield reply
-            await ending
-        finally:
-            for task in (ending, *asking):
-                task.cancel()
+        async def everywhere() -> None:
+            if why:
+                heard(Reply(key, None, why))
+            else:
+                for error in filter(None, await asyncio.gather(*map(at, homes), return_exceptions=True)):
+                    heard(Reply(key, None, f"defect in argosy: {type(error).__name__}: {error}"))
+            heard(None)
+
+        return self.boards.work.spawn(everywhere()).cancel
 
 
 @asynccontextmanager
@@ -223,7 +199,7 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
         try:
             yield await _first(list(boards.opening.values()))
         finally:
-            await boards.listening.end()
+            await boards.work.end()
             for task in boards.opening.values():
                 task.cancel()
             await asyncio.gather(*boards.opening.values(), return_exceptions=True)

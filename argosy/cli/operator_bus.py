@@ -6,7 +6,7 @@ import asyncio
 import os
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import SUPPRESS, ArgumentParser, Namespace
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -66,6 +66,12 @@ def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
     which.add_argument("--mission", metavar="FILE", help="mission file, for its fleet and router")
     which.add_argument("--fleet", type=name, metavar="NAME", help=without)
     add_router_argument(parser, DEFAULT_ROUTER)
+
+
+def add_mission_argument(parser: ArgumentParser, text: str) -> None:
+    """Declare the mission, as the argument or as `--mission`, by which commands with other arguments take it."""
+    parser.add_argument("mission", nargs="?", default=SUPPRESS, help=text)
+    parser.add_argument("--mission", metavar="FILE", help="the same")
 
 
 def add_router_argument(parser: ArgumentParser, default: str) -> None:

@@ -16,7 +16,7 @@ from argosy.cli.errors import BadInput, CommandError
 from argosy.deploy.board_needs import files_of, reach_of_robots, secrets_of
 from argosy.deploy.firewall import firewall_files, firewall_unit, reachable, rules_path
 from argosy.deploy.unit_files import VENV, Board, unit_files
-from argosy.processes.simulators import linkless
+from argosy.processes.simulators import require_links
 from commd.daemon import chosen
 from commd.process.process import EXIT_DONE
 from commd.router import config
@@ -93,9 +93,7 @@ def check(mission: Mission) -> None:
     if mission.router.external:
         text = "router.external: the units run commd as the board's router; leave it out"
         raise Findings([mission.positions.finding(("router", "external"), text)])
-    if robots := linkless(mission):
-        text = "needs the field `link`: only `argosy run` and `argosy trial` find one for a simulated vehicle"
-        raise Findings([mission.positions.finding(("robots", name), f"{name} {text}") for name in robots])
+    require_links(mission)
     name = mission.path.name
     if not name.isprintable() or name != name.strip() or set(name) & set("\"'\\`$%#;"):
         text = "expected a file name without quotes, control characters and ` \\ $ % # ;: units name it"

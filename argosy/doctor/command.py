@@ -14,7 +14,8 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import Any
 
-from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
+from argosy.cli.errors import BadInput
+from argosy.cli.operator_bus import Where, add_mission_argument, add_router_argument, operator_bus, where
 from argosy.cli.remedies import target_of
 from argosy.doctor.findings import Check, Diagnosis, Facts, RobotFacts
 from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
@@ -43,7 +44,7 @@ STYLES = {"ok": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[1;31m"}
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy doctor`."""
-    parser.add_argument("mission", help="mission file")
+    add_mission_argument(parser, "mission file")
     add_router_argument(parser, "the mission's")
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(fleet=None)
@@ -51,6 +52,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Print the findings. Returns 1 if one is an error, else 0."""
+    if args.mission is None:
+        raise BadInput("argosy doctor: expected a MISSION")
     mission, place = load_mission(args.mission), where(args)
     diagnoses = certificates(mission, args.keys)
     try:

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from argosy.cli.errors import BadInput
-from argosy.cli.operator_bus import Where, add_router_argument, on_the_bus
+from argosy.cli.operator_bus import Where, add_mission_argument, add_router_argument, on_the_bus
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings, did_you_mean
@@ -30,7 +30,7 @@ LONGEST = 60
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy mail`."""
-    parser.add_argument("mission", nargs="?", help="mission file: fleet, boards and router")
+    add_mission_argument(parser, "mission file: fleet, boards and router")
     parser.add_argument("--board", metavar="NAME", help="only this board (default: all of the mission)")
     add_router_argument(parser, "the mission's")
     parser.add_argument("--file", type=Path, metavar="PATH", help="read a board's database file, without any daemon")

@@ -75,6 +75,13 @@ def linkless(mission: Mission) -> list[str]:
     return [name for name, robot in mission.robots.items() if vehicle_of(robot) in ON_MAVLINK and not robot.link]
 
 
+def require_links(mission: Mission) -> None:
+    """Raise Findings for simulated vehicles that the mission names no link to."""
+    if robots := linkless(mission):
+        text = "needs the field `link`: only `argosy run` and `argosy trial` find one for a simulated vehicle"
+        raise Findings([mission.positions.finding(("robots", name), f"{name} {text}") for name in robots])
+
+
 def linked(mission: Mission, links: Callable[[list[str]], Mapping[str, str]]) -> tuple[Mission, Mapping[str, str]]:
     """Return a mission with a link of `links` for each vehicle that it names none for, and those links by robot."""
     found = links(linkless(mission))

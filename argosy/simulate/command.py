@@ -17,7 +17,7 @@ from argosy.check.command import at_start, check_mission
 from argosy.cli.port_check import endpoint, link_in_use
 from argosy.processes.mavlink_links import MEETING, address_of, peer_of
 from argosy.processes.process_table import Kind, Process, python_command, real_robots
-from argosy.processes.simulators import command, machine_of, only_real, vehicle_of
+from argosy.processes.simulators import command, machine_of, only_real, require_links, vehicle_of
 from argosy.processes.supervisor import Child, Supervisor
 from bridged.drivers.mavlink.transport.address import LinkAddressError
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -65,6 +65,7 @@ def run(args: Namespace) -> int:
     errors = [finding for finding in at_start(findings) if finding.severity == "error"]
     if mission is None or errors:
         raise Findings(errors)
+    require_links(mission)
     return asyncio.run(_watch(_processes(mission, args)))
 
 

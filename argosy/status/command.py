@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from argosy.cli.operator_bus import ANY, Where, add_router_argument, note_unreached, on_the_bus
+from argosy.cli.operator_bus import ANY, Where, add_mission_argument, add_router_argument, note_unreached, on_the_bus
 from argosy.fleet_model.fleet_status import FleetStatus, Row
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -27,7 +27,7 @@ ANY_FLEET = "any"
 
 def add_mission_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments for the fleet and its router."""
-    parser.add_argument("mission", nargs="?", help="mission file: expected daemons, and the router")
+    add_mission_argument(parser, "mission file: expected daemons, and the router")
     parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
     add_router_argument(parser, "the mission's")
 

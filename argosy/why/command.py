@@ -30,7 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="as JSON")
     help_ = "ask a recording instead of the running fleet: the mind is replayed up to --at"
     parser.add_argument("--recording", type=Path, metavar="FILE", help=help_)
-    help_ = "with --recording: mission time in seconds (default: the end)"
+    help_ = "with --recording: second of the agent, as printed here; the run's clock is ahead (default: the end)"
     parser.add_argument("--at", type=mission_second, metavar="S", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: whichever has the agent)")
 

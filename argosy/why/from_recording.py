@@ -32,11 +32,13 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     Raises BadRecording and NotRecorded.
     """
     recording = Recording(file)
-    recorded = _mind_at(recording, agent, at)
+    recorded, place, count = _mind_at(recording, agent, at)
     batches = recorded.unbroken
     if not batches or batches[0].initial is None:
         raise NotRecorded(f"{file}: the start of {agent} is missing: begin to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
+    if count > 1:
+        notes.append(f"{agent} was started {count} times and counts from each start: this is the {place}. time")
     if recorded.missing:
         notes.append(f"batches {range_text(recorded.missing)} of its inputs are missing: the explanation ends there")
     discover()
@@ -55,20 +57,17 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     return replace(view, agent=rebuilt.agent, program=rebuilt.initial.program, actions=actions), notes
 
 
-def _mind_at(recording: Recording, agent: str, at: float | None) -> RecordedMind:
-    """Return the recorded mind at a mission second: the last one that has begun by then."""
+def _mind_at(recording: Recording, agent: str, at: float | None) -> tuple[RecordedMind, int, int]:
+    """Return the last recorded mind that has begun by a mission second; its place, from 1, and of how many."""
     known = sorted({name for _, name in recording.names_of(MindInputs)})
     if agent not in known:
         hint = did_you_mean(agent, known) or ", nor of any other agent"
         raise NotRecorded(f"{recording.path}: there are no inputs of {agent} in it{hint}")
     minds = recording.minds(agent)
     initials = [recorded.batches[0].initial if recorded.batches else None for recorded in minds]
-    begun = [
-        recorded
-        for recorded, initial in zip(minds, initials, strict=True)
-        if at is None or initial is None or initial.start <= at
-    ]
-    return begun[-1] if begun else minds[0]
+    begun = [place for place, initial in enumerate(initials, 1) if at is None or initial is None or initial.start <= at]
+    place = begun[-1] if begun else 1
+    return minds[place - 1], place, len(minds)
 
 
 def _replay(rebuilt: ReplayedMind, batch: MindInputs, at: float | None) -> bool:

@@ -61,6 +61,9 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
         try:
             mission, part = prepare(mission, name, link, speed)
             parts.append(part)
+            served = replace(mission.robots[name], simulate=None)  # who simulates a vehicle finds its link before
+            problems = (problem for _, problem in check_robot(part.manifest, served))
+            findings += [mission.positions.finding(("robots", name), f"{name} {problem}") for problem in problems]
         except Findings as found:
             findings += found.findings
     if findings:

@@ -302,7 +302,7 @@ class QuerySession:
         answer: type[R],
         timeout: float,
         heard: Callable[[Reply[R] | None], None],
-    ) -> Callable[[], None]:
+    ) -> Callable[[], object]:
         """Query all that serve `key`; call `heard(reply)` on the event loop on arrival, and at the end `heard(None)`.
 
         The key may have parameters, `key?a=b;c=d`. Ends when all have answered, when Zenoh ends it after `timeout` wall
@@ -403,23 +403,26 @@ class _Asked(Generic[R]):
             self._session._asked.discard(self)
             self._session._dispatch.afterwards(self.token.cancel)  # the caller does not wait for it
 
-    def end(self, error: str, timed_out: bool = False) -> None:
-        """End it with an error as the last reply: Zenoh may never end it."""
+    def end(self, error: str = "") -> None:
+        """End it with an error as the last reply, by default that it is late: Zenoh may never end it."""
         if not self.over:  # the router may be lost and back at the same moment
             self.close()
-            self._heard(Reply(self._key, None, error, timed_out=timed_out))
+            self._heard(Reply(self._key, None, error) if error else self._late())
             self._heard(None)
 
     def unended(self) -> None:
         """End it because Zenoh has not."""
         self._session.counters["queries_unended"] += 1
-        self.end(f"no answer within {self._timeout:g} s", timed_out=True)
+        self.end()
+
+    def _late(self) -> Reply[R]:
+        return Reply(self._key, None, f"no answer within {self._timeout:g} s", timed_out=True)
 
     def _read(self, reply: zenoh.Reply) -> Reply[R]:
         if reply.ok is None:
             error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
             if error == ZENOH_TIMEOUT:
-                return Reply(self._key, None, f"no answer within {self._timeout:g} s", timed_out=True)
+                return self._late()
             code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
             return Reply(self._key, None, error.decode(errors="replace"), code=code)
         sample = reply.ok

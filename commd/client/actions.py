@@ -62,7 +62,7 @@ class _Request:
     """Whether this query had a status."""
     begun: bool = False
     """Whether the bridge may have begun it."""
-    close: Callable[[], None] | None = None
+    close: Callable[[], object] | None = None
     """Ends the query; None between two queries."""
 
 

@@ -16,7 +16,7 @@ PROGRAM = "tests/data/check/every_finding.asl"
 OF_MISSIONS = {"unavailable-action"}
 """What only `argosy check` of a mission can find (tests/argosy/check)."""
 KINDS = {kind.label for kind in Kind} - OF_MISSIONS
-ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "known-when-run"}
+ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "known-when-run", "empty-program"}
 """What is found only without a manifest, what hides other findings and so has a file of its own, and projects."""
 
 
@@ -38,7 +38,7 @@ def test_the_program_has_the_findings_that_its_comments_promise_and_every_kind_i
     told = check({}, "--json", "--manifest", "copter", PROGRAM).kinds
     assert told == kinds_promised("every_finding.asl")
     assert {kind for _, _, kind in told} == KINDS - ONLY_ELSEWHERE
-    others = (PROGRAM, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j")
+    others = (PROGRAM, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j", "tests/data/check/empty.asl")
     assert {kind for other in others for _, _, kind in check({}, "--json", other).kinds} >= ONLY_ELSEWHERE
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import Callable
 from contextlib import aclosing
 from pathlib import Path
-from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from argosy.cli.fleet_bus import Boards, FleetBus
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
+from commd.common.tasks import Tasks
 from schemas.mission.model import read_mission
 from schemas.wire.records import Header, Health, Mailboxes
 from tests.support.buses import until
@@ -22,18 +23,14 @@ def asked(monkeypatch: pytest.MonkeyPatch, *, opening: Exception | None = None, 
     """Ask two boards, of which one is not reached for `opening`, and the other one fails; return what is said."""
     bus, boards = object.__new__(FleetBus), object.__new__(Boards)
     bus.boards, bus.name, boards.homes = boards, "ops", {}
-    boards.why_unseen = lambda *_: ""
+    boards.why_unseen, boards.work = lambda *_: "", Tasks("asking")
 
     async def opened() -> FleetBus:
         if opening is not None:
             raise opening
         return bus
 
-    async def fails(*_: Any, **__: Any) -> AsyncGenerator[Any, None]:
-        raise asking
-        yield
-
-    monkeypatch.setattr(Bus, "query", fails)
+    monkeypatch.setattr(Bus, "ask", Mock(side_effect=asking))
 
     async def body() -> list[str]:
         boards.opening = {"pi1": asyncio.create_task(opened()), "pi2": asyncio.create_task(opened())}
@@ -48,11 +45,11 @@ def test_a_session_that_closes_while_it_is_asked_is_told_for_each_board(monkeypa
     assert said == [f"board {board} is no longer reached: session closed" for board in ("pi1", "pi2")]
 
 
-def test_a_defect_while_boards_are_asked_is_raised_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(UnicodeError, match="label"):
-        asked(monkeypatch, asking=UnicodeError("label too long"))
-    with pytest.raises(UnicodeError, match="host"):
-        asked(monkeypatch, opening=UnicodeError("host"), asking=AssertionError())
+def test_a_defect_while_boards_are_asked_is_their_answer_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asking = UnicodeError("label too long")
+    assert asked(monkeypatch, asking=asking) == ["defect in argosy: UnicodeError: label too long"] * 2
+    opening = asked(monkeypatch, opening=UnicodeError("host"), asking=AssertionError())
+    assert opening == ["defect in argosy: UnicodeError: host"] * 2
 
 
 class Heard:
@@ -80,7 +77,7 @@ class Heard:
         assert await boards.unreached() == {"pi2": "nobody listens there"}
         declare(self.bus)
         await until(lambda: len(self.taken) >= 2, "both are taken")
-        await boards.listening.end()
+        await boards.work.end()
 
 
 def test_a_token_is_there_until_no_board_has_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 import time
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 import pytest
 
+import argosy
 from argosy.__main__ import main
 from tests.support.promises import in_time
 
 ASK = (
     *("act uav land", "echo", "hz", "list", "mail MISSION", "manifest get uav1", "record", "status MISSION"),
+    *("status --mission MISSION", "mail --mission MISSION"),
     *("stop rtl", "why uav go"),
 )
-READ = ("check MISSION", "doctor MISSION", "mail MISSION", "stop rtl --mission MISSION", "ui --mission MISSION")
+READ = (
+    "check MISSION",
+    "doctor MISSION",
+    "doctor --mission MISSION",
+    "mail MISSION",
+    "stop rtl --mission MISSION",
+    "ui --mission MISSION",
+)
 
 
 @pytest.mark.parametrize("command", ASK)
@@ -41,3 +52,21 @@ def test_a_mission_that_cannot_be_read_is_bad_input(
     out, err = capsys.readouterr()
     assert err == f"{none}: error: cannot be read: No such file or directory\n"
     assert out == ""
+
+
+def test_ctrl_c_while_the_command_is_imported_ends_it_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(MetaPathFinder):
+        def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "argosy.__main__")
+    monkeypatch.delattr(argosy, "__main__")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
+    with pytest.raises(SystemExit) as ended:
+        argosy.command()
+    assert ended.value.code == 130
+
+
+def test_the_doctor_needs_a_mission(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor"]) == 2
+    assert capsys.readouterr().err == "error: argosy doctor: expected a MISSION\n"

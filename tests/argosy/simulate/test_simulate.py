@@ -86,6 +86,7 @@ def test_what_cannot_be_simulated_is_said_and_is_bad_input(
     ("old", "new", "problem"),
     [
         ("udpin:0.0.0.0", "udpin:127.0.0.1", "uav1: link 'udpin:127.0.0.1:"),
+        ("    link: udpin:0.0.0.0:", "    # ", "uav1 needs the field `link`: only `argosy run`"),
         ("pi1: {address: 127.0.0.2}", "pi1: {}", "the simulator is elsewhere, and the robot's board has no `address`"),
     ],
 )

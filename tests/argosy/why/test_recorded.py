@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from argosy.__main__ import main
+from argosy.why.from_recording import _mind_at
 from tests.argosy.why.asked import MISSION, eventually, timeless, told
 from tests.argosy.why.test_must_show import page
 from tests.support.processes import running
@@ -70,3 +72,13 @@ def test_what_is_not_in_a_recording_is_said(
     out, err = capsys.readouterr()
     assert out == ""
     assert problem in err
+
+
+@pytest.mark.parametrize(("at", "place"), [(None, 2), (3.0, 1), (6.0, 2)])
+def test_of_an_agent_that_was_started_again_the_start_that_is_asked_about_is_named(
+    at: float | None, place: int
+) -> None:
+    starts = (0.5, 5.0)
+    minds = [Mock(batches=[Mock(initial=Mock(start=start))]) for start in starts]
+    recording = Mock(**{"names_of.return_value": [("", "uav")], "minds.return_value": minds})
+    assert _mind_at(recording, "uav", at) == (minds[place - 1], place, 2)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
+import pytest
+
 from bridged.bridge.robot_setup import prepare, prepare_all
 from schemas.files.findings import Findings
 from schemas.mission.model import read_mission
@@ -39,6 +41,13 @@ def test_people_are_told_where_a_robot_is_by_its_link_its_prefix_or_its_driver(t
     mission = read_mission(text, tmp_path / "m.yaml")
     _, parts = prepare_all(mission, ["uav1", "quiet", "far"], None, 1.0)
     assert [part.where for part in parts] == ["udpin:127.0.0.1:0", "driver `zenoh`", "a/b/**"]
+
+
+def test_a_bridge_is_not_given_a_vehicle_without_a_link_also_if_it_is_simulated(tmp_path: Path) -> None:
+    text = MISSION.replace("    link: udpin:127.0.0.1:0\n", "")
+    assert problems(text, tmp_path) == [], "a run finds one"
+    with pytest.raises(Findings, match=r"m\.yaml:8:5: error: uav1 needs the field `link`: udpin:"):
+        prepare_all(read_mission(text, tmp_path / "m.yaml"), ["uav1"], None, 1.0)
 
 
 def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -> None:
