@@ -174,21 +174,46 @@ class Sky:
 
     def do(self, name: str, *parameters: Term, within: float = 300.0, **fields: object) -> ActionStatus:
         """Ask for an action and let time pass until its final status."""
-        heard = self.begin(name, *parameters, **fields)
-        self.forward(lambda: heard[-1].final, f"the end of {name}", within)
+        return self.end(self.begin(name, *parameters, **fields), within)
+
+    def end(self, heard: list[ActionStatus], within: float = 300.0) -> ActionStatus:
+        """Let time pass until the final status of an action that has begun."""
+        self.forward(lambda: heard[-1].final, f"the end of {heard[-1].name}", within)
         return heard[-1]
+
+    def done(self, name: str, *parameters: Term, **fields: object) -> ActionStatus:
+        """Do an action, which must succeed."""
+        status = self.do(name, *parameters, within=600.0, **fields)
+        assert status.state == "succeeded", f"{name}: {status.reason}"
+        return status
 
     def belief(self, name: str, agent: str = "uav") -> tuple[Term, ...] | None:
         """What an agent perceives now under a name."""
-        found = [one for one in self.bridge.percepts.sets[agent].present() if one.name == name]
-        return found[0].parameters if found else None
+        found = self.beliefs(name, agent)
+        return found[0] if found else None
+
+    def beliefs(self, name: str, agent: str = "uav") -> list[tuple[Term, ...]]:
+        """All that an agent perceives now under a name."""
+        return [one.parameters for one in self.bridge.percepts.sets[agent].present() if one.name == name]
+
+    def told(self, name: str, agent: str = "uav") -> list[tuple[Term, ...]]:
+        """All that an agent has been told so far under a name."""
+        return [one.parameters for who, one in self.percepts if (who, one.name) == (agent, name)]
+
+    def armed(self) -> Sky:
+        """Ready and armed."""
+        self.done("set_mode", "GUIDED")
+        self.done("arm_motors", True)
+        return self
 
     def flying(self, altitude: float = 5) -> Sky:
         """Ready, armed and at an altitude."""
-        for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True), ("takeoff", altitude)):
-            status = self.do(name, argument)
-            assert status.state == "succeeded", status.reason
+        self.armed().done("takeoff", altitude)
         return self
+
+    def pilot_sets(self, mode: int) -> None:
+        """A pilot, or another ground station, sets a mode."""
+        self.downlink.extend(self.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, mode)))
 
     def pretend(self, asked: Passes, result: int = dialect.MAV_RESULT_ACCEPTED, text: str = "") -> None:
         """From now on the vehicle only acknowledges what is asked of it, and does not do it."""

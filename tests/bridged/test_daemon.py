@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import random
 import signal
 import socket
 import time
@@ -29,7 +28,7 @@ from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, Perceptions, StopOrder
+from schemas.wire.records import Action, ActionStatus, Cancel, Health, Perception, Perceptions
 from tests.bridged.airfield import (
     Airfield,
     all_present,
@@ -202,23 +201,6 @@ async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(e
 
 
 @async_test
-async def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with on_the_airfield(endpoint, tmp_path) as field:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            backfill, _ = await beginning(field, bus, "goto", *FAR)
-            field.stop.set()
-            assert await daemon == 0
-            heard = await backfill
-            assert (heard[-1].state, heard[-1].reason) == ("failed", "the bridge stops: rtl")
-        assert field.vehicle.autopilot.mode.name == "RTL"
-
-
-@async_test
 async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
     port, link_loss = free_port(), 5.0
     mission = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml"))
@@ -261,62 +243,6 @@ async def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which
     async with serving(endpoint, tmp_path) as (field, _bus):
         with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
             await serve(field.mission, field.arguments(), asyncio.Event())
-
-
-async def order(bus: Bus, what: str) -> Outcome:
-    """Order the robot as an operator does."""
-    ask = StopOrder(order=what)  # type: ignore[arg-type]
-    [reply] = [one async for one in bus.query(keys.stop("test", "uav1"), ask, Outcome, 20)]
-    assert reply.record is not None, reply.error
-    return reply.record
-
-
-@async_test
-async def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
-    async with serving(endpoint, tmp_path) as (field, bus):
-        await field.take_off(bus)
-        backfill, _ = await beginning(field, bus, "goto", *FAR)
-        outcome = await order(bus, "hold")
-        assert outcome.ok, outcome.reason
-        assert field.vehicle.autopilot.mode.name == "BRAKE"
-        heard = await backfill
-        assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
-        refused = await field.do(bus, "set_mode", "GUIDED")
-        assert (refused.state, refused.cause, refused.order) == ("refused", "operator", "hold")
-        assert (await order(bus, "release")).ok
-        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-
-
-@async_test
-async def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_path: Path) -> None:
-    async with serving(endpoint, tmp_path) as (field, bus):
-        await field.take_off(bus)
-        health: list[Health] = []
-        bus.subscribe(keys.health("test", "uav1", "bridged"), Health, lambda _key, one: health.append(one))
-        backfill, _ = await beginning(field, bus, "goto", *FAR)
-        outcome = await order(bus, "pause")
-        assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
-        assert field.vehicle.autopilot.mode.name == "BRAKE"
-        await until(lambda: bool(health) and health[-1].paused, "health says that it is paused")
-        assert (await order(bus, "pause")).ok
-        outcome = await order(bus, "continue")
-        assert (outcome.ok, outcome.reason) == (True, "the vehicle is in GUIDED")
-        heard = await backfill
-        assert heard[-1].state == "succeeded", heard[-1].reason
-        assert any(one.paused and one.reason == "paused by the operator" for one in heard)
-        await until(lambda: not health[-1].paused, "health says that it goes on")
-        again = await order(bus, "continue")
-        assert (again.ok, again.reason) == (True, "it was not paused")
-
-
-@async_test
-async def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_path: Path) -> None:
-    async with serving(endpoint, tmp_path, client="watcher") as (field, _watcher):
-        async with field.client() as agent:
-            await agent.claim("uav")
-            await field.take_off(agent)
-        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold")
-        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl after it")
 
 
 @async_test
@@ -423,29 +349,6 @@ async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
 
 
 @async_test
-async def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(endpoint: str, tmp_path: Path) -> None:
-    patient = MISSION.replace("    link:", "    on_agent_loss: [hold 80s, rtl]\n    link:")
-    async with (
-        on_the_airfield(endpoint, tmp_path, mission=patient) as field,
-        field.router(),
-        field.client("watcher") as watcher,
-    ):
-        daemon = field.start()
-        await until_served(watcher)
-        async with field.client() as agent:
-            await agent.claim("uav")
-            await field.take_off(agent)
-        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold")
-        async with field.client() as agent:
-            await agent.claim("uav")
-            assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
-            await asyncio.sleep(9)  # the pause of 80 s takes 8 here
-            assert field.vehicle.autopilot.mode.name == "GUIDED", "the steps that were to come are called off"
-            field.stop.set()
-            await daemon
-
-
-@async_test
 async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -497,36 +400,6 @@ async def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(en
         large = bus.query(keys.action("test", "uav", "land"), Action(parameters=("x" * 200_000,)), ActionStatus, 5)
         assert ["expected at most 131072" in reply.error async for reply in large] == [True]
         assert not field.vehicle.autopilot.armed
-
-
-@async_test
-async def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> None:
-    async with serving(endpoint, tmp_path) as (field, bus):
-        await field.take_off(bus)
-        backfill, action = await beginning(field, bus, "goto", *FAR)
-        query = bus.query(
-            keys.cancel("test", "uav"), Cancel(header=bus.header("cancel", "uav"), id=action), ActionStatus, 5
-        )
-        [reply] = [one async for one in query]
-        assert reply.record is not None
-        assert reply.record.state == "cancelled"
-        assert (await backfill)[-1].state == "cancelled"
-
-
-@async_test
-async def test_noise_on_the_link_is_counted_and_nothing_else(
-    endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    async with serving(endpoint, tmp_path) as (field, bus):
-        port, chance = int(field.link.rsplit(":", 1)[1]), random.Random(7)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
-            for _ in range(2000):
-                head = chance.choice((b"\xfd", b"\xfe", b"", b"\xfd\x00\x00\x00\x00\x01\x01"))
-                noise.sendto(head + chance.randbytes(chance.randrange(300)), ("127.0.0.1", port))
-                if chance.random() < 0.02:
-                    await asyncio.sleep(0.001)
-        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-    assert not [record for record in caplog.records if record.exc_info]
 
 
 @async_test

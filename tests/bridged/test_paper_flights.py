@@ -41,7 +41,7 @@ def test_the_papers_mission_is_flown_by_its_manifests_and_percepts_are_told_as_t
         return max(near) <= 1e-5 and abs(float(height[0]) - 40) <= 0.2  # type: ignore[arg-type]
 
     sky.forward(there, "the waypoint, 61 m above the sea and 40 m above home")
-    assert sky.do("set_mode", "RTL").state == "succeeded"
+    sky.done("set_mode", "RTL")
     sky.forward(lambda: sky.belief("state") == ("RTL", "True", "False"), "landed and disarmed at home", 200)
     assert sky.belief("home_pos") == (-27.604033, -48.518363)
     battery = sky.belief("battery")
@@ -62,7 +62,7 @@ def test_a_lost_link_is_told_as_mavros_tells_it(sky: Sky) -> None:
 )
 def test_a_truth_value_is_what_its_text_says(sky: Sky, argument: Term, armed: bool) -> None:
     sky.do("set_mode", "GUIDED")
-    assert sky.do("arm_motors", argument).state == "succeeded"
+    sky.done("arm_motors", argument)
     sent: dialect.MAVLink_message = sky.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM)[-1]
     assert sent.param1 == float(armed)
 
@@ -86,7 +86,7 @@ def test_what_an_argument_cannot_be_is_refused_in_words(
 
 
 def test_an_action_of_the_paper_that_the_vehicle_does_not_do_fails(sky: Sky) -> None:
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    sky.done("set_mode", "GUIDED")
     status = sky.do("takeoff", 5)
     assert (status.state, status.result) == ("refused", False)
     assert status.reason
@@ -158,12 +158,6 @@ def full(tmp_path: Path) -> Sky:
     return Sky(tmp_path, manifest=pair(WHOLE_VOCABULARY, PERCEPTS))
 
 
-def succeeds(sky: Sky, name: str, *arguments: Term) -> None:
-    """Do an action, which must succeed."""
-    status = sky.do(name, *arguments)
-    assert status.state == "succeeded", status.reason
-
-
 def local(sky: Sky) -> list[float]:
     """Where the vehicle is, as an agent perceives it: east, north, up."""
     at = sky.belief("local")
@@ -174,9 +168,9 @@ def local(sky: Sky) -> list[float]:
 def test_local_positions_and_velocities_are_east_north_and_up(full: Sky) -> None:
     full.flying(5)
     assert full.belief("state") == ("GUIDED", "True", 4)
-    succeeds(full, "move", 10.0, -4.0, 8.0)
+    full.done("move", 10.0, -4.0, 8.0)
     full.forward(lambda: max(abs(a - b) for a, b in zip(local(full), (10, -4, 8), strict=True)) < 0.3, "arrival")
-    succeeds(full, "velocity", 0.0, 2.0, 1.0, 0.0)
+    full.done("velocity", 0.0, 2.0, 1.0, 0.0)
     full.wait(2.0)
     east, north, up = local(full)
     assert abs(east - 10) < 1
@@ -187,21 +181,21 @@ def test_local_positions_and_velocities_are_east_north_and_up(full: Sky) -> None
 def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky) -> None:
     home: list[Term] = [0, 16, True, True, -27.604033, -48.518363, 21.0]
     point: list[Term] = [3, 16, False, True, -27.6038, -48.5182, 15.0]
-    succeeds(full, "set_mode", "GUIDED")
+    full.done("set_mode", "GUIDED")
     full.forward(lambda: full.vehicle.autopilot.home is not None, "the vehicle to know its home")
-    succeeds(full, "push", [home, point])
-    succeeds(full, "pull")
+    full.done("push", [home, point])
+    full.done("pull")
     told = full.belief("waypoints")
     assert told is not None
     [items] = told
     assert isinstance(items, list)
     assert len(items) == 2, "home, and the one point"
     assert items[1] == [16, -27.6038, 15.0]
-    succeeds(full, "set_parameter", "FENCE_RADIUS", 120.0)
+    full.done("set_parameter", "FENCE_RADIUS", 120.0)
     assert full.belief("parameter") == ("FENCE_RADIUS", 120.0)
     pulled = full.do("pull_parameters")
     assert (pulled.state, pulled.feedback["params"]) == ("succeeded", pulled.feedback["of"])
-    succeeds(full, "command", dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
+    full.done("command", dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0)
     assert full.vehicle.autopilot.armed, "a raw command too is proved by the vehicle's state where it can be"
 
 

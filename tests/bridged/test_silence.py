@@ -74,7 +74,7 @@ def test_silence_is_told_in_the_wall_seconds_of_the_manifest(tmp_path: Path) -> 
     going = sky.begin("goto", *GOAL)
     sky.wait(1)
     sky.we_hear = lambda message: False
-    sky.forward(lambda: going[-1].final, "the end of goto")
+    sky.end(going)
     assert going[-1].reason == "link lost: no heartbeat for 5.0 s"
 
 

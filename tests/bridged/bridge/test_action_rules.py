@@ -29,10 +29,9 @@ def test_what_does_not_move_the_robot_runs_beside_what_does(tmp_path: Path) -> N
     sky = Sky(tmp_path).flying()
     going = sky.begin("goto", *GOAL)
     sky.wait(2)
-    assert sky.do("get_param", "RTL_ALT").state == "succeeded"
+    sky.done("get_param", "RTL_ALT")
     assert not going[-1].final
-    sky.forward(lambda: going[-1].final, "arrival")
-    assert going[-1].state == "succeeded"
+    assert sky.end(going).state == "succeeded"
 
 
 def test_an_action_does_not_run_beside_itself(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ async def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicl
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bridged.bridge.safety_orders.AGAIN", 0.001)
-    assert sky.do("goto", -27.6036, -48.5180, 20).state == "succeeded"
+    sky.done("goto", -27.6036, -48.5180, 20)
     sky = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl", stay=300.0))
     modes = set()

@@ -43,20 +43,20 @@ def test_only_the_agent_that_acted_first_acts_and_the_others_are_told_who_that_i
 
 
 def test_a_robot_that_is_seen_to_disarm_is_anybodys(sky: Sky) -> None:
-    assert sky.do("land").state == "succeeded"
+    sky.done("land")
     sky.wait(2)
     assert holder(sky) == (None, None)
-    assert sky.do("set_mode", "GUIDED", agent="other").state == "succeeded"
+    sky.done("set_mode", "GUIDED", agent="other")
     assert holder(sky) == ((Atom("other"),), (Atom("other"),))
 
 
 def test_a_robot_that_stays_on_the_ground_is_anybodys_after_a_while_without_an_action(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    sky.done("set_mode", "GUIDED")
     assert sky.do("set_mode", "GUIDED", agent="other").reason.startswith("held by uav for ")
     sky.wait(IDLE + 1)
-    assert sky.do("set_mode", "GUIDED", agent="other").state == "succeeded"
+    sky.done("set_mode", "GUIDED", agent="other")
 
 
 def test_a_flying_robot_stays_with_its_agent_however_long_it_thinks(sky: Sky) -> None:
@@ -66,10 +66,10 @@ def test_a_flying_robot_stays_with_its_agent_however_long_it_thinks(sky: Sky) ->
 
 def test_the_holder_lets_go_in_flight_and_answers_for_the_robot_until_another_takes_it(sky: Sky) -> None:
     assert sky.do("release", agent="other").reason.startswith("held by uav for ")
-    assert sky.do("release").state == "succeeded"
+    sky.done("release")
     assert holder(sky) == (None, None)
     assert sky.bridge.lease.answers == "uav"
-    assert sky.do("goto", *GOAL, agent="other").state == "succeeded"
+    sky.done("goto", *GOAL, agent="other")
     assert sky.bridge.lease.answers == "other"
     assert sky.do("land").state == "refused"
 
@@ -94,7 +94,7 @@ def test_only_the_holder_hands_the_robot_over_and_only_to_an_agent_of_it_that_is
     assert (final.state, final.result) == ("succeeded", True)
     assert holder(sky) == ((Atom("other"),), (Atom("other"),))
     assert sky.do("land").reason.startswith("held by other for ")
-    assert sky.do("land", agent="other").state == "succeeded"
+    sky.done("land", agent="other")
 
 
 def test_an_agent_of_higher_rank_takes_the_robot_and_what_ran_fails_with_that_reason(tmp_path: Path) -> None:
@@ -104,8 +104,7 @@ def test_an_agent_of_higher_rank_takes_the_robot_and_what_ran_fails_with_that_re
     home = sky.begin("return_to_launch", agent="other")
     assert end_of(going[-1]) == ("failed", "lease taken by other")
     assert sky.do("land").reason.startswith("held by other for ")
-    sky.forward(lambda: home[-1].final, "the end of the way home", 300)
-    assert home[-1].state == "succeeded", home[-1].reason
+    assert sky.end(home, 300).state == "succeeded", home[-1].reason
 
 
 @pytest.mark.parametrize(
@@ -126,15 +125,15 @@ def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_or_is_refused_
 
 
 def test_who_has_the_robot_outlives_the_bridge(sky: Sky, tmp_path: Path) -> None:
-    assert sky.do("hand_over", Atom("other")).state == "succeeded"
+    sky.done("hand_over", Atom("other"))
     again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     again.wait(2)
     assert again.do("land", id="uav:t:91").reason.startswith("held by other for ")
-    assert again.do("release", agent="other", id="other:t:92").state == "succeeded"
+    again.done("release", agent="other", id="other:t:92")
     last = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     last.wait(2)
     assert last.bridge.lease.answers == "other"
-    assert last.do("land", id="uav:t:93").state == "succeeded"
+    last.done("land", id="uav:t:93")
 
 
 @async_test
@@ -167,7 +166,7 @@ def test_a_robot_that_knows_no_arming_is_anybodys_after_a_while_without_an_actio
 
 def test_the_agent_that_acts_perceives_how_far_it_is_once_a_second_until_it_ends(sky: Sky) -> None:
     going = sky.begin("goto", *GOAL)
-    took = sky.forward(lambda: going[-1].final, "arrival")
+    took = sky.forward(lambda: going[-1].final, "the end")
     told = [(agent, one) for agent, one in sky.percepts if one.name == "feedback"]
     assert {agent for agent, _ in told} == {"uav"}
     distances = [one for _, one in told if one.parameters[1] == Atom("distance")]

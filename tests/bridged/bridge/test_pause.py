@@ -9,15 +9,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from bridged.bridge.safety_orders import Step
 from bridged.drivers.api import Order, Outcome
-from bridged.drivers.mavlink.vehicle.flight_modes import ARDUPLANE
 from schemas.manifest.loader import Manifest, load_manifest
-from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Atom
 from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passing, take_over, until_mode
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
-from tests.bridged.drivers.mavlink.vehicle.test_vehicle_kinds import PLANE, sky_of
+from tests.bridged.drivers.mavlink.test_six_kinds import sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky
 from tests.support.buses import async_test
 from tests.support.notes import identities
@@ -37,15 +34,6 @@ async def answered(sky: Sky, order: Awaitable[Outcome], within: int = 30) -> Out
         await passing(sky, 0.25)
     assert task.done(), f"no answer within {within} s"
     return await task
-
-
-async def ended(sky: Sky, heard: list[ActionStatus], within: int = 300) -> ActionStatus:
-    for _ in range(within):
-        if heard[-1].final:
-            break
-        await passing(sky, 1)
-    assert heard[-1].final, f"{heard[-1]} after {within} s"
-    return heard[-1]
 
 
 async def pause(sky: Sky) -> Outcome:
@@ -91,7 +79,7 @@ async def test_a_goto_is_kept_while_the_copter_holds_and_goes_on_to_its_place(sk
     assert is_at(sky, before)
     assert (going[-1].state, going[-1].paused, going[-1].reason) == ("running", True, "paused by the operator")
     assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
-    assert (await ended(sky, going)).state == "succeeded"
+    assert sky.end(going).state == "succeeded"
     assert [one.paused for one in going[-2:]] == [False, False]
 
 
@@ -105,7 +93,7 @@ async def test_deadlines_do_not_run_while_it_is_paused(tmp_path: Path) -> None:
     await passing(sky, 120)
     assert going[-1].deadline == pytest.approx(left, abs=0.1)
     await resume(sky)
-    assert (await ended(sky, going)).state == "succeeded"
+    assert sky.end(going).state == "succeeded"
 
 
 @async_test
@@ -119,7 +107,7 @@ async def test_what_is_asked_while_it_is_paused_begins_when_it_continues(sky: Sk
     assert sky.begin("goto", *FAR)[-1].reason == "busy: goto is running"
     assert sky.begin("goto", "nowhere")[-1].state == "refused"
     await resume(sky)
-    assert (await ended(sky, going)).state == "succeeded"
+    assert sky.end(going).state == "succeeded"
 
 
 @async_test
@@ -128,14 +116,13 @@ async def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
     asking = sky.begin("get_param", "RTL_ALT")
     await pause(sky)
     sky.hears_us = lambda message: True
-    assert (await ended(sky, asking)).state == "succeeded"
+    assert sky.end(asking).state == "succeeded"
 
 
 @async_test
 async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
-    for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
-        assert sky.do(name, argument).state == "succeeded"
+    sky.armed()
     climbing = sky.begin("takeoff", 30)
     await passing(sky, 6)
     await pause(sky)
@@ -145,7 +132,7 @@ async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_pa
     await passing(sky, 30)
     assert is_at(sky, before)
     await resume(sky)
-    assert (await ended(sky, climbing)).state == "succeeded"
+    assert sky.end(climbing).state == "succeeded"
     assert place(sky)[2] == pytest.approx(30, abs=0.5)
 
 
@@ -159,7 +146,7 @@ async def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> No
     await passing(sky, 20)
     assert place(sky)[2] > 3
     await resume(sky)
-    assert (await ended(sky, going)).state == "succeeded"
+    assert sky.end(going).state == "succeeded"
     assert not sky.vehicle.autopilot.armed
 
 
@@ -188,7 +175,7 @@ async def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky
     assert (await pause(sky)).state == (await pause(sky)).state == "succeeded"
     assert (await resume(sky)).state == "succeeded"
     assert await resume(sky) == Outcome("succeeded", "it was not paused")
-    assert (await ended(sky, going)).state == "succeeded"
+    assert sky.end(going).state == "succeeded"
 
 
 @async_test
@@ -247,7 +234,7 @@ async def test_continue_goes_back_to_the_mode_before_this_pause_and_not_before_a
     await pause(sky)
     await pause(sky)
     assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
-    assert (await ended(sky, sky.begin("set_mode", "BRAKE"))).state == "succeeded"
+    sky.done("set_mode", "BRAKE")
     await pause(sky)
     assert await resume(sky) == Outcome("succeeded", "the vehicle is in BRAKE")
 
@@ -290,24 +277,18 @@ async def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> No
     assert is_at(sky, before)
 
 
+@pytest.mark.parametrize("lost", ["before the pause", "under it"])
 @async_test
-async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
+async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky, lost: str) -> None:
+    if lost == "before the pause":
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+        await passing(sky, 3)
     await pause(sky)
-    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    if lost == "under it":
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
     await passing(sky, 20)
     assert mode_of(sky) == "BRAKE"
     assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
-    await resume(sky)
-    await until_mode(sky, "RTL")
-
-
-@async_test
-async def test_a_sequence_for_a_lost_agent_begins_again_when_the_pause_is_over(sky: Sky) -> None:
-    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 10.0), Step("rtl")))
-    await passing(sky, 3)
-    await pause(sky)
-    await passing(sky, 30)
-    assert mode_of(sky) == "BRAKE"
     await resume(sky)
     await until_mode(sky, "RTL")
 
@@ -328,7 +309,7 @@ async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, 
     await passing(again, 5)
     assert going[-1].paused
     assert await resume(again) == Outcome("succeeded", "the vehicle is in GUIDED")
-    assert (await ended(again, going)).state == "succeeded"
+    assert again.end(going).state == "succeeded"
 
 
 @async_test
@@ -345,19 +326,18 @@ async def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
 @async_test
 async def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
-    for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
-        assert sky.do(name, argument).state == "succeeded"
+    sky.armed()
     assert (await pause(sky)).state == "succeeded"
     assert sky.vehicle.autopilot.armed
     await resume(sky)
-    assert (await ended(sky, sky.begin("takeoff", 5))).state == "succeeded"
+    sky.done("takeoff", 5)
 
 
 @async_test
 async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True), ("upload_mission", TOUR)):
-        assert sky.do(name, argument).state == "succeeded"
+        sky.done(name, argument)
     flying = sky.begin("start_mission")
     while flying[-1].feedback.get("item", 0) < 2:
         await passing(sky, 1)
@@ -371,20 +351,20 @@ async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
     assert await resume(sky) == Outcome("succeeded", "the vehicle is in AUTO")
     await passing(sky, 3)
     assert flying[-1].feedback["item"] >= 2, "it does not begin again"
-    assert (await ended(sky, flying)).state == "succeeded"
+    assert sky.end(flying).state == "succeeded"
 
 
 @async_test
-async def test_a_planes_takeoff_goes_on(tmp_path: Path) -> None:
-    sky = sky_of(tmp_path, "plane", PLANE, ARDUPLANE)
-    assert sky.do("arm_motors", True).state == "succeeded"
+async def test_a_planes_takeoff_is_held_on_a_circle_and_entered_again(tmp_path: Path) -> None:
+    sky = sky_of(tmp_path, "plane", "ardupilot")
+    sky.done("arm_motors", True)
     climbing = sky.begin("takeoff", 60)
     while climbing[-1].feedback.get("altitude", 0) < 10:
         await passing(sky, 1)
     assert await pause(sky) == Outcome("succeeded", "the vehicle is in LOITER")
     assert climbing[-1].paused
     assert await resume(sky) == Outcome("succeeded", "the vehicle is in TAKEOFF")
-    assert (await ended(sky, climbing)).state == "succeeded", climbing[-1].reason
+    assert (climbing[-1].state, climbing[-1].paused) == ("running", False)
 
 
 @async_test

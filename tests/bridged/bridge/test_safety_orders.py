@@ -31,7 +31,7 @@ HOME_AT_LAST = (Step("hold", 5.0), Step("rtl"))
 
 def take_over(sky: Sky, mode: int = LOITER) -> None:
     """A pilot, or another ground station, sets a mode."""
-    sky.downlink.extend(sky.vehicle.receive(dialect.MAVLink_set_mode_message(1, 1, mode)))
+    sky.pilot_sets(mode)
 
 
 async def passing(sky: Sky, seconds: float) -> None:
@@ -98,21 +98,12 @@ async def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it
 def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_link(sky: Sky) -> None:
     home = sky.begin("return_to_launch")
     sky.we_hear = lambda message: False
-    sky.forward(lambda: home[-1].final, "the end of the link")
+    sky.end(home)
     sky.wait(10)
     sky.we_hear = lambda message: True
     sky.forward(lambda: sky.belief("state") == ("RTL", True, True), "the vehicle is heard again", 5)
     assert sky.driver.overridden == ""
     assert sky.belief("override") is None
-
-
-@async_test
-async def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky) -> None:
-    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-    await passing(sky, 3)
-    assert mode_of(sky) == "BRAKE"
-    await passing(sky, 10)
-    assert mode_of(sky) == "RTL"
 
 
 @async_test
@@ -230,9 +221,10 @@ async def test_with_on_idle_none_the_alarm_is_all(sky: Sky) -> None:
     assert alarms(sky) == []
 
 
-async def ordered(sky: Sky, order: Order) -> None:
+async def ordered(sky: Sky, order: Order | Literal["pause"]) -> None:
     """The operator orders something, and it is confirmed."""
-    asked = asyncio.ensure_future(sky.bridge.orders.operator(order))
+    orders = sky.bridge.orders
+    asked = asyncio.ensure_future(orders.pause() if order == "pause" else orders.operator(order))
     while not asked.done():
         await passing(sky, 0.5)
     assert (await asked).state == "succeeded"
@@ -425,9 +417,7 @@ async def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge
     sky = Sky(tmp_path)
     sky.wait(2)
     orders = sky.bridge.orders
-    asked = asyncio.ensure_future(orders.pause() if said == "pause" else orders.operator(said))
-    await passing(sky, 2)
-    assert asked.done()
+    await ordered(sky, said)
     await leaving(sky, orders.shut_down("land"))
     last = restarted(sky, tmp_path).bridge
     assert (last.action_log.paused, last.action_log.ordered, last.action_server.blocked) == (False, None, None)
@@ -455,9 +445,7 @@ async def test_a_pause_from_before_the_machine_was_started_goes_on(
 ) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)
-    asked = asyncio.ensure_future(sky.bridge.orders.pause())
-    await passing(sky, 2)
-    assert asked.done()
+    await ordered(sky, "pause")
     monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
     again = restarted(sky, tmp_path)
     await passing(again, 10)
@@ -513,9 +501,7 @@ async def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -
         case "an action":
             sky.begin("goto", -27.60, -48.51, 20)
         case "operator":
-            held = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-            await passing(sky, 3)
-            await held
+            await ordered(sky, "hold")
         case "pilot":
             take_over(sky)
         case "its way home":
@@ -537,7 +523,7 @@ async def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -
 @async_test
 async def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, action: str, mode: str) -> None:
     """Neither is LAND by RTL: the sequence counts what is safer as done, and the agent's action has failed."""
-    assert sky.do("goto", -27.6036, -48.5180, 20).state == "succeeded"
+    sky.done("goto", -27.6036, -48.5180, 20)
     home = sky.begin(action)
     sky.wait(3)
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -583,19 +569,28 @@ def test_a_way_home_or_down_that_takes_longer_than_its_deadline_goes_on(sky: Sky
     assert mode_of(sky) == mode
 
 
+@pytest.mark.parametrize(("before", "order", "mode"), [("rtl", "hold", "BRAKE"), ("pilot", "land", "LAND")])
 @async_test
-async def test_the_operators_hold_stops_a_way_home(sky: Sky) -> None:
-    sky.begin("return_to_launch")
-    sky.wait(3)
-    ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-    await passing(sky, 5)
-    assert (await ordered).state == "succeeded"
-    assert mode_of(sky) == "BRAKE"
+async def test_the_operators_order_goes_through_against_any_mode(
+    sky: Sky, before: str, order: Order, mode: str
+) -> None:
+    if before == "pilot":
+        take_over(sky)
+    else:
+        sky.begin("return_to_launch")
+    await passing(sky, 3)
+    await ordered(sky, order)
+    assert mode_of(sky) == mode
 
 
+@pytest.mark.parametrize("restarted", [False, True], ids=["", "somebody flew it before the bridge started"])
 @async_test
-async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(sky: Sky) -> None:
+async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(
+    sky: Sky, tmp_path: Path, restarted: bool
+) -> None:
     take_over(sky)
+    sky.wait(3)
+    sky = Sky(tmp_path / "later", vehicle=sky.vehicle) if restarted else sky
     await passing(sky, 3)
     left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
     assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
@@ -604,38 +599,17 @@ async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says
 
 
 @async_test
-async def test_a_vehicle_that_somebody_flew_before_the_bridge_started_is_left_to_them(sky: Sky, tmp_path: Path) -> None:
-    take_over(sky)
-    sky.wait(3)
-    later = Sky(tmp_path / "later", vehicle=sky.vehicle)
-    sky = later
-    await passing(sky, 3)
-    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-    assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
-
-
-@async_test
 async def test_an_agent_that_takes_control_again_is_answered_for_again(sky: Sky) -> None:
     take_over(sky)
     sky.wait(3)
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    sky.done("set_mode", "GUIDED")
     left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
     assert (left.state, left.order) == ("ordered", "rtl")
 
 
-@async_test
-async def test_the_operators_order_goes_through_against_any_mode(sky: Sky) -> None:
-    take_over(sky)
-    await passing(sky, 3)
-    ordered = asyncio.ensure_future(sky.bridge.orders.operator("land"))
-    await passing(sky, 5)
-    assert (await ordered).state == "succeeded"
-    assert mode_of(sky) == "LAND"
-
-
 def test_who_flew_last_is_not_answered_for_in_a_later_flight(sky: Sky) -> None:
     assert sky.bridge.lease.answers == "uav"
-    assert sky.do("land").state == "succeeded"
+    sky.done("land")
     sky.wait(2)
     assert sky.bridge.lease.answers == ""
     sky.begin("set_mode", "GUIDED")
@@ -646,7 +620,7 @@ def test_a_restarted_bridge_answers_for_nobody_if_its_vehicle_is_not_armed(sky: 
     flying = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     flying.wait(2)
     assert flying.bridge.lease.answers == "uav"
-    assert sky.do("land").state == "succeeded"
+    sky.done("land")
     parked = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     parked.wait(2)
     assert parked.bridge.lease.answers == ""
@@ -737,20 +711,6 @@ async def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_age
     refused = sky.begin("goto", 0.0, 0.0, 20)[-1]
     assert (refused.state, refused.cause, refused.order) == ("refused", "shutdown", "rtl")
     assert (await leaving(sky, left)).order == "rtl"
-
-
-@async_test
-async def test_after_a_release_the_copter_takes_targets_when_its_agent_has_set_the_mode(sky: Sky) -> None:
-    ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-    while not ordered.done():
-        await passing(sky, 0.5)
-    assert mode_of(sky) == "BRAKE"
-    assert sky.bridge.orders.release().state == "succeeded"
-    assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "refused"
-    mode = sky.begin("set_mode", "GUIDED")
-    await passing(sky, 5)
-    assert mode[-1].state == "succeeded"
-    assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
 
 
 @async_test

@@ -97,7 +97,7 @@ def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilo
     strange = dialect.MAVLink_heartbeat_message(2, dialect.MAV_AUTOPILOT_PPZ, 157, 50593792, 4, 3)
     sky.we_hear = lambda message: message.get_type() != "HEARTBEAT" or message.autopilot == strange.autopilot
     sky.downlink.append(strange)
-    sky.forward(lambda: heard[-1].final, "the end of goto", 5)
+    sky.end(heard, 5)
     assert (heard[-1].state, heard[-1].reason) == ("failed", SAID)
     sky.sent.clear()
     sky.wait(3)
@@ -105,7 +105,7 @@ def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilo
     sky.we_hear = lambda message: True
     sky.wait(3)
     assert sky.do("set_mode", "GUIDED").state == "succeeded", "it is one that is known again"
-    assert sky.do("goto", *GOAL).state == "succeeded"
+    sky.done("goto", *GOAL)
 
 
 def test_a_recorded_px4_is_asked_in_its_own_terms() -> None:

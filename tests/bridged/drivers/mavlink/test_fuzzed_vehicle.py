@@ -67,7 +67,7 @@ def test_absurd_messages_end_every_action_once_and_raise_nothing(
                 sky.driver.receive(message)
             sky.wait(pause)
         sky.we_hear = lambda message: False
-        sky.forward(lambda: heard[-1].final, "the end of the action", 80)
+        sky.end(heard, 80)
         assert [one.final for one in heard].count(True) == 1
         assert heard[-1].reason or heard[-1].state == "succeeded"
         assert len(sky.bridge.percepts.sets["uav"]) < 300

@@ -14,18 +14,18 @@ from tests.bridged.sky import MISSION, Message, Sky, is_command
 
 
 def told(sky: Sky) -> dict[Term, Term]:
-    found = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "parameter"]
+    found = sky.beliefs("parameter")
     return {one[0]: one[1] for one in found}
 
 
 def test_a_parameter_that_is_asked_for_becomes_a_percept(sky: Sky) -> None:
-    assert sky.do("get_param", "RTL_ALT").state == "succeeded"
-    assert sky.do("get_param", "FENCE_RADIUS").state == "succeeded"
+    sky.done("get_param", "RTL_ALT")
+    sky.done("get_param", "FENCE_RADIUS")
     assert told(sky) == {"RTL_ALT": 1500, "FENCE_RADIUS": 300}
 
 
 def test_a_parameter_is_set_when_the_vehicle_tells_that_value(sky: Sky) -> None:
-    assert sky.do("set_param", "RTL_ALT", 2000).state == "succeeded"
+    sky.done("set_param", "RTL_ALT", 2000)
     assert sky.vehicle.autopilot.parameters["RTL_ALT"] == 2000
     assert told(sky) == {"RTL_ALT": 2000}
 
@@ -37,7 +37,7 @@ def test_a_value_that_the_vehicle_did_not_take_fails_with_both_numbers(sky: Sky)
 
 
 def test_a_fraction_is_compared_as_the_vehicle_stores_it(sky: Sky) -> None:
-    assert sky.do("set_param", "MOT_THST_HOVER", 0.21).state == "succeeded"
+    sky.done("set_param", "MOT_THST_HOVER", 0.21)
 
 
 @pytest.mark.parametrize(("name", "arguments"), [("get_param", ()), ("set_param", (3,))])
@@ -52,7 +52,7 @@ def test_a_name_that_the_vehicle_does_not_know_is_told_after_three_seconds(
 
 
 def test_a_parameter_is_known_under_its_older_name_too(sky: Sky) -> None:
-    assert sky.do("set_param", "SYSID_MYGCS", 250).state == "succeeded"
+    sky.done("set_param", "SYSID_MYGCS", 250)
     assert sky.vehicle.autopilot.parameters["MAV_GCS_SYSID"] == 250
     assert told(sky) == {"SYSID_MYGCS": 250}
 
@@ -87,7 +87,7 @@ def test_a_parameter_is_set_over_a_link_that_loses_every_third_message(sky: Sky)
         return passes
 
     sky.hears_us, sky.we_hear = lossy("up"), lossy("down")  # type: ignore[assignment]
-    assert sky.do("set_param", "RTL_ALT", 2000).state == "succeeded"
+    sky.done("set_param", "RTL_ALT", 2000)
 
 
 def test_a_vehicle_that_never_takes_the_value_fails(sky: Sky) -> None:
@@ -118,12 +118,12 @@ def test_a_vehicle_that_says_nothing_after_the_change_is_not_said_to_have_the_ol
 
 def test_the_fence_is_shaped_by_parameters_and_switched_by_a_command(sky: Sky) -> None:
     parameters = sky.vehicle.autopilot.parameters
-    assert sky.do("fence_radius", 120).state == "succeeded"
-    assert sky.do("fence_altitude", 45).state == "succeeded"
+    sky.done("fence_radius", 120)
+    sky.done("fence_altitude", 45)
     assert (parameters["FENCE_RADIUS"], parameters["FENCE_ALT_MAX"]) == (120, 45)
-    assert sky.do("enable_fence", True).state == "succeeded"
+    sky.done("enable_fence", True)
     assert parameters["FENCE_ENABLE"] == 1
-    assert sky.do("enable_fence", False).state == "succeeded"
+    sky.done("enable_fence", False)
     assert parameters["FENCE_ENABLE"] == 0
 
 
@@ -170,8 +170,8 @@ def test_what_the_mission_relies_on_is_not_switched_off_by_a_parameter(
 
 def test_what_the_mission_relies_on_may_be_switched_on(tmp_path: Path) -> None:
     sky = Sky(tmp_path, mission=GUARDED)
-    assert sky.do("set_param", "FS_GCS_ENABLE", 1).state == "succeeded"
-    assert sky.do("enable_fence", True).state == "succeeded"
+    sky.done("set_param", "FS_GCS_ENABLE", 1)
+    sky.done("enable_fence", True)
     final = sky.do("enable_fence", False)
     assert final.reason == "FENCE_ENABLE is not set to 0: the mission declares `limits`, and the fence stays as it is"
     assert (final.state, sky.vehicle.autopilot.parameters["FENCE_ENABLE"]) == ("refused", 1)

@@ -29,8 +29,7 @@ def px4(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sky:
 def test_a_plan_is_stored_without_home_and_read_back_as_it_was(px4: Sky, tmp_path: Path) -> None:
     jump = simple(177, 2, 1, 0, 0, 0, 0, 0, frame=2, jump=9)
     (tmp_path / "field.plan").write_text(plan(TAKEOFF, survey(THERE, THERE), jump, RTL))
-    status = px4.do("upload_plan", "field.plan")
-    assert status.state == "succeeded", status.reason
+    px4.done("upload_plan", "field.plan")
     items: list[PlanItem] = []
     assert ended(px4, px4.driver.read_plan(items)).state == "succeeded"
     assert [item.command for item in items] == [16, 22, 16, 16, 177, 20]
@@ -50,8 +49,7 @@ def test_parameters_are_read_as_numbers_and_set_by_their_type(px4: Sky) -> None:
 
 
 def test_its_log_is_a_ulog_that_is_numbered_from_0(px4: Sky, tmp_path: Path) -> None:
-    status = px4.do("download_log")
-    assert status.state == "succeeded", status.reason
+    px4.done("download_log")
     (path,) = logs(tmp_path)
     assert (path.name[:13], path.suffix) == ("uav1-log00000", ".ulg")
     content = path.read_bytes()

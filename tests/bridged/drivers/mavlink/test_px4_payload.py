@@ -85,7 +85,7 @@ def test_a_servo_is_the_actuator_for_which_its_output_is_set_up(tmp_path: Path) 
 
 def test_a_reversed_output_gets_the_pulse_that_was_asked_for(tmp_path: Path) -> None:
     px4 = heard(tmp_path, ACTUATOR, MOVES_DISARMED, ("PWM_MAIN_REV", 1 << 8))
-    assert px4.do("drop_buoy").state == "succeeded"
+    px4.done("drop_buoy")
     assert pulses(px4)[8] == 1900
 
 
@@ -95,7 +95,7 @@ def test_disarmed_an_output_that_would_not_move_is_refused(tmp_path: Path) -> No
     reason = "disarmed, PX4 moves outputs only with COM_PREARM_MODE 2; it is 0"
     assert (status.state, status.reason) == ("refused", reason)
     px4.flying()
-    assert px4.do("drop_buoy").state == "succeeded"
+    px4.done("drop_buoy")
 
 
 def test_an_output_that_was_acknowledged_and_does_not_move_is_no_success(tmp_path: Path) -> None:
@@ -109,8 +109,7 @@ def test_an_output_that_was_acknowledged_and_does_not_move_is_no_success(tmp_pat
 def test_an_output_of_aux_that_is_not_reported_is_confirmed_by_its_acknowledgement(tmp_path: Path) -> None:
     px4 = heard(tmp_path, ("PWM_MAIN_DIS9", 0.0))  # a pulse of 0, as of an output that it does not have
     with_outputs(px4, AUX)
-    status = px4.do("drop_buoy")
-    assert status.state == "succeeded", status.reason
+    px4.done("drop_buoy")
     assert px4.commands(dialect.MAV_CMD_DO_SET_ACTUATOR)[0].param2 == pytest.approx(0.8)
 
 

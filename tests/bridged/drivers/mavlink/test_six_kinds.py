@@ -36,17 +36,11 @@ def sky_of(tmp_path: Path, vehicle: str, autopilot: str, flown: Vehicle | None =
     return Sky(tmp_path, vehicle=flown, manifest=load_manifest(vehicle), mission=mission)
 
 
-def done(sky: Sky, name: str, *arguments: object) -> None:
-    final = sky.do(name, *arguments, within=600)  # type: ignore[arg-type]
-    assert final.state == "succeeded", f"{name}: {final.reason}"
-
-
 def under_way(sky: Sky, vehicle: str, place: tuple[float, float] = FAR) -> None:
     """Depart, and be on the way to a place."""
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "arm_motors", True)
+    sky.armed()
     if vehicle != "rover":
-        done(sky, "takeoff", 40)
+        sky.done("takeoff", 40)
     sky.begin("goto", *place, *(() if vehicle == "rover" else (40,)))
     sky.forward(lambda: sky.driver.vehicle.speed > 3, "it moves", 30)
     sky.wait(3)
@@ -60,12 +54,11 @@ def mode(sky: Sky) -> object:
 @pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
 def test_it_departs_goes_to_a_place_and_comes_home(tmp_path: Path, vehicle: str, autopilot: str) -> None:
     sky = sky_of(tmp_path, vehicle, autopilot)
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "arm_motors", True)
+    sky.armed()
     if vehicle != "rover":
-        done(sky, "takeoff", 40)
-    done(sky, "goto", *NORTH, *(() if vehicle == "rover" else (40,)))
-    done(sky, "return_to_launch")
+        sky.done("takeoff", 40)
+    sky.done("goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+    sky.done("return_to_launch")
     assert sky.belief("override") is None
     assert sky.driver.notes() == []
 
@@ -101,11 +94,11 @@ def test_a_stored_mission_is_flown_to_its_end(tmp_path: Path, vehicle: str, auto
     sky = sky_of(tmp_path, vehicle, autopilot)
     there = [[-27.6020, -48.5184, 40], [-27.6030, -48.5170, 40]]
     items = there if vehicle == "rover" else [["takeoff", 0, 0, 40], *there]
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "upload_mission", items)
-    done(sky, "arm_motors", True)
-    done(sky, "start_mission")
-    done(sky, "return_to_launch")
+    sky.done("set_mode", "GUIDED")
+    sky.done("upload_mission", items)
+    sky.done("arm_motors", True)
+    sky.done("start_mission")
+    sky.done("return_to_launch")
     assert sky.belief("override") is None
 
 
@@ -116,7 +109,7 @@ def test_what_is_asked_of_a_bridge_that_was_started_again_in_flight_waits_for_th
     before = sky_of(tmp_path / "before", vehicle, autopilot)
     under_way(before, vehicle)
     after = sky_of(tmp_path / "after", vehicle, autopilot, before.vehicle)
-    done(after, "goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+    after.done("goto", *NORTH, *(() if vehicle == "rover" else (40,)))
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -124,14 +117,13 @@ def test_a_planes_takeoff_that_is_under_way_is_joined_and_goes_on_from_any_heigh
     tmp_path: Path, autopilot: str
 ) -> None:
     before = sky_of(tmp_path / "before", "plane", autopilot)
-    done(before, "set_mode", "GUIDED")
-    done(before, "arm_motors", True)
+    before.armed()
     before.begin("takeoff", 40)
     before.forward(lambda: before.driver.vehicle.aloft, "the takeoff", 20)
     after = sky_of(tmp_path / "after", "plane", autopilot, before.vehicle)
-    done(after, "takeoff", 40)
-    done(after, "set_mode", "GUIDED")
-    done(after, "takeoff", 70)
+    after.done("takeoff", 40)
+    after.done("set_mode", "GUIDED")
+    after.done("takeoff", 70)
     assert after.driver.vehicle.position is not None
     assert after.driver.vehicle.position.altitude == pytest.approx(70, abs=10)
 
@@ -147,15 +139,15 @@ LANDING = [
 def test_a_mission_that_is_uploaded_at_once_waits_for_home(tmp_path: Path) -> None:
     mission = MISSION.replace("manifest: copter", "manifest: plane") + "    limits: {altitude: 100, radius: 1000}\n"
     sky = Sky(tmp_path, vehicle=Vehicle(HOME, KINDS["plane", "px4"]), manifest=load_manifest("plane"), mission=mission)
-    done(sky, "upload_mission", LANDING)
+    sky.done("upload_mission", LANDING)
     assert sky.do("upload_mission", [[-27.5, -48.518363, 40]]).state == "refused"
 
 
 def test_a_px4_plane_lands_by_the_landing_of_its_mission(tmp_path: Path) -> None:
     sky = sky_of(tmp_path, "plane", "px4")
-    done(sky, "upload_mission", LANDING)
+    sky.done("upload_mission", LANDING)
     under_way(sky, "plane", NORTH)
-    done(sky, "land")
+    sky.done("land")
     assert sky.belief("state") == ("AUTO", True, False)
     assert sky.belief("override") is None
     assert sky.driver.vehicle.home is not None
@@ -175,8 +167,8 @@ def test_a_px4_plane_does_not_land_without_a_landing(
 ) -> None:
     sky = sky_of(tmp_path, "plane", "px4")
     if items:
-        done(sky, "upload_mission", items)
-    done(sky, "set_param", "RTL_TYPE", rtl_type)
+        sky.done("upload_mission", items)
+    sky.done("set_param", "RTL_TYPE", rtl_type)
     under_way(sky, "plane", NORTH)
     status = sky.do("land")
     assert status.state == "refused"
@@ -187,10 +179,9 @@ def test_a_px4_plane_does_not_land_without_a_landing(
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_takeoff_of_a_plane_does_not_lead_down(tmp_path: Path, autopilot: str) -> None:
     sky = sky_of(tmp_path, "plane", autopilot)
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "arm_motors", True)
-    done(sky, "takeoff", 90)
-    done(sky, "set_mode", "GUIDED")
+    sky.armed()
+    sky.done("takeoff", 90)
+    sky.done("set_mode", "GUIDED")
     sky.wait(5)
     final = sky.do("takeoff", 30)
     assert final.state == "refused"

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.actions.log_download import WINDOW, file_name
 from bridged.simulation.vehicle.log_transfer import LogTransfer
-from tests.bridged.drivers.mavlink.actions.test_mission_actions import armed, every
+from tests.bridged.drivers.mavlink.actions.test_mission_actions import every
 from tests.bridged.sky import Message, Sky
 
 Entry = dialect.MAVLink_log_entry_message
@@ -80,8 +80,8 @@ def test_the_latest_is_that_of_the_latest_time_and_any_other_is_had_by_its_numbe
         first=0,
         times=[1_790_000_000, 1_800_000_000, 1_795_000_000],
     )
-    assert sky.do("download_log").state == "succeeded"
-    assert sky.do("download_log", 2).state == "succeeded"
+    sky.done("download_log")
+    sky.done("download_log", 2)
     assert {path.name: path.read_bytes()[:6] for path in logs(tmp_path)} == {
         "uav1-log00001-20270115T080000Z.bin": b"newest",
         "uav1-log00002-20261118T110640Z.bin": b"thirdt",
@@ -93,14 +93,14 @@ def test_the_latest_is_that_of_the_latest_time_and_any_other_is_had_by_its_numbe
 def test_a_list_that_loses_entries_is_asked_for_again_until_all_of_it_is_there(sky: Sky, tmp_path: Path) -> None:
     serve(sky, [b"a log" * 40] * 20, times=[*range(1_790_000_000, 1_790_000_019), 1_780_000_000])
     sky.we_hear = every(3, "LOG_ENTRY")
-    assert sky.do("download_log").state == "succeeded"
+    sky.done("download_log")
     assert [path.name[:13] for path in logs(tmp_path)] == ["uav1-log00019"]
     assert sum(message.get_type() == "LOG_REQUEST_LIST" for message in sky.sent) > 1
 
 
 def test_without_known_times_the_latest_is_the_last_of_the_list(sky: Sky, tmp_path: Path) -> None:
     serve(sky, [b"first" * 40, b"second" * 40], times=[1_790_000_000, 0])
-    assert sky.do("download_log").state == "succeeded"
+    sky.done("download_log")
     assert [path.name[:24] for path in logs(tmp_path)] == ["uav1-log00002-downloaded"]
 
 
@@ -116,15 +116,15 @@ def test_an_armed_vehicle_is_left_alone_and_one_that_is_armed_meanwhile_ends_the
     sky: Sky, tmp_path: Path
 ) -> None:
     serve(sky, [random.Random(1).randbytes(50 * WINDOW)])
-    armed(sky)
+    sky.armed()
     refused = sky.do("download_log")
     assert (refused.state, ends(sky), logs(tmp_path)) == ("refused", 0, [])
-    assert sky.do("arm_motors", False).state == "succeeded"
+    sky.done("arm_motors", False)
     sky.we_hear = every(50, "LOG_DATA")  # so that it takes its time
     heard = sky.begin("download_log")
     sky.forward(lambda: logs(tmp_path), "the download")
     sky.begin("arm_motors", True)
-    sky.forward(lambda: heard[-1].final, "the end of the download")
+    sky.end(heard)
     assert (heard[-1].state, heard[-1].reason[:29]) == ("failed", "a log is downloaded disarmed:")
     assert (ends(sky), logs(tmp_path)) == (1, [])
 

@@ -11,7 +11,7 @@ from bridged.drivers.api import Execution, Outcome
 from bridged.drivers.mavlink.autopilots.px4 import bits_of, number_of
 from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.wire.vehicle_records import PlanItem
-from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR, armed
+from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
 from tests.bridged.sky import MISSION, Message, Sky
 
 LIMITED = MISSION + "    limits: {altitude: 30}\n    failsafe: {gcs: human}\n"
@@ -42,7 +42,7 @@ def test_all_parameters_are_read_over_a_bad_link_and_no_agent_perceives_them(sky
 
 def test_the_stored_mission_is_read_with_home_first_and_becomes_no_percept(sky: Sky) -> None:
     sky.forward(lambda: sky.belief("home_pos"), "home")
-    assert sky.do("upload_mission", TOUR).state == "succeeded"
+    sky.done("upload_mission", TOUR)
     sky.vehicle.autopilot.mission.items.pop()
     items: list[PlanItem] = []
     assert ended(sky, sky.driver.read_plan(items)).state == "succeeded"
@@ -58,7 +58,7 @@ def test_a_parameter_is_set_disarmed_and_one_of_safety_when_it_is_allowed(sky: S
     assert setting(sky, "fence_radius", 120) == ("refused", "request")
     assert setting(sky, "FENCE_RADIUS", 120, allow_safety=True)[0] == "succeeded"
     assert setting(sky, "MIS_TOTAL", 1, allow_safety=True) == ("refused", "request"), "it would cut the mission"
-    armed(sky)
+    sky.armed()
     assert setting(sky, "WPNAV_SPEED", 900) == ("refused", "busy")
     assert sky.vehicle.autopilot.parameters["WPNAV_SPEED"] == 700
 

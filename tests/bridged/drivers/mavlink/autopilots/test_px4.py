@@ -9,14 +9,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import Step, by_operator
-from bridged.drivers.api import Order, Outcome
+from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.motion.tasks import Landed
 from bridged.simulation.vehicle.vehicle import Vehicle
-from tests.bridged.bridge.test_pause import ended, pause, resume
+from tests.bridged.bridge.test_pause import pause, resume
 from tests.bridged.bridge.test_safety_orders import leaving, passing
 from tests.bridged.sky import GOAL, HOME, MISSION, Message, Sky
 from tests.support.buses import async_test
@@ -49,11 +49,6 @@ def mode(sky: Sky) -> str:
     return str(state[0])
 
 
-def done(sky: Sky, name: str, *arguments: object) -> None:
-    final = sky.do(name, *arguments)  # type: ignore[arg-type]
-    assert final.state == "succeeded", final.reason
-
-
 def altitude(sky: Sky) -> float:
     found = sky.belief("altitude")
     assert found is not None
@@ -82,7 +77,7 @@ def modes_seen(sky: Sky) -> set[int]:
 
 def test_what_is_asked_of_it_before_it_is_heard_is_asked_in_its_own_terms(sky: Sky) -> None:
     seen = modes_seen(sky)
-    done(sky, "set_mode", "GUIDED")
+    sky.done("set_mode", "GUIDED")
     assert seen == {PX4_COPTER.guided}, "ArduCopter's GUIDED, 4, would be AUTO.MISSION"
     assert mode(sky) == "GUIDED"
 
@@ -97,14 +92,14 @@ def test_an_order_that_is_given_before_it_is_heard_is_given_in_its_own_terms(sky
 def test_it_flies_by_the_actions_of_a_copter_and_altitudes_count_from_home(sky: Sky) -> None:
     sky.flying(15)
     assert altitude(sky) == pytest.approx(15, abs=1.1)
-    done(sky, "goto", *GOAL)
+    sky.done("goto", *GOAL)
     assert altitude(sky) == pytest.approx(GOAL[2], abs=1.1)
-    done(sky, "setpoint", -27.603683, -48.5182, 20)
-    done(sky, "reposition", -27.603683, -48.5182, 32)
+    sky.done("setpoint", -27.603683, -48.5182, 20)
+    sky.done("reposition", -27.603683, -48.5182, 32)
     sky.forward(lambda: abs(altitude(sky) - 32) < 1, "32 m above home", 30)
-    done(sky, "move", 10.0, 5.0, 12.0)
+    sky.done("move", 10.0, 5.0, 12.0)
     assert altitude(sky) == pytest.approx(12, abs=1.1)
-    done(sky, "land")
+    sky.done("land")
     assert mode(sky) == "GUIDED", "PX4 rests in AUTO.LOITER"
     assert sky.belief("override") is None
     assert sky.driver.notes() == []
@@ -112,10 +107,10 @@ def test_it_flies_by_the_actions_of_a_copter_and_altitudes_count_from_home(sky: 
 
 def test_landing_and_returning_are_no_overrides_and_the_next_flight_begins(sky: Sky) -> None:
     sky.flying(10)
-    done(sky, "return_to_launch")
+    sky.done("return_to_launch")
     sky.flying(10)
-    done(sky, "land")
-    done(sky, "arm_motors", True)
+    sky.done("land")
+    sky.done("arm_motors", True)
     assert sky.belief("override") is None
 
 
@@ -127,7 +122,7 @@ def test_a_return_that_is_asked_for_as_the_motors_stop_at_home_is_one(sky: Sky, 
     sky.forward(lambda: autopilot.flight.landed is Landed.ON_GROUND, "the landing", 60)
     sky.wait(1.5)
     assert autopilot.armed
-    done(sky, action)
+    sky.done(action)
     assert not autopilot.armed
 
 
@@ -166,11 +161,11 @@ def test_it_is_not_armed_in_a_mode_in_which_that_begins_a_flight(sky: Sky, sub: 
 def test_a_velocity_is_streamed_in_offboard_and_ended_on_purpose(sky: Sky) -> None:
     sky.flying(15)
     seen = modes_seen(sky)
-    done(sky, "fly", 2.0, 0.0, 0.0)
+    sky.done("fly", 2.0, 0.0, 0.0)
     sky.wait(1)
     assert speed(sky) == pytest.approx(2, abs=0.5)  # the recorded one flew 1.4 m/s after a second, and 1.6 after three
     assert mode(sky) == "GUIDED", "it obeys agents"
-    done(sky, "fly", 0.0, 2.0, 0.5)
+    sky.done("fly", 0.0, 2.0, 0.5)
     sky.wait(5)
     assert speed(sky) < 0.3
     sky.wait(5)
@@ -181,19 +176,19 @@ def test_a_velocity_is_streamed_in_offboard_and_ended_on_purpose(sky: Sky) -> No
 def test_it_flies_a_circle_around_a_place_until_a_target_ends_it(tmp_path: Path) -> None:
     sky = px4(tmp_path, "    limits: {radius: 120}\n").flying(15)
     assert sky.do("orbit", GOAL[0], GOAL[1], 20, 90, 4).cause == "limits"
-    done(sky, "orbit", GOAL[0], GOAL[1], 20, 20, 4)
+    sky.done("orbit", GOAL[0], GOAL[1], 20, 20, 4)
     sky.wait(25)
     found = sky.driver.vehicle.position
     assert found is not None
     assert found.distance(Place(GOAL[0], GOAL[1], 20)) == pytest.approx(20, abs=3)
     assert (mode(sky), sky.belief("override")) == ("GUIDED", None)
-    done(sky, "goto", *GOAL)
+    sky.done("goto", *GOAL)
 
 
 def test_a_target_after_a_velocity_ends_the_stream_and_not_the_target(sky: Sky) -> None:
     sky.flying(15)
-    done(sky, "fly", 2.0, 0.0, 0.0)
-    done(sky, "goto", *GOAL)
+    sky.done("fly", 2.0, 0.0, 0.0)
+    sky.done("goto", *GOAL)
     sent = len(sky.sent)
     sky.wait(5)
     assert "SET_POSITION_TARGET_LOCAL_NED" not in {one.get_type() for one in sky.sent[sent:]}
@@ -201,7 +196,7 @@ def test_a_target_after_a_velocity_ends_the_stream_and_not_the_target(sky: Sky) 
 
 def test_lost_setpoints_are_its_failsafe_and_it_is_not_pulled_back_into_offboard(sky: Sky) -> None:
     sky.flying(15)
-    done(sky, "fly", 2.0, 0.0, 0.0)
+    sky.done("fly", 2.0, 0.0, 0.0)
     sky.hears_us = lambda message: False
     sky.forward(lambda: mode(sky) == "RTL", "the failsafe", 10)
     sky.hears_us = lambda message: True
@@ -210,44 +205,8 @@ def test_lost_setpoints_are_its_failsafe_and_it_is_not_pulled_back_into_offboard
     assert sky.belief("override") == ("RTL",)
 
 
-@pytest.mark.parametrize(("order", "name"), [("hold", "GUIDED"), ("land", "LAND"), ("rtl", "RTL")])
-def test_an_operators_order_is_confirmed_in_flight(sky: Sky, order: Order, name: str) -> None:
-    sky.flying(20)
-    heard = sky.begin("goto", -27.6020, -48.5180, 30)
-    sky.wait(4)
-    assert speed(sky) > 3
-    execution = sky.bridge.action_server.order(order, by_operator(order), block=True, insist=True)
-    sky.forward(lambda: execution.over, "the order", 10)
-    assert execution.outcome == Outcome("succeeded", f"the vehicle is in {name}")
-    assert heard[-1].state == "failed"
-    if order == "hold":
-        sky.forward(lambda: speed(sky) < 0.3, "it stands still", 8)
-
-
-@async_test
-async def test_a_lost_agents_vehicle_holds_and_returns(tmp_path: Path) -> None:
-    sky = px4(tmp_path).flying(20)
-    sky.begin("goto", -27.6020, -48.5180, 30)
-    await passing(sky, 4)
-    sky.bridge.orders.agent_lost("uav", "a test", (Step("hold", 5.0), Step("rtl")))
-    await passing(sky, 5)
-    assert speed(sky) < 0.5
-    await passing(sky, 5)
-    assert mode(sky) == "RTL"
-    await passing(sky, 60)
-    assert sky.belief("state") == ("GUIDED", True, False)
-
-
-@async_test
-async def test_a_bridge_that_ends_takes_it_home(tmp_path: Path) -> None:
-    sky = px4(tmp_path).flying(20)
-    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-    assert left.state == "ordered"
-    assert mode(sky) == "RTL"
-
-
 def test_a_motion_that_is_cancelled_or_late_holds_and_never_flies_the_stored_mission(sky: Sky) -> None:
-    done(sky, "upload_mission", FLIGHT)
+    sky.done("upload_mission", FLIGHT)
     sky.flying(20)
     seen = modes_seen(sky)
     heard = sky.begin("goto", -27.6020, -48.5180, 30)
@@ -273,26 +232,26 @@ def test_a_stations_mode_is_an_override_and_a_pilots_hold_hands_nothing_over(sky
     sky.wait(3)
     assert mode(sky) == "HOLD"
     assert sky.do("goto", *GOAL).cause == "pilot"
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "goto", *GOAL)
+    sky.done("set_mode", "GUIDED")
+    sky.done("goto", *GOAL)
 
 
 def test_a_bridge_that_is_started_again_during_a_takeoff_has_the_vehicle(tmp_path: Path) -> None:
     before = px4(tmp_path / "before")
     before.wait(10)
-    done(before, "arm_motors", True)
+    before.done("arm_motors", True)
     before.begin("takeoff", 30)
     before.forward(lambda: altitude(before) > 5, "5 m", 20)
     after = Sky(tmp_path / "after", vehicle=before.vehicle)
     after.wait(3)
     assert mode(after) == "GUIDED", "as an ArduCopter's, that takes off in GUIDED"
     assert after.belief("override") is None
-    done(after, "return_to_launch")
+    after.done("return_to_launch")
 
 
 def test_a_takeoff_whose_end_is_seen_late_is_judged_by_a_position_after_it(sky: Sky) -> None:
     sky.wait(10)
-    done(sky, "arm_motors", True)
+    sky.done("arm_motors", True)
     heard = sky.begin("takeoff", 10)
     sky.forward(lambda: altitude(sky) > 4, "4 m", 20)
     sky.we_hear = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
@@ -316,7 +275,7 @@ def test_a_takeoff_to_below_is_refused_where_px4_would_acknowledge_it_and_stay(s
 
 def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
     sky.wait(10)
-    done(sky, "arm_motors", True)
+    sky.done("arm_motors", True)
     heard = sky.begin("takeoff", 30)
     sky.forward(lambda: altitude(sky) > 5, "5 m", 20)
     station(sky, AUTO, LOITER)
@@ -328,23 +287,22 @@ def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
 @async_test
 async def test_what_an_operator_pauses_goes_on(tmp_path: Path) -> None:
     sky = px4(tmp_path)
-    for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
-        done(sky, name, argument)
+    sky.armed()
     climbing = sky.begin("takeoff", 20)
     sky.forward(lambda: altitude(sky) > 6, "6 m", 20)
     assert (await pause(sky)).state == "succeeded"
     await passing(sky, 20)
     assert altitude(sky) < 12
     assert (await resume(sky)).state == "succeeded"
-    assert (await ended(sky, climbing)).state == "succeeded"
+    assert sky.end(climbing).state == "succeeded"
     going = sky.begin("goto", -27.6020, -48.5180, 30)
     await passing(sky, 4)
     await pause(sky)
     await passing(sky, 10)
     assert speed(sky) < 0.3
     await resume(sky)
-    assert (await ended(sky, going)).state == "succeeded"
-    done(sky, "fly", 2.0, 0.0, 0.0)
+    assert sky.end(going).state == "succeeded"
+    sky.done("fly", 2.0, 0.0, 0.0)
     await pause(sky)
     assert (await resume(sky)).state == "succeeded"
     assert sky.belief("override") is None
@@ -401,10 +359,10 @@ def test_its_failsafe_that_holds_in_the_mode_of_agents_is_not_undone_by_them(tmp
 def test_a_takeoff_that_its_failsafe_ends_has_failed(tmp_path: Path) -> None:
     sky = px4(tmp_path, "    failsafe: {gcs: bridge}\n", NAV_DLL_ACT=2)
     sky.wait(10)
-    done(sky, "arm_motors", True)
+    sky.done("arm_motors", True)
     heard = sky.begin("takeoff", 30)
     sky.hears_us = lambda message: message.get_type() != "HEARTBEAT"
-    sky.forward(lambda: heard[-1].final, "its failsafe", 25)
+    sky.end(heard, 25)
     assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
     assert "(the vehicle's failsafe)" in heard[-1].reason
     assert sky.do("goto", *GOAL).cause == "pilot"
@@ -413,9 +371,9 @@ def test_a_takeoff_that_its_failsafe_ends_has_failed(tmp_path: Path) -> None:
 def test_an_agent_takes_control_again_from_its_failsafe(tmp_path: Path) -> None:
     sky = deaf_to_beats(tmp_path)
     sky.wait(2.5)
-    done(sky, "set_mode", "GUIDED")
+    sky.done("set_mode", "GUIDED")
     assert sky.belief("override") is None
-    done(sky, "goto", *GOAL)
+    sky.done("goto", *GOAL)
 
 
 def test_a_bridge_that_is_started_while_its_failsafe_acts_does_not_undo_it(tmp_path: Path) -> None:
@@ -442,12 +400,12 @@ def warned(sky: Sky) -> Sky:
 def test_what_it_only_warns_of_leaves_it_to_its_agents(tmp_path: Path) -> None:
     sky = px4(tmp_path)
     sky.wait(10)
-    done(sky, "arm_motors", True)
+    sky.done("arm_motors", True)
     warned(sky).wait(3)
-    done(sky, "takeoff", 20)
-    done(sky, "goto", *GOAL)
+    sky.done("takeoff", 20)
+    sky.done("goto", *GOAL)
     assert sky.belief("override") is None
-    done(sky, "return_to_launch")
+    sky.done("return_to_launch")
 
 
 @async_test
@@ -536,17 +494,17 @@ def test_an_arming_that_waits_tells_for_what_the_vehicle_waits(
     sky.vehicle.autopilot.hindrance = hindrance
     sky.wait(3)
     heard = sky.begin("arm_motors", True, deadline=20.0)
-    sky.forward(lambda: heard[-1].final, "the end", 40)
+    sky.end(heard, 40)
     assert (heard[-1].state, why in heard[-1].reason) == ("timed_out", True), heard[-1].reason
 
 
 def test_integers_and_unknown_names_of_parameters(sky: Sky) -> None:
     sky.wait(5)
-    done(sky, "set_param", "GF_ACTION", 3.0)
-    done(sky, "get_param", "GF_ACTION")
+    sky.done("set_param", "GF_ACTION", 3.0)
+    sky.done("get_param", "GF_ACTION")
     assert sky.belief("parameter") == ("GF_ACTION", 3.0)
     assert sky.do("set_param", "GF_ACTION", 2.5).reason == "GF_ACTION is a whole number on the vehicle, got 2.5"
-    done(sky, "set_param", "RTL_RETURN_ALT", 25.5)
+    sky.done("set_param", "RTL_RETURN_ALT", 25.5)
     before = sky.clock.time
     assert sky.do("get_param", "NO_SUCH").reason == "the vehicle knows no parameter NO_SUCH"
     assert sky.clock.time - before < 1, "PX4 answers at once"
@@ -554,11 +512,11 @@ def test_integers_and_unknown_names_of_parameters(sky: Sky) -> None:
 
 def test_the_fence_of_a_copters_manifest(sky: Sky) -> None:
     sky.wait(5)
-    done(sky, "fence_radius", 300.0)
-    done(sky, "enable_fence", False)
-    done(sky, "enable_fence", True)
-    done(sky, "get_param", "GF_ACTION")
-    present = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "parameter"]
+    sky.done("fence_radius", 300.0)
+    sky.done("enable_fence", False)
+    sky.done("enable_fence", True)
+    sky.done("get_param", "GF_ACTION")
+    present = sky.beliefs("parameter")
     assert sorted(present) == [("FENCE_RADIUS", 300.0), ("GF_ACTION", 2.0)]
 
 
@@ -569,12 +527,12 @@ def test_a_fence_of_corners_is_stored_and_keeps_targets_in(sky: Sky) -> None:
     sky.wait(5)
     assert sky.do("upload_fence", [[1, 2], [3, 4]]).state == "refused"
     assert sky.do("upload_fence", [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]]).reason == "home is outside of the fence"
-    done(sky, "upload_fence", FIELD)
+    sky.done("upload_fence", FIELD)
     sky.flying(15)
     final = sky.do("goto", -27.6000, -48.5184, 20)
     assert final.state == "refused"
     assert "outside geofence" in final.reason
-    done(sky, "goto", *GOAL)
+    sky.done("goto", *GOAL)
 
 
 def test_every_message_that_numbers_or_counts_items_is_renumbered_in_both_directions() -> None:
@@ -597,19 +555,18 @@ def test_the_item_that_a_jump_leads_to_is_renumbered_in_both_directions() -> Non
 
 def test_a_mission_is_stored_without_home_and_flown_to_its_end(sky: Sky) -> None:
     sky.wait(5)
-    done(sky, "upload_mission", FLIGHT)
+    sky.done("upload_mission", FLIGHT)
     counts = [one.count for one in sky.sent if one.get_type() == "MISSION_COUNT"]
     assert counts == [len(FLIGHT)]
-    done(sky, "download_mission")
+    sky.done("download_mission")
     sky.wait(2)
     assert sky.belief("mission_item") == (1, len(FLIGHT)), "agents count from 1"
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "arm_motors", True)
+    sky.armed()
     sky.percepts.clear()
-    done(sky, "start_mission")
+    sky.done("start_mission")
     assert sky.belief("state") == ("GUIDED", True, False)
     assert sky.belief("override") is None
-    flown = [one.parameters for agent, one in sky.percepts if agent == "uav" and one.name == "item_reached"]
+    flown = sky.told("item_reached")
     assert len(flown) == len(set(flown)) > 2, "each once, though PX4 repeats them each second"
 
 
@@ -623,9 +580,8 @@ def test_a_mission_that_cannot_be_flown_is_refused_with_its_reason(sky: Sky) -> 
 
 def test_a_pilots_mode_during_a_mission_ends_it(sky: Sky) -> None:
     sky.wait(5)
-    done(sky, "upload_mission", FLIGHT)
-    done(sky, "set_mode", "GUIDED")
-    done(sky, "arm_motors", True)
+    sky.done("upload_mission", FLIGHT)
+    sky.armed()
     heard = sky.begin("start_mission")
     sky.forward(lambda: altitude(sky) > 10, "10 m", 30)
     station(sky, AUTO, LOITER)

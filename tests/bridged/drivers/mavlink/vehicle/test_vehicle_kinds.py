@@ -1,8 +1,7 @@
-"""Planes and rovers: their tables against pymavlink's, their manifests, and their procedures by scripted messages."""
+"""Planes and rovers: their tables against pymavlink's, their manifests, and what only they do."""
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -21,27 +20,18 @@ from bridged.drivers.mavlink.vehicle.flight_modes import (
     table_of,
 )
 from bridged.drivers.registry import check_manifest
+from bridged.simulation.vehicle.kinds import KINDS
+from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import load_manifest
-from schemas.wire.log_lines import RobotLeft
 from schemas.wire.records import Note
-from tests.bridged.scripted import Scripted
-from tests.bridged.sky import MISSION, Sky
-
-PLANE, ROVER, QUAD = dialect.MAV_TYPE_FIXED_WING, dialect.MAV_TYPE_GROUND_ROVER, dialect.MAV_TYPE_QUADROTOR
-
-
-def sky_of(tmp_path: Path, vehicle: str, kind: int, modes: ModeTable, mission: str = MISSION, **k: bool) -> Sky:
-    return Sky(tmp_path, manifest=load_manifest(vehicle), vehicle=Scripted(kind, modes, **k), mission=mission)  # type: ignore[arg-type]
+from tests.bridged.drivers.mavlink.test_six_kinds import sky_of, under_way
+from tests.bridged.sky import HOME, MISSION, Sky, is_command
 
 
 @pytest.fixture
 def plane(tmp_path: Path) -> Sky:
-    return sky_of(tmp_path, "plane", PLANE, ARDUPLANE)
-
-
-@pytest.fixture
-def rover(tmp_path: Path) -> Sky:
-    return sky_of(tmp_path, "rover", ROVER, ARDUROVER, grounded=True)
+    """Armed in GUIDED."""
+    return sky_of(tmp_path, "plane", "ardupilot").armed()
 
 
 @pytest.mark.parametrize(
@@ -74,8 +64,12 @@ def test_every_vehicle_has_a_manifest_that_nothing_is_wrong_with(name: str) -> N
     assert {"state", "link", "override", "global_pos", "home_pos"} <= set(manifest.percepts)
 
 
-def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed(tmp_path: Path) -> None:
-    sky = sky_of(tmp_path, "copter", PLANE, ARDUPLANE)
+def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed_and_obeys_orders_in_its_own_modes(
+    tmp_path: Path,
+) -> None:
+    flown = sky_of(tmp_path / "plane", "plane", "ardupilot").armed()
+    flown.done("takeoff", 40)
+    sky = Sky(tmp_path / "copter", vehicle=flown.vehicle)
     sky.wait(3)
     said = (
         'the vehicle reports that it is a MAV_TYPE_FIXED_WING, the manifest says copter; `vehicle = "plane"` would fit'
@@ -84,9 +78,9 @@ def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed(tmp_path: Pat
     final = sky.do("arm_motors", True)
     assert (final.state, final.reason) == ("refused", said)
     assert sky.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM) == []
-    state = sky.belief("state")
-    assert state is not None
-    assert state[0] == "MANUAL", "its modes are read as what it is"
+    execution = sky.driver.order("rtl", by_operator("rtl"), insist=True)
+    sky.forward(lambda: execution.over, "the order", 15)
+    assert sky.belief("state") == ("RTL", True, True)
 
 
 def test_a_vehicle_that_does_not_say_what_it_is_contradicts_nothing() -> None:
@@ -94,46 +88,16 @@ def test_a_vehicle_that_does_not_say_what_it_is_contradicts_nothing() -> None:
     assert contradiction(ARDUCOPTER, dialect.MAV_TYPE_HEXAROTOR) == ""
     assert contradiction(ARDUPLANE, dialect.MAV_TYPE_VTOL_TILTROTOR) == ""
     assert "MAV_TYPE_SUBMARINE" in contradiction(ARDUROVER, dialect.MAV_TYPE_SUBMARINE)
-    assert table_of(ARDUCOPTER, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_TYPE_SUBMARINE) is ARDUCOPTER
-
-
-@pytest.mark.parametrize(
-    ("kind", "modes", "vehicle", "order", "mode"),
-    [
-        (PLANE, ARDUPLANE, "plane", "hold", "LOITER"),
-        (PLANE, ARDUPLANE, "plane", "land", "AUTOLAND"),
-        (PLANE, ARDUPLANE, "plane", "rtl", "RTL"),
-        (dialect.MAV_TYPE_VTOL_TILTROTOR, ARDUPLANE, "plane", "land", "QLAND"),
-        (ROVER, ARDUROVER, "rover", "hold", "HOLD"),
-        (ROVER, ARDUROVER, "rover", "land", "HOLD"),
-        (ROVER, ARDUROVER, "rover", "rtl", "RTL"),
-        (PLANE, ARDUPLANE, "copter", "rtl", "RTL"),
-    ],
-)
-def test_orders_from_above_mean_what_they_can_mean_for_the_vehicle(
-    tmp_path: Path, kind: int, modes: ModeTable, vehicle: str, order: str, mode: str
-) -> None:
-    sky = sky_of(tmp_path, vehicle, kind, modes, grounded=modes.ground)
-    scripted = sky.vehicle
-    assert isinstance(scripted, Scripted)
-    scripted.armed = True
-    scripted.at = scripted.at.moved(100, 0, 0 if modes.ground else 50)
-    sky.wait(2)
-    execution = sky.driver.order(order, by_operator(order), insist=True)  # type: ignore[arg-type]
-    sky.forward(lambda: execution.over, "the order", 15)
-    assert execution.outcome is not None
-    assert execution.outcome.state == "succeeded", execution.outcome.reason
-    state = sky.belief("state")
-    assert state is not None
-    assert state[0] == mode
+    ardupilot = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+    assert table_of(ARDUCOPTER, ardupilot, dialect.MAV_TYPE_SUBMARINE) is ARDUCOPTER
+    vtol = table_of(ARDUPLANE, ardupilot, dialect.MAV_TYPE_VTOL_TILTROTOR)
+    assert vtol.name(vtol.land) == "QLAND"
 
 
 def test_a_plane_that_refuses_to_land_by_itself_is_taken_home_and_the_order_says_why(plane: Sky) -> None:
-    assert plane.do("arm_motors", True).state == "succeeded"
-    assert plane.do("takeoff", 60).state == "succeeded"
-    autoland = dialect.MAV_CMD_DO_SET_MODE
+    plane.done("takeoff", 60)
     plane.pretend(
-        lambda one: one.get_type() == "COMMAND_LONG" and one.command == autoland and one.param2 == ARDUPLANE.land,
+        lambda one: is_command(dialect.MAV_CMD_DO_SET_MODE)(one) and one.param2 == ARDUPLANE.land,
         dialect.MAV_RESULT_FAILED,
         "AUTOLAND: no takeoff direction",
     )
@@ -153,82 +117,38 @@ def test_of_orders_with_one_mode_the_mode_carries_out_the_least_safe() -> None:
     assert ARDUCOPTER.order_of(ARDUCOPTER.guided) is None
 
 
-def test_a_plane_takes_off_by_its_mode_goes_round_a_place_and_comes_home(plane: Sky) -> None:
-    assert plane.do("arm_motors", True).state == "succeeded"
-    final = plane.do("takeoff", 60)
-    assert final.state == "succeeded", final.reason
-    assert plane.vehicle.parameters["TKOFF_ALT"] == 60  # type: ignore[attr-defined]
-    assert plane.belief("state") == ("TAKEOFF", True, True)
-    final = plane.do("goto", -27.610, -48.5184, 80)
-    assert final.state == "succeeded", final.reason
-    assert final.feedback["distance"] <= 100, "a plane need not be slow to have arrived"
-    assert plane.do("loiter").state == "succeeded"
-    final = plane.do("return_to_launch")
-    assert final.state == "succeeded", final.reason
-    assert plane.belief("state") == ("RTL", True, True)
+@pytest.mark.parametrize(("vehicle", "action", "mode"), [("plane", "loiter", "LOITER"), ("rover", "hold", "HOLD")])
+def test_what_cannot_hover_holds_in_its_own_mode_also_when_its_motion_is_cancelled(
+    tmp_path: Path, vehicle: str, action: str, mode: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, "ardupilot")
+    under_way(sky, vehicle)
+    sky.bridge.action_server.cancel("uav", sky.statuses[-1].id)
+    sky.forward(lambda: sky.belief("state") == (mode, True, True), mode, 5)
+    sky.done("set_mode", "GUIDED")
+    sky.done(action)
+    assert sky.belief("state") == (mode, True, True)
 
 
-def test_a_plane_whose_motion_is_cancelled_circles(plane: Sky) -> None:
-    plane.do("arm_motors", True)
-    plane.do("takeoff", 60)
-    heard = plane.begin("goto", -27.64, -48.5184, 80)
-    plane.wait(3)
-    plane.bridge.action_server.cancel("uav", heard[0].id)
-    plane.forward(lambda: plane.belief("state") == ("LOITER", True, True), "LOITER", 5)
+def test_a_rover_takes_targets_in_guided_only(tmp_path: Path) -> None:
+    rover = sky_of(tmp_path, "rover", "ardupilot").armed()
+    rover.done("hold")
+    assert rover.do("goto", -27.6045, -48.5184).reason.startswith("position targets are taken in GUIDED only")
 
 
-def test_a_takeoff_by_mode_to_another_height_is_refused_while_one_is_under_way(plane: Sky) -> None:
+def test_a_takeoff_by_mode_to_another_height_is_refused_while_one_is_under_way(tmp_path: Path) -> None:
+    plane = sky_of(tmp_path, "plane", "ardupilot")
     assert plane.do("takeoff", 30).reason.startswith("a takeoff begins armed; the vehicle is not armed")
-    plane.do("arm_motors", True)
-    plane.do("takeoff", 30)
-    assert plane.do("takeoff", 60).reason.startswith("a takeoff to 30 m is under way; the vehicle is armed, in flight")
+    plane.armed().begin("takeoff", 80)
+    plane.forward(lambda: plane.driver.vehicle.aloft, "the takeoff", 20)
+    plane.bridge.action_server.order("hold", by_operator("hold"), block=False, insist=False)
+    assert plane.do("takeoff", 60).reason.startswith("a takeoff to 80 m is under way; the vehicle is armed, in flight")
 
 
 def test_limits_hold_for_planes_too(tmp_path: Path) -> None:
-    mission = MISSION + "    limits: {altitude: 50, radius: 400}\n"
-    sky = sky_of(tmp_path, "plane", PLANE, ARDUPLANE, mission)
-    sky.do("arm_motors", True)
-    assert sky.do("takeoff", 60).reason == "altitude 60 m is above the mission's limit of 50 m"
-    assert sky.do("takeoff", 40).state == "succeeded"
-    assert "outside the mission's limit of 400 m" in sky.do("goto", -27.62, -48.5184, 40).reason
-
-
-def test_a_rover_goes_stops_and_comes_home_and_stops_there(rover: Sky) -> None:
-    assert rover.do("set_mode", "GUIDED").state == "succeeded"
-    assert rover.do("arm_motors", True).state == "succeeded"
-    final = rover.do("goto", -27.6045, -48.5184)
-    assert final.state == "succeeded", final.reason
-    assert rover.belief("speed") == (0.0,)
-    assert rover.do("hold").state == "succeeded"
-    assert rover.belief("state") == ("HOLD", True, True)
-    assert rover.do("goto", -27.6045, -48.5184).reason.startswith("position targets are taken in GUIDED only")
-    final = rover.do("return_to_launch")
-    assert final.state == "succeeded", final.reason
-    assert rover.belief("state") == ("RTL", True, True)
-
-
-def test_a_rover_whose_motion_is_cancelled_stops(rover: Sky) -> None:
-    rover.do("set_mode", "GUIDED")
-    rover.do("arm_motors", True)
-    heard = rover.begin("goto", -27.61, -48.5184)
-    rover.wait(3)
-    rover.bridge.action_server.cancel("uav", heard[0].id)
-    rover.forward(lambda: rover.belief("state") == ("HOLD", True, True), "HOLD", 5)
-
-
-def test_the_end_of_the_bridge_sends_a_rover_home(rover: Sky) -> None:
-    rover.do("set_mode", "GUIDED")
-    rover.do("arm_motors", True)
-    orders = rover.bridge.orders
-    loop = asyncio.new_event_loop()
-
-    async def shut_down() -> RobotLeft:
-        task = loop.create_task(orders.shut_down("rtl"))
-        while not task.done():
-            rover.step()
-            await asyncio.sleep(0)
-        return task.result()
-
-    left = loop.run_until_complete(asyncio.wait_for(shut_down(), 20))
-    loop.close()
-    assert (left.state, left.order) == ("ordered", "rtl")
+    mission = MISSION.replace("manifest: copter", "manifest: plane") + "    limits: {altitude: 60, radius: 900}\n"
+    vehicle = Vehicle(HOME, KINDS["plane", "ardupilot"])
+    plane = Sky(tmp_path, vehicle=vehicle, manifest=load_manifest("plane"), mission=mission).armed()
+    assert plane.do("takeoff", 70).reason == "altitude 70 m is above the mission's limit of 60 m"
+    plane.done("takeoff", 40)
+    assert "outside the mission's limit of 900 m" in plane.do("goto", -27.62, -48.5184, 40).reason

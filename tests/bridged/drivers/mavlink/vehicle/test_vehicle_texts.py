@@ -32,7 +32,7 @@ def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def believed(sky: Sky) -> list[tuple[object, ...]]:
-    return [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "vehicle_text"]
+    return sky.beliefs("vehicle_text")
 
 
 def test_a_battery_failsafe_reaches_log_and_agent_though_no_action_fails(
@@ -105,7 +105,7 @@ def test_a_vehicle_that_floods_its_link_with_warnings_is_told_of_so_many_and_the
 
 
 def rebooted(sky: Sky) -> list[tuple[str, ...]]:
-    return [one.parameters for agent, one in sky.percepts if one.name == "override" and agent == "uav"]  # type: ignore[misc]
+    return sky.told("override")  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("boot_is_heard", [True, False])
@@ -117,7 +117,7 @@ def test_a_vehicle_that_reboots_in_flight_is_called_rebooted_and_nobody_has_take
     if not boot_is_heard:  # the first HEARTBEATs get lost, as on a line that has to be opened anew
         sky.we_hear = lambda message: message.get_type() != "HEARTBEAT" or message.system_status != 1
     with caplog.at_level(logging.WARNING):
-        sky.forward(lambda: heard[-1].final, "the end of goto", 60)
+        sky.end(heard, 60)
         sky.wait(3)
     assert (heard[-1].state, heard[-1].reason) == ("failed", "the vehicle rebooted")
     assert "system 1: the vehicle rebooted" in warnings(caplog)
@@ -136,7 +136,7 @@ def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None
     sky.wait(2.5)
     sky.vehicle.autopilot.set_mode(Mode.LOITER)
     sky.we_hear = lambda message: True
-    sky.forward(lambda: heard[-1].final, "the end of goto", 10)
+    sky.end(heard, 10)
     assert heard[-1].reason.startswith("the mode became LOITER")
     assert sky.belief("override") == ("LOITER",)
     assert sky.bridge.health().notes == ()

@@ -24,8 +24,7 @@ def is_command(message: Message) -> bool:
 
 
 def test_a_takeoff_that_is_cancelled_before_it_leaves_the_ground_does_not_take_off(sky: Sky) -> None:
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
-    assert sky.do("arm_motors", True).state == "succeeded"
+    sky.armed()
     heard = sky.begin("takeoff", 10)
     sky.forward(lambda: sky.commands(dialect.MAV_CMD_NAV_TAKEOFF), "the command is on its way")
     sky.wait(0.3)
@@ -42,13 +41,12 @@ def test_a_pilot_who_takes_a_vehicle_that_agents_only_moved_keeps_it(sky: Sky) -
     sky.wait(10)
     sky.vehicle.autopilot.set_mode(Mode.GUIDED)
     sky.wait(3)
-    assert sky.do("arm_motors", True).state == "succeeded"
-    assert sky.do("takeoff", 10).state == "succeeded"
+    sky.done("arm_motors", True)
+    sky.done("takeoff", 10)
     heard = sky.begin("goto", *GOAL)
     sky.wait(3)
     sky.vehicle.autopilot.set_mode(Mode.LOITER)
-    sky.forward(lambda: heard[-1].final, "the end of goto")
-    assert heard[-1].state == "failed"
+    assert sky.end(heard).state == "failed"
     assert sky.belief("override") == ("LOITER",)
     for name in ("return_to_launch", "land"):
         refused = sky.do(name)
@@ -63,7 +61,7 @@ def test_a_pilots_change_while_an_agent_sets_a_mode_is_told_and_kept(sky: Sky) -
     heard = sky.begin("set_mode", "LOITER")
     sky.wait(0.1)
     sky.vehicle.autopilot.set_mode(Mode.STABILIZE)
-    sky.forward(lambda: heard[-1].final, "the end of set_mode")
+    sky.end(heard)
     sky.hears_us = sky.we_hear = lambda message: True
     assert heard[-1].state != "succeeded"
     sky.forward(lambda: sky.belief("override") == ("STABILIZE",), "the override is told", 10)
@@ -99,12 +97,11 @@ def test_a_hold_does_not_fly_back_to_where_the_vehicle_was_long_ago(sky: Sky) ->
 
 
 def test_an_order_does_not_believe_that_a_vehicle_stands_because_it_stood_long_ago(sky: Sky) -> None:
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
-    assert sky.do("arm_motors", True).state == "succeeded"
+    sky.armed()
     sky.we_hear = without("EXTENDED_SYS_STATE")
-    assert sky.do("takeoff", 10).state == "succeeded"
+    sky.done("takeoff", 10)
     sky.wait(5)
-    assert sky.do("goto", *GOAL[:2], 20).state == "succeeded"
+    sky.done("goto", *GOAL[:2], 20)
     order = sky.bridge.action_server.order("rtl", by_operator("rtl"), block=False, insist=True)
     sky.forward(lambda: order.outcome is not None, "the order is confirmed", 30)
     assert order.outcome is not None
@@ -119,8 +116,7 @@ def test_motors_that_stop_in_the_air_have_not_landed(sky: Sky, name: str) -> Non
     heard = sky.begin(name)
     sky.wait(4)
     sky.vehicle.autopilot.disarm(force=True)
-    sky.forward(lambda: heard[-1].final, "the end", 30)
-    assert heard[-1].state == "failed"
+    assert sky.end(heard, 30).state == "failed"
     assert heard[-1].reason.startswith("the motors stopped in the air")
 
 
@@ -135,7 +131,6 @@ def test_limits_are_not_kept_by_a_place_of_long_ago(tmp_path: Path) -> None:
 
 def test_a_way_home_by_a_raw_command_is_the_agents_own(tmp_path: Path) -> None:
     sky = Sky(tmp_path, manifest=manifest_with_raw_commands()).flying(10)
-    status = sky.do("raw", "MAV_CMD_NAV_RETURN_TO_LAUNCH", 0, 0, 0)
-    assert status.state == "succeeded", status.reason
+    sky.done("raw", "MAV_CMD_NAV_RETURN_TO_LAUNCH", 0, 0, 0)
     assert sky.belief("override") is None
     assert not sky.vehicle.autopilot.armed

@@ -15,7 +15,7 @@ from tests.bridged.sky import Sky
 def flown(tmp_path: Path, *faults: str) -> Sky:
     sky = Sky(tmp_path, faults=Faults.parse(faults))
     sky.wait(10)
-    assert sky.do("set_mode", "GUIDED").state == "succeeded"
+    sky.done("set_mode", "GUIDED")
     return sky
 
 
@@ -24,7 +24,7 @@ def waits(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def cause(sky: Sky) -> object:
-    told = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "feedback"]
+    told = sky.beliefs("feedback")
     return next((text for _, what, text in told if what == Atom("cause")), None)
 
 
@@ -39,8 +39,7 @@ def test_what_mends_itself_is_told_within_three_seconds_and_waited_for(
         assert heard[-1].state == "running"
         assert cause(sky) == "GPS 1: Bad fix"
         assert waits(caplog) == ["GPS 1: Bad fix"]
-        sky.forward(lambda: heard[-1].final, "the end of arming", 60)
-    assert heard[-1].state == "succeeded"
+        assert sky.end(heard, 60).state == "succeeded"
     assert cause(sky) is None
     assert waits(caplog)[:1] == ["GPS 1: Bad fix"]
     assert all("GPS" not in one for one in waits(caplog)[1:]), "it is told once while it does not change"
@@ -50,8 +49,7 @@ def test_a_cause_that_changes_is_told_again(tmp_path: Path, caplog: pytest.LogCa
     sky = flown(tmp_path, "prearm=25:GPS 1: Bad fix", "prearm=40:Gyros inconsistent")
     with caplog.at_level(logging.WARNING):
         heard = sky.begin("arm_motors", True)
-        sky.forward(lambda: heard[-1].final, "the end of arming", 60)
-    assert heard[-1].state == "succeeded"
+        assert sky.end(heard, 60).state == "succeeded"
     named = [one for one in waits(caplog) if "SYS_STATUS" not in one]
     assert [named[0], named[-1]] == ["GPS 1: Bad fix", "Gyros inconsistent"]
 
@@ -60,22 +58,21 @@ def test_a_cause_that_changes_is_told_again(tmp_path: Path, caplog: pytest.LogCa
 def test_what_does_not_mend_itself_fails_at_once_with_the_vehicles_words(tmp_path: Path, text: str) -> None:
     sky = flown(tmp_path, f"prearm={text}")
     heard = sky.begin("arm_motors", True)
-    sky.forward(lambda: heard[-1].final, "the end of arming", 3)
-    assert heard[-1].state == "refused"
+    assert sky.end(heard, 3).state == "refused"
     assert heard[-1].reason == f"the vehicle refuses to arm until a person mends it: {text}"
 
 
 def test_a_hardware_fault_fails_when_two_checks_have_named_it(tmp_path: Path) -> None:
     sky = flown(tmp_path, "prearm=Compass not healthy")
     heard = sky.begin("arm_motors", True)
-    took = sky.forward(lambda: heard[-1].final, "the end of arming", 8)
+    took = sky.forward(lambda: heard[-1].final, "the end", 8)
     assert heard[-1].state == "refused"
     assert took > 4, "a single check may name what is over in a moment"
 
 
 def test_a_short_fault_of_a_sensor_is_waited_for(tmp_path: Path) -> None:
     sky = flown(tmp_path, "prearm=15:Compass not healthy")
-    assert sky.do("arm_motors", True).state == "succeeded"
+    sky.done("arm_motors", True)
 
 
 def test_texts_that_answer_an_arming_are_logged_as_its_cause_only(
@@ -91,4 +88,4 @@ def test_what_was_named_before_an_arming_began_is_not_held_against_it(tmp_path: 
     sky.wait(12)
     assert sky.do("arm_motors", True).state == "refused"
     sky.wait(1.2)
-    assert sky.do("arm_motors", True).state == "succeeded"
+    sky.done("arm_motors", True)

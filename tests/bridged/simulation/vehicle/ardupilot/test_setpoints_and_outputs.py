@@ -107,15 +107,14 @@ def place(sky: Sky) -> tuple[float, float, float]:
 
 def test_a_local_place_is_taken_east_north_up_when_the_manifest_says_so(sky: Sky) -> None:
     sky.flying()
-    assert sky.do("local", 8, 12, 6).state == "succeeded"
+    sky.done("local", 8, 12, 6)
     sky.wait(15)
     assert place(sky) == pytest.approx((12, 8, 6), abs=0.5)
 
 
 def test_a_local_place_is_arrived_at(sky: Sky) -> None:
     sky.flying()
-    final = sky.do("move", 12, 8, 6)
-    assert final.state == "succeeded", final.reason
+    sky.done("move", 12, 8, 6)
     assert place(sky) == pytest.approx((12, 8, 6), abs=1.2)
 
 
@@ -125,14 +124,13 @@ def test_a_place_ahead_of_the_body_is_arrived_at_once_however_often_it_is_sent(s
     sky.wait(1)
     lost = iter([False, False])
     sky.hears_us = lambda message: message.get_type() != "SET_POSITION_TARGET_LOCAL_NED" or next(lost, True)
-    final = sky.do("step", 10, 0)
-    assert final.state == "succeeded", final.reason
+    sky.done("step", 10, 0)
     assert place(sky)[:2] == pytest.approx((0, 10), abs=1)
 
 
 def test_a_velocity_is_taken_and_the_copter_stops_by_itself_without_a_new_one(sky: Sky) -> None:
     sky.flying()
-    assert sky.do("velocity", 2, 0, 0).state == "succeeded"
+    sky.done("velocity", 2, 0, 0)
     sky.wait(2)
     velocity = sky.belief("velocity")
     assert velocity is not None
@@ -145,7 +143,7 @@ def test_a_velocity_of_the_body_counts_from_the_heading(sky: Sky) -> None:
     sky.flying()
     sky.vehicle.autopilot.motion.heading = math.radians(90)
     sky.wait(1)
-    assert sky.do("fly", 2, 0, 0.5).state == "succeeded"
+    sky.done("fly", 2, 0, 0.5)
     sky.wait(2)
     assert place(sky)[1] > 1.5
     assert abs(place(sky)[0]) < 0.5
@@ -183,10 +181,10 @@ def test_a_velocity_that_leads_outside_the_limits_is_refused_and_the_way_back_is
     final = sky.do("velocity", 6, 0, 0)
     assert final.state == "refused"
     assert final.reason == "in 3 s at that velocity: 18 m from home is outside the mission's limit of 15 m"
-    assert sky.do("velocity", 3, 0, 0).state == "succeeded"
+    sky.done("velocity", 3, 0, 0)
     sky.wait(5)
     assert sky.do("velocity", 3, 0, 0).state == "refused"
-    assert sky.do("velocity", -2, 0, 0).state == "succeeded"
+    sky.done("velocity", -2, 0, 0)
 
 
 def test_a_copter_that_drifts_over_a_limit_is_held_and_the_action_fails_with_the_reason(tmp_path: Path) -> None:
@@ -194,8 +192,7 @@ def test_a_copter_that_drifts_over_a_limit_is_held_and_the_action_fails_with_the
     heard = sky.begin("goto", -27.60385, -48.518363, 5)
     sky.wait(1)
     sky.vehicle.autopilot.motion.north.position = sky.vehicle.autopilot.motion.north.target = 34.0
-    sky.forward(lambda: heard[-1].final, "the end of the motion", 5)
-    assert heard[-1].state == "failed"
+    assert sky.end(heard, 5).state == "failed"
     said = "the vehicle left the mission's limits: 34 m from home, the limit is 30 m"
     assert heard[-1].reason == said
     sky.wait(4)
@@ -218,8 +215,7 @@ def test_a_pilot_outside_the_limits_is_left_alone(tmp_path: Path) -> None:
 def test_a_reposition_enters_guided_and_arrives(sky: Sky) -> None:
     sky.flying()
     sky.do("set_mode", "BRAKE")
-    final = sky.do("repositioned", *GOAL)
-    assert final.state == "succeeded", final.reason
+    sky.done("repositioned", *GOAL)
     assert sky.belief("state") == ("GUIDED", True, True)
     sent = [one for one in sky.sent if one.get_type() == "COMMAND_INT"]
     assert [(one.command, one.frame, one.x, one.z) for one in sent] == [
@@ -245,7 +241,7 @@ def test_a_reposition_that_is_acknowledged_and_not_flown_fails(sky: Sky) -> None
 
 
 def test_the_buoy_is_dropped_when_the_output_shows_it(sky: Sky) -> None:
-    assert sky.do("drop_buoy").state == "succeeded"
+    sky.done("drop_buoy")
     (sent,) = sky.commands(dialect.MAV_CMD_DO_SET_SERVO)
     assert (sent.param1, sent.param2) == (9, 1900)
 
@@ -261,7 +257,7 @@ def test_a_servo_that_is_acknowledged_and_does_not_move_is_no_success(sky: Sky) 
 def test_a_servo_whose_acknowledgement_is_lost_is_known_by_its_output(sky: Sky) -> None:
     sky.wait(1)
     sky.we_hear = lambda message: not (message.get_type() == "COMMAND_ACK" and message.command == 183)
-    assert sky.do("drop_buoy").state == "succeeded"
+    sky.done("drop_buoy")
     assert len(sky.commands(dialect.MAV_CMD_DO_SET_SERVO)) == 1
 
 
@@ -275,14 +271,14 @@ def test_a_motors_output_is_no_servo(sky: Sky) -> None:
 
 def test_raw_commands_are_known_by_their_acknowledgement_unless_more_is_known_of_them(sky: Sky) -> None:
     sky.wait(2)
-    assert sky.do("raw", dialect.MAV_CMD_RUN_PREARM_CHECKS, 0, 0, 0).state == "succeeded"
+    sky.done("raw", dialect.MAV_CMD_RUN_PREARM_CHECKS, 0, 0, 0)
     refused = sky.do("raw", 31999, 0, 0, 0)
     assert refused.state == "refused"
     without_state = "the vehicle refused command 31999 (UNSUPPORTED): it does not support this command"
     assert refused.reason.startswith(f"{without_state}; EKF3")
     sky.wait(20)
     assert sky.do("raw", 31999, 0, 0, 0).reason == without_state
-    assert sky.do("raw", "MAV_CMD_DO_SET_MODE", 1, 4, 0).state == "succeeded"
+    sky.done("raw", "MAV_CMD_DO_SET_MODE", 1, 4, 0)
     sky.hears_us = lambda message: not is_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM)(message)
     assert sky.do("raw", "MAV_CMD_COMPONENT_ARM_DISARM", 1, 0, 0, within=200).state == "failed"
     assert sky.do("raw", "MAV_CMD_NO_SUCH", 1, 0, 0).reason == "MAVLink has no command 'MAV_CMD_NO_SUCH'"
@@ -291,11 +287,11 @@ def test_raw_commands_are_known_by_their_acknowledgement_unless_more_is_known_of
 def test_channels_are_shown_by_the_ground_station_that_the_copter_takes_them_from(tmp_path: Path) -> None:
     sky = Sky(tmp_path, manifest=manifest(), mission=f"{MISSION}    failsafe: {{gcs: bridge}}\n")
     sky.wait(2)
-    assert sky.do("sticks", [1600, 65535, 1100]).state == "succeeded"
+    sky.done("sticks", [1600, 65535, 1100])
     sent = [one for one in sky.sent if one.get_type() == "RC_CHANNELS_OVERRIDE"][-1]
     assert (sent.chan1_raw, sent.chan2_raw, sent.chan3_raw, sent.chan4_raw) == (1600, 65535, 1100, 65535)
     assert sent.chan18_raw == 0
-    assert sky.do("sticks", [0, 0, 0]).state == "succeeded"
+    sky.done("sticks", [0, 0, 0])
 
 
 def test_channels_that_the_copter_ignores_are_no_success(sky: Sky) -> None:
@@ -307,7 +303,7 @@ def test_channels_that_the_copter_ignores_are_no_success(sky: Sky) -> None:
 
 def test_channels_that_are_only_sent_succeed_by_being_sent(sky: Sky) -> None:
     sky.wait(2)
-    assert sky.do("throttle", 1200).state == "succeeded"
+    sky.done("throttle", 1200)
     sky.wait(0.1)
     assert [one.chan3_raw for one in sky.sent if one.get_type() == "RC_CHANNELS_OVERRIDE"] == [1200]
 
@@ -327,9 +323,8 @@ def test_a_gripper_is_known_by_the_output_that_its_parameter_names(sky: Sky) -> 
     for name, value in (("SERVO9_FUNCTION", 28), ("GRIP_ENABLE", 1)):
         sky.vehicle.autopilot.parameters.set(name, value)
     sky.wait(1)
-    final = sky.do("gripper", True)
-    assert final.state == "succeeded", final.reason
-    assert sky.do("gripper", False).state == "succeeded"
+    sky.done("gripper", True)
+    sky.done("gripper", False)
 
 
 def test_a_motor_that_idles_at_the_width_of_a_gripper_is_no_gripper(sky: Sky) -> None:
