@@ -27,6 +27,12 @@ SPEED = 10.0
 STEP_WALL = 0.005
 
 
+def command_line(endpoint: str, state: Path, *robots: str, **said: object) -> Namespace:
+    """What the command line of the bridge daemon says."""
+    unsaid = dict.fromkeys(("board", "keys", "speed", "link", "logs"), None) | {"until_home": False, "simulated": False}
+    return Namespace(robots=list(robots), router=endpoint, state=state, **unsaid | said)
+
+
 class Airfield:
     """What a test of the daemon has at hand."""
 
@@ -37,6 +43,7 @@ class Airfield:
         self.vehicle = Vehicle(HOME)
         self.vehicle.autopilot.parameters.set("DISARM_DELAY", 127)  # s: its 10 s pass too soon on a busy machine
         self.stop = asyncio.Event()
+        self.daemon: asyncio.Task[int]
         self.silent = False
         """Nothing gets through, either way."""
         self.withheld: set[str] = set()
@@ -45,22 +52,23 @@ class Airfield:
 
     def arguments(self) -> Namespace:
         """What the command line would say."""
-        return Namespace(
-            robots=["uav1"],
-            board=None,
-            router=self.endpoint,
-            keys=None,
-            speed=self.speed,
-            state=self.state,
-            link=self.link,
-            simulated=True,
-            until_home=False,
-            logs=None,
-        )
+        said = {"speed": self.speed, "link": self.link, "simulated": True}
+        return command_line(self.endpoint, self.state, "uav1", **said)
 
     def start(self) -> asyncio.Task[int]:
-        """Start the bridge daemon."""
-        return asyncio.create_task(serve(self.mission, self.arguments(), self.stop))
+        """Start the bridge daemon, perhaps another life of it."""
+        self.stop.clear()
+        self.daemon = asyncio.create_task(serve(self.mission, self.arguments(), self.stop))
+        return self.daemon
+
+    async def leave(self) -> None:
+        """End the bridge daemon, which leaves its robot without an error."""
+        self.stop.set()
+        assert await self.daemon == 0
+
+    async def mode_is(self, name: str) -> None:
+        """Wait until the vehicle is in a mode."""
+        await until(lambda: self.vehicle.autopilot.mode.name == name, f"the vehicle is in {name}")
 
     @asynccontextmanager
     async def router(self) -> AsyncIterator[Bus]:
@@ -188,10 +196,10 @@ async def serving(
         try:
             await until_served(bus)
             yield field, bus
-            field.stop.set()
-            assert await daemon == 0
+            await field.leave()
         finally:
             daemon.cancel()
+            field.daemon.cancel()
 
 
 __all__ = ["Airfield", "all_present", "on_the_airfield", "present", "restored", "serving", "until", "until_served"]

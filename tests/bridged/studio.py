@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from argparse import Namespace
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -20,6 +19,7 @@ from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Health, Perception
 from schemas.wire.terms import Term
+from tests.bridged.airfield import command_line
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -70,18 +70,7 @@ async def in_the_studio(
     bus = partial(open_bus, endpoint, fleet=declared.fleet, daemon="agentd", stamp=time.time_ns, patience=10)
     async with bus(name="board", mode="router"), bus(name="agent", mode="client") as client:
         studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
-        arguments = Namespace(
-            robots=[studio.robot],
-            board=None,
-            router=endpoint,
-            keys=None,
-            speed=None,
-            state=state,
-            link=None,
-            until_home=False,
-            logs=None,
-            simulated=True,
-        )
+        arguments = command_line(endpoint, state, studio.robot, simulated=True)
         daemon = asyncio.create_task(serve(declared, arguments, stop))
         perceiving = asyncio.create_task(studio.percepts.run())
         tasks: list[asyncio.Task[Any]] = [daemon, perceiving]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,19 +11,13 @@ from threading import Thread
 from typing import Any
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.daemon import serve
-from bridged.drivers.api import Reading, Setup
-from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.transport.framing import Encoder
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import AlreadyRunning
 from commd.bus.raw import Publisher
-from commd.common.clock import Clock
 from commd.liveness.presence import Presence
-from schemas.manifest.loader import ActionDescription, load_manifest
-from schemas.mission.model import read_mission
+from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.percept_set import PerceptSet
@@ -39,6 +32,7 @@ from tests.bridged.airfield import (
     until,
     until_served,
 )
+from tests.bridged.radio import BEAT, Speaker, place, riding
 from tests.bridged.sky import MISSION
 from tests.support.buses import async_test
 from tests.support.ports import free_port
@@ -46,6 +40,7 @@ from tests.support.processes import Daemon
 from tests.support.promises import kept
 
 GOAL = (-27.6039, -48.5182, 12)
+HELD_AT_THE_END = MISSION.replace("    link:", "    on_shutdown: hold\n    link:")
 FAR = (-27.600, -48.515, 20)
 """500 m away: 50 s and more of mission time."""
 
@@ -74,12 +69,9 @@ async def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: st
 
 def test_what_is_not_armed_leaves_within_a_second(endpoint: str, tmp_path: Path) -> None:
     async def leaving() -> float:
-        async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            field.stop.set()
+        async with serving(endpoint, tmp_path) as (field, _bus):
             started = time.monotonic()
-            assert await daemon == 0
+            await field.leave()
             return time.monotonic() - started
 
     assert kept(lambda: asyncio.run(leaving()), 1.0)
@@ -183,7 +175,7 @@ async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(e
         bus.subscribe(
             keys.health("test", "uav1", "bridged"), Health, lambda _key, one: digests.append(one.percepts["uav"])
         )
-        daemon = field.start()
+        field.start()
         await until_served(bus)
         await until(lambda: bool(digests) and copy.needs_repair(digests[-1]), "health tells what is missing")
         assert not [one for one in copy.present() if one.name == "state"]
@@ -196,46 +188,33 @@ async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(e
                 await asyncio.sleep(0.02)
         assert states == [("STABILIZE", True, False)]
         assert not copy.needs_repair()
-        field.stop.set()
-        await daemon
+        await field.leave()
 
 
 @async_test
 async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
     port, link_loss = free_port(), 5.0
-    mission = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml"))
-    readings: list[Reading] = []
-    ours = Encoder(1, 1)
-    beat = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
-    place = dialect.MAVLink_global_position_int_message(1000, -276040330, -485183630, 21000, 0, 0, 0, 0, 0)
 
     def speak(seconds: float) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
-            for tick in range(int(seconds * 10)):
-                if tick % 10 == 0:
-                    vehicle.sendto(ours.pack(beat), ("127.0.0.1", port))
-                for _ in range(3):
-                    vehicle.sendto(ours.pack(place), ("127.0.0.1", port))
-                time.sleep(0.1)
+        vehicle = Speaker(port)
+        for tick in range(int(seconds * 10)):
+            vehicle.say(*[BEAT] * (tick % 10 == 0), *[place()] * 3)
+            time.sleep(0.1)
 
-    def told() -> list[object]:
-        beats = [reading.fields for reading in readings if reading.source == "HEARTBEAT"]
-        return [fields["connected"] for fields in beats if fields]
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
 
-    copter, robot = load_manifest("copter"), mission.robots["uav1"]
-    driver = MavlinkDriver(Setup("uav1", copter, robot, Path(), Clock(), readings.append, lambda: None))
-    driving = asyncio.create_task(driver.run())
-    await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
-    speaking = Thread(target=speak, args=(link_loss + 3.0,))
-    speaking.start()
-    await until(lambda: bool(readings), "the vehicle is heard")
-    time.sleep(link_loss + 1.0)  # a slow disk, say: the event loop gets no turn while packets come in
-    await until(lambda: len(told()) > link_loss, "what came meanwhile is read")
-    driving.cancel()
-    await asyncio.gather(driving, return_exceptions=True)
-    speaking.join()
-    assert driver.counters()["stalls"] >= 1
-    assert all(told())
+        def told() -> list[object]:
+            beats = [reading.fields for reading in ride.readings if reading.source == "HEARTBEAT"]
+            return [fields["connected"] for fields in beats if fields]
+
+        speaking = Thread(target=speak, args=(link_loss + 3.0,))
+        speaking.start()
+        await until(lambda: bool(ride.readings), "the vehicle is heard")
+        time.sleep(link_loss + 1.0)  # a slow disk, say: the event loop gets no turn while packets come in
+        await until(lambda: len(told()) > link_loss, "what came meanwhile is read")
+        speaking.join()
+        assert ride.driver.counters()["stalls"] >= 1
+        assert all(told())
 
 
 @async_test
@@ -256,27 +235,15 @@ async def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_return
         return lives[-1]
 
     monkeypatch.setattr("bridged.bridge.agent_monitor.Presence", watching)
-    async with (
-        on_the_airfield(
-            endpoint, tmp_path, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:")
-        ) as field,
-        field.router(),
-        field.client("watcher") as watcher,
-    ):
-        daemon = field.start()
-        await until_served(watcher)
+    async with serving(endpoint, tmp_path, client="watcher", mission=HELD_AT_THE_END) as (field, watcher):
         async with field.client() as agent:
             await agent.claim("uav")
             await field.take_off(agent)
-            field.stop.set()
-            await daemon
-            field.stop.clear()
-            daemon = field.start()
+            await field.leave()
+            field.start()
             await until_served(watcher)
             await until(lambda: len(lives) == 2 and lives[-1].there() == {"uav"}, "its new life sees the agent")
-        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl, although the agent asked for nothing")
-        field.stop.set()
-        await daemon
+        await field.mode_is("RTL")  # although the agent asked for nothing
 
 
 @async_test
@@ -284,24 +251,14 @@ async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
-    async with (
-        on_the_airfield(
-            endpoint, tmp_path, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:")
-        ) as field,
-        field.router(),
-        field.client("other") as other,
-    ):
+    async with serving(endpoint, tmp_path, client="other", mission=HELD_AT_THE_END) as (field, other):
         await other.claim("other")
-        daemon = field.start()
-        await until_served(other)
         async with field.client() as agent:
             await agent.claim("uav")
             await field.take_off(agent)
-            field.stop.set()
-            await daemon
-        field.stop.clear()
-        daemon = field.start()
-        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl for the agent that has not come back")
+            await field.leave()
+        field.start()
+        await field.mode_is("RTL")
 
         async def taken() -> bool:
             status = await field.do(other, "set_mode", "GUIDED", agent="other")
@@ -309,8 +266,6 @@ async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_
             return status.state == "succeeded"
 
         await until(taken, "the other agent takes it")
-        field.stop.set()
-        await daemon
 
 
 @async_test
@@ -326,7 +281,7 @@ async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_hea
         await until(lambda: "hold (agent uav is lost: hold): timed_out" in caplog.text, "the order is not heard")
         await until(lambda: "system 1 is lost: no heartbeat" in caplog.text, "nor is the vehicle")
         field.silent = False
-        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl, which was not heard at first")
+        await field.mode_is("RTL")
 
 
 @pytest.mark.parametrize("deaf", [0.0, 2.5], ids=["heard", "several HEARTBEATs are lost"])
@@ -334,16 +289,14 @@ async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_hea
 async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
     deaf: float, endpoint: str, tmp_path: Path
 ) -> None:
-    async with on_the_airfield(endpoint, tmp_path, speed=1.0) as field, field.router(), field.client() as bus:
-        daemon = field.start()
-        await until_served(bus)
+    async with serving(endpoint, tmp_path, speed=1.0) as (field, bus):
         assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
         field.withheld.add("HEARTBEAT")
         arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
         await until(lambda: field.vehicle.autopilot.armed, "armed, before a HEARTBEAT says so")
         field.stop.set()
         asyncio.get_running_loop().call_later(deaf, field.withheld.clear)
-        assert await daemon == 0
+        await field.leave()
         assert not field.vehicle.autopilot.armed
         assert not (await arming)[-1].result
 
@@ -360,7 +313,7 @@ async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_fli
         try:
             async with field.client() as bus:
                 await bus.claim("uav")
-                daemon = field.start()
+                field.start()
                 await until_served(bus)
                 await field.take_off(bus)
                 backfill, action = await beginning(field, bus, "goto", -27.6030, -48.5175, 20)
@@ -377,8 +330,7 @@ async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_fli
                             break
                         await asyncio.sleep(0.1)
                 assert heard[-1].state == "succeeded", heard[-1].reason
-                field.stop.set()
-                assert await daemon == 0
+                await field.leave()
         finally:
             router.kill()
 

@@ -6,12 +6,11 @@ import asyncio
 import os
 import sys
 from collections.abc import Callable, Coroutine
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.bridged.drivers.mavlink.test_ground_stations import ROOT, MavProxy, copter
+from tests.bridged.drivers.mavlink.test_ground_stations import ROOT, copter
 from tests.bridged.radio import COPTER, Ride, riding
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -75,23 +74,5 @@ def test_mavutil_sees_the_copter_through_the_bridge_and_its_mode_is_an_override(
             if watching.returncode is None:
                 watching.kill()
             await watching.wait()
-
-    with_a_copter(station, body)
-
-
-@pytest.mark.timeout(90)
-def test_mavproxy_sees_the_copter_through_the_bridge_and_its_mode_is_an_override(tmp_path: Path) -> None:
-    station = free_port()
-
-    async def body(ride: Ride) -> None:
-        proxy = MavProxy(station, tmp_path)
-        try:
-            await asyncio.to_thread(proxy.until, "online system 1")
-            await take_off(ride)
-            proxy.say("mode loiter")
-            await asyncio.to_thread(proxy.until, "Mode LOITER")
-            await until(lambda: ride.driver.overridden == "LOITER", "the bridge knows that others have it")
-        finally:
-            proxy.close()
 
     with_a_copter(station, body)

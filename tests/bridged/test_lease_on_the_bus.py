@@ -14,7 +14,7 @@ from schemas.mission.model import THIS_MACHINE
 from schemas.wire import keys
 from schemas.wire.records import AgentHealth
 from schemas.wire.terms import Atom
-from tests.bridged.airfield import on_the_airfield, present, until, until_served
+from tests.bridged.airfield import present, serving, until
 from tests.bridged.sky import MISSION
 from tests.support.buses import async_test, subscribed
 
@@ -32,10 +32,8 @@ async def perceived(bus: Bus, agent: str) -> Atom | None:
 async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as uav:
+    async with serving(endpoint, tmp_path) as (field, uav):
         await uav.claim("uav")
-        daemon = field.start()
-        await until_served(uav)
         await field.take_off(uav)
         assert await perceived(uav, "other") == Atom("uav")
         refused = await field.do(uav, "hand_over", Atom("other"))
@@ -50,9 +48,9 @@ async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_
             assert await perceived(uav, "uav") == Atom("other")
             assert (await field.do(uav, "land")).reason.startswith("held by other for ")
             assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
-        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold, for the agent that has died")
+        await field.mode_is("BRAKE")
         assert (await field.do(uav, "land")).reason == LOST
-        await until(lambda: field.vehicle.autopilot.mode.name == "RTL", "rtl after it")
+        await field.mode_is("RTL")
 
         async def taken() -> bool:
             status = await field.do(uav, "set_mode", "GUIDED")
@@ -61,8 +59,6 @@ async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_
 
         await until(taken, "the agent takes the robot again")
         assert await perceived(uav, "other") == Atom("uav")
-        field.stop.set()
-        await daemon
 
 
 async def report_agents(bus: Bus) -> None:
@@ -75,17 +71,15 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
     endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     mission = MISSION.replace("    link:", "    agent_silence: 3s\n    on_agent_loss: [hold 5min, rtl]\n    link:")
-    async with on_the_airfield(endpoint, tmp_path, mission=mission) as field, field.router(), field.client() as uav:
+    async with serving(endpoint, tmp_path, mission=mission) as (field, uav):
         await uav.claim("uav")
-        daemon = field.start()
         await subscribed(uav, keys.health("test", THIS_MACHINE, "agentd"))
         speaking = asyncio.create_task(report_agents(uav))
-        await until_served(uav)
         await field.take_off(uav)
         await asyncio.sleep(3.5)
         assert field.vehicle.autopilot.mode.name == "GUIDED", "an agent that speaks has its robot"
         speaking.cancel()
-        await until(lambda: field.vehicle.autopilot.mode.name == "BRAKE", "hold, for the agent that hangs")
+        await field.mode_is("BRAKE")
         refused = await field.do(uav, "land", agent="other")
         assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
         speaking = asyncio.create_task(report_agents(uav))
@@ -98,6 +92,4 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
         await until(taken, "the agent takes the robot again")
         assert field.vehicle.autopilot.mode.name == "GUIDED", "the agent is back: rtl is left out"
         speaking.cancel()
-        field.stop.set()
-        await daemon
     assert "agent uav is lost (it is present and has been silent for 3 s: it hangs)" in caplog.text

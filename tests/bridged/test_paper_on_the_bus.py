@@ -9,7 +9,7 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from schemas.wire.terms import Atom, Variable
-from tests.bridged.airfield import on_the_airfield, present, until
+from tests.bridged.airfield import present, serving, until
 from tests.bridged.sky import MISSION
 from tests.support.buses import async_test, subscribed
 
@@ -59,19 +59,12 @@ async def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str
     pair = f"[{tmp_path / 'actions'}, {tmp_path / 'percepts'}]"
     mission = MISSION.replace("manifest: copter", f"manifest: {pair}\n    prefix: house")
     told: list[object] = []
-    async with (
-        on_the_airfield(endpoint, tmp_path, mission=mission) as field,
-        field.router(),
-        field.client() as bus,
-        field.client("house") as lamp,
-    ):
-        daemon = field.start()
+    async with serving(endpoint, tmp_path, mission=mission) as (field, bus), field.client("house") as lamp:
         lamp.raw.subscribe("house/lamp/set", lambda sample: told.append(json.loads(sample.payload)))
-        heard: list[Perception] = []
-        bus.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: heard.append(one))
-        await until(lambda: any(one.name == "state" for one in heard), "the state of the copter")
         assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
         assert await perceived(bus, "state") == ("GUIDED", "True", "False")
+        heard: list[Perception] = []
+        bus.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: heard.append(one))
 
         async def lit() -> bool:
             return (await field.do(bus, "light", Variable("True"), Atom("red"), [1, 2])).state == "succeeded"
@@ -86,5 +79,3 @@ async def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str
         assert await perceived(bus, "lamp") == ("False", Atom("calm"), [["A", [[Atom("k"), 7]]]])
         refused = await field.do(bus, "dim", 50)
         assert (refused.state, refused.result) == ("failed", False), "nobody serves it"
-        field.stop.set()
-        assert await daemon == 0

@@ -7,7 +7,6 @@ import errno
 import os
 import pty
 import sys
-from argparse import Namespace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,13 +31,14 @@ from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Health, Note, Perception
 from schemas.wire.terms import Atom
-from tests.bridged.airfield import on_the_airfield, until
+from tests.bridged.airfield import command_line, until
+from tests.bridged.airfield import serving as serving_the_airfield
 from tests.bridged.plugins import install
 from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
-from tests.support.buses import Connect, async_test, bus_test, on_a_bus, served, virtual_test
+from tests.support.buses import Connect, async_test, bus_test, on_a_bus, virtual_test
 from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -195,25 +195,19 @@ async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_d
     assert copter is not None
     rigged = tmp_path / "rigged.toml"
     rigged.write_text(copter.read_text() + PERCEPT)
-    async with (
-        on_the_airfield(endpoint, tmp_path, mission=MISSION.replace("copter", str(rigged))) as field,
-        field.router(),
-        field.client() as agent,
-    ):
-        daemon = field.start()
+    mission = MISSION.replace("copter", str(rigged))
+    async with serving_the_airfield(endpoint, tmp_path, mission=mission) as (field, agent):
         notes: list[tuple[str, str]] = []
         agent.subscribe(
             keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(identities(health.notes))
         )
-        await served(agent, keys.action("test", "uav", "takeoff"))
         await field.take_off(agent)
         sonar.trouble.append(RuntimeError("a defect"))
         sonar.echo.set()
         await until(lambda: ("driver_down", "sonar") in notes, "it is told")
-        assert not daemon.done()
+        assert not field.daemon.done()
         assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
-        field.stop.set()
-        assert await daemon == 0
+        await field.leave()
         assert field.vehicle.autopilot.mode.name == "RTL"
 
 
@@ -247,18 +241,7 @@ robots:
 def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple[asyncio.Task[int], asyncio.Event]:
     """The bridge daemon of some robots, and what stops it."""
     stop = asyncio.Event()
-    said = Namespace(
-        robots=list(robots),
-        board=None,
-        router=endpoint,
-        keys=None,
-        speed=None,
-        state=state,
-        link=None,
-        until_home=False,
-        logs=None,
-        simulated=False,
-    )
+    said = command_line(endpoint, state, *robots)
     return asyncio.create_task(serve(mission, said, stop)), stop
 
 

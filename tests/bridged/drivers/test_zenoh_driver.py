@@ -218,13 +218,6 @@ async def test_a_reply_that_cannot_be_read_is_no_success(endpoint: str) -> None:
 
 
 @async_test
-async def test_nobody_serves(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        outcome = await pond.do("blink", times=3)
-        assert (outcome.state, outcome.reason) == ("failed", "nobody serves lamp/blink")
-
-
-@async_test
 async def test_of_several_replies_one_refusal_decides(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
         pond.serve("lamp/blink", b'{"success": true}')
@@ -279,15 +272,6 @@ async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
         await until(lambda: execution.over, "the action ends")
         assert execution.outcome is not None
         assert execution.outcome.state == "failed"
-
-
-@async_test
-async def test_the_reply_of_a_service_is_a_percept_of_its_key(endpoint: str) -> None:
-    text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/blink"')
-    async with in_a_pond(endpoint, text=text) as pond:
-        pond.serve("lamp/blink", b'{"success": true, "on": false}')
-        assert (await pond.do("blink", times=3)).state == "succeeded"
-        assert fields(pond) == [{"success": True, "on": False}]
 
 
 @async_test

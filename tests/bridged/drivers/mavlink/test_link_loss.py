@@ -93,19 +93,6 @@ def states(ride: Ride) -> list[object]:
 
 
 @async_test
-async def test_silence_on_a_link_that_is_open_is_link_down_and_a_heartbeat_link_up() -> None:
-    port = free_port()
-    async with riding(f"link: 'udpin:127.0.0.1:{port}'", manifest=WATCHFUL) as [ride]:
-        vehicle = Speaker(port)
-        vehicle.say(BEAT)
-        await until(lambda: states(ride) == [UP], "the vehicle is heard")
-        await until(lambda: states(ride) == [UP, DOWN], "it fell silent")
-        vehicle.say(BEAT)
-        await until(lambda: states(ride) == [UP, DOWN, UP], "it is heard again")
-        vehicle.close()
-
-
-@async_test
 async def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_is_found_under_its_name(
     tmp_path: Path,
 ) -> None:

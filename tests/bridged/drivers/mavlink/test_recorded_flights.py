@@ -16,7 +16,6 @@ from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.mavlink.vehicle.state import Place
 from schemas.manifest.loader import load_manifest
-from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Perception
 from schemas.wire.term_text import write
 from tests.bridged.recorded import DATA, RECORDINGS, moments, packet_count, packets
@@ -109,34 +108,6 @@ def test_the_percept_sequence_of_the_recorded_flight_is_told_as_it_was_reviewed(
         golden.write_text(sequence)
     assert sequence == golden.read_text()
     assert [one.header.seq for _, one in replay.told] == list(range(1, len(replay.told) + 1))
-
-
-def test_the_recorded_flight_reads_as_the_story_of_the_flight() -> None:
-    replay = Replay("single_uav")
-    replay.run()
-    states = [one.parameters for _, one in replay.told if one.name == "state"]
-    assert states == [
-        ("STABILIZE", True, False),
-        ("GUIDED", True, False),
-        ("GUIDED", True, True),
-        ("RTL", True, True),
-        ("RTL", True, False),
-    ]
-    altitudes = [one.parameters[0] for _, one in replay.told if one.name == "altitude" and one.update == "replace"]
-    heights = [height for height in altitudes if isinstance(height, float)]
-    assert abs(max(heights) - 40) < 0.3
-    assert abs(heights[0]) < 0.1
-    assert abs(heights[-1]) < 0.1
-    assert not [one for _, one in replay.told if one.update == "remove"], "no percept ages while its source is alive"
-
-
-def test_what_an_agent_has_received_is_the_set_that_the_bridge_keeps() -> None:
-    replay, copy = Replay("single_uav"), PerceptSet()
-    replay.run()
-    for _, one in replay.told:
-        assert copy.apply(one)
-    assert copy.digest() == replay.percepts.sets["uav"].digest()
-    assert not copy.needs_repair(replay.percepts.sets["uav"].digest())
 
 
 def test_the_actions_of_the_recorded_flight_are_confirmed_when_the_state_shows_it() -> None:
@@ -250,14 +221,3 @@ def test_only_the_vehicle_that_is_ours_is_heard_among_three() -> None:
     last = replay.talk.vehicle
     assert last.home is not None
     assert last.home.distance(Place(-27.604033, -48.518363, 0)) == pytest.approx(10, abs=1)
-
-
-def test_the_loss_of_a_vehicle_is_told_once() -> None:
-    replay = Replay("three_uav", Identity(255, 190, 3))
-    replay.run()
-    for _ in range(100):
-        replay.tick(replay.now + 0.1)
-    states = [one.parameters for _, one in replay.told if one.name == "state"]
-    assert states[-1] == ("", False, False)
-    assert states.count(("", False, False)) == 1
-    assert replay.talk.notes()[0].identity == ("no_heartbeat", "3")

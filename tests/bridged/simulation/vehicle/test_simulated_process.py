@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
-from bridged.drivers.mavlink.transport.signing import Signing, key_of
+from bridged.drivers.mavlink.transport.signing import Signing
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.support.buses import async_test, until
 from tests.support.ports import free_port
@@ -89,40 +88,6 @@ async def test_each_kind_is_a_process_and_is_armed(vehicle: str, autopilot: str,
                 bridge.command(400, 1)
                 await asyncio.sleep(0.2)
         await bridge.link.close()
-
-
-@pytest.fixture
-def passphrase(tmp_path: Path) -> Path:
-    file = tmp_path / "passphrase"
-    file.write_text("a passphrase of the field\n")
-    file.chmod(0o600)
-    return file
-
-
-def test_a_copter_with_a_passphrase_obeys_signed_packets_only_and_signs_its_own(passphrase: Path) -> None:
-    async def story() -> str:
-        port = free_port()
-        key = key_of(b"a passphrase of the field")
-        friend = await Station().open(port, Signing(key))
-        more = ["--signing-passphrase-file", str(passphrase), "--speed", "10"]
-        with copter(f"udpout:127.0.0.1:{port}", *more) as process:
-            await friend.until("HEARTBEAT")
-            friend.command(512, 148)
-            await friend.until("AUTOPILOT_VERSION")
-            assert friend.link.counters.refused == 0
-            friend.link.signing = None
-            for _ in range(3):
-                friend.command(512, 241)
-            friend.link.signing = Signing(key)
-            friend.command(512, 1)
-            await friend.until("SYS_STATUS")
-            assert not [one for one in friend.heard if one.get_type() == "VIBRATION"]
-            await friend.link.close()
-            process.send_signal(signal.SIGTERM)
-            _, printed = process.communicate(timeout=PATIENCE)
-        return str(printed)
-
-    assert "packets 3 refused for want of a right signature" in asyncio.run(story())
 
 
 def test_a_copter_on_a_bad_link_is_still_heard_and_tells_what_was_lost() -> None:

@@ -1,10 +1,8 @@
 import asyncio
 import contextlib
-import gzip
 import os
 import pty
 import socket
-import struct
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -22,8 +20,6 @@ from commd.common.wakeup_coalescing import CoalescingLoop
 from tests.support.amount import some_of
 from tests.support.buses import async_test, until
 from tests.support.ports import free_port
-
-RECORDINGS = Path(__file__).parents[4] / "data"
 
 LARGEST_BUFFER = int(Path("/proc/sys/net/core/rmem_max").read_text())
 """Bytes of a receive buffer that the kernel grants, as it is asked for; it holds twice as many."""
@@ -193,20 +189,6 @@ def test_no_payload_with_a_right_checksum_breaks_the_framer(msgid: int, payload:
     list(Framer(WireCounters()).feed(b"\xfd" + body + crc.to_bytes(2, "little") + bytes(13)))
 
 
-@pytest.mark.parametrize("name", ["single_uav", "refusals", "failsafe", "mission_upload", "three_uav"])
-def test_every_packet_of_a_recording_is_read(name: str) -> None:
-    data = gzip.decompress((RECORDINGS / f"{name}.tlog.gz").read_bytes())
-    counters, at, stamps = WireCounters(), 0, 0
-    framer = Framer(counters)
-    while at < len(data):
-        (_,) = struct.unpack_from(">Q", data, at)
-        size = 12 + data[at + 9] + (13 if data[at + 10] & 1 else 0)
-        stamps += len(list(framer.feed(data[at + 8 : at + 8 + size])))
-        at += 8 + size
-    assert stamps == counters.packets > 1000
-    assert (counters.skipped_bytes, counters.bad_checksums, counters.unknown_packets) == (0, 0, 0)
-
-
 def test_a_field_out_of_range_is_a_value_error_with_the_message_name() -> None:
     with pytest.raises(ValueError, match="HEARTBEAT cannot be packed"):
         Encoder(1, 1).pack(dialect.MAVLink_heartbeat_message(999, 3, 0, 0, 0, 3))
@@ -295,22 +277,6 @@ async def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed()
     assert not line.send(heartbeat())
     await line.close()
     await line.close()
-
-
-@async_test
-async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
-    port = free_port()
-    vehicle = Ear()
-    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
-    with socket.create_connection(("127.0.0.1", port)) as deaf:
-        deaf.send(Encoder(255, 1).pack(heartbeat()))
-        await until(lambda: bool(vehicle.heard), "the client is known")
-        text = dialect.MAVLink_statustext_message(6, b"x" * 50)
-        async with asyncio.timeout(240):
-            while not listening.counters.dropped:
-                listening.send(text)
-                await asyncio.sleep(0)
-    await listening.close()
 
 
 @async_test

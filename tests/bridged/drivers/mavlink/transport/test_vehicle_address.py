@@ -68,14 +68,6 @@ def test_two_vehicles_of_one_system_id_are_a_warning_while_both_speak(caplog: py
     assert sender.address.two_vehicles(30.0) == ""
 
 
-def test_three_of_them_are_a_warning_too() -> None:
-    sender = Sender()
-    for second in range(3):
-        for name in ("a", "b", "c"):
-            sender.beats(name, second)
-    assert sender.address.two_vehicles(2.0)
-
-
 def test_a_vehicle_that_comes_back_from_another_port_is_one_vehicle_that_counts_after_a_link_loss() -> None:
     sender = Sender()
     for second in range(100):

@@ -351,11 +351,6 @@ def test_the_mission_list_of_a_fresh_vehicle_is_home_alone_and_the_other_lists_a
     assert (item.x, item.y) == (HOME.lat_e7, HOME.lon_e7)
 
 
-def test_auto_without_a_mission_is_refused(station: Station) -> None:
-    assert station.command(176, 1, Mode.AUTO) == FAILED
-    assert station.command(300) == FAILED
-
-
 def test_another_vehicles_messages_are_not_for_this_one() -> None:
     station = Station(system=3, ready=False)
     station.wait(4.0)

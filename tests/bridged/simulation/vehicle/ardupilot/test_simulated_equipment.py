@@ -39,12 +39,6 @@ def set_parameter(station: Station, name: str, value: float) -> None:
     assert answer.param_value == pytest.approx(value)
 
 
-def test_a_servo_goes_where_it_is_told_to_and_shows_it(station: Station) -> None:
-    assert pulse(station, 9) == 0
-    assert station.command(SET_SERVO, 9, 1900) == ACCEPTED
-    assert pulse(station, 9) == 1900
-
-
 @pytest.mark.parametrize(
     ("channel", "said"), [(1, ["ServoRelayEvent: Channel 1 is already in use"]), (0, ["No servo output 0"]), (17, None)]
 )

@@ -64,24 +64,6 @@ def current(station: Station) -> dialect.MAVLink_message:
     return station.heard[-1]
 
 
-def test_a_mission_ends_with_the_copter_hovering_in_auto_at_its_last_place() -> None:
-    station = flying(TAKEOFF, waypoint(20.0), waypoint(20.0, 10.0))
-    station.until(lambda: reached(station) == [1, 2, 3], "all items")
-    station.wait(10.0)
-    assert station.autopilot.mode is Mode.AUTO
-    assert station.distance(Vector(20.0, 10.0)) < 0.5
-    assert station.speed < 0.1
-    assert current(station).mission_state == dialect.MISSION_STATE_COMPLETE
-
-
-def test_a_mission_lands_at_home_and_disarms() -> None:
-    station = flying(TAKEOFF, waypoint(20.0), Item(20))
-    station.until(lambda: not station.autopilot.armed, "the end", 200)
-    assert reached(station) == [1, 2, 3]
-    assert station.distance(Vector()) < 1.0
-    assert current(station).mission_state == dialect.MISSION_STATE_COMPLETE
-
-
 def test_servos_speed_and_delays_are_done_on_the_way_to_the_next_place() -> None:
     commands = [Item(178, (1, 3, 0, 0)), Item(112, (4, 0, 0, 0)), Item(183, (9, 1900, 0, 0))]
     station = flying(TAKEOFF, waypoint(5.0), *commands, waypoint(60.0))
@@ -98,12 +80,6 @@ def test_servos_speed_and_delays_are_done_on_the_way_to_the_next_place() -> None
         "Mission: 1 Takeoff", "Mission: 2 WP", "Mission: 6 WP", "Mission: 3 ChangeSpeed", "Mission: 4 CondDelay",
         "Mission: 5 SetServo",
     ]  # fmt: skip
-
-
-def test_a_jump_is_made_as_often_as_it_says() -> None:
-    station = flying(TAKEOFF, waypoint(8.0), waypoint(0.0), Item(177, (2, 2, 0, 0)), Item(93, (3, 0, 0, 0)))
-    station.until(lambda: 5 in reached(station), "the delay after the last jump", 300)
-    assert reached(station) == [1, 2, 3, 2, 3, 2, 3, 5]
 
 
 def test_a_mission_of_jumps_alone_ends() -> None:

@@ -8,15 +8,9 @@ import pytest
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import RoverMode
 from bridged.simulation.vehicle.motion.dynamics import Vector
-from tests.bridged.attended_vehicle import AttendedVehicle, Item
+from tests.bridged.attended_vehicle import AttendedVehicle
 
 SET_MODE, ARM, REPOSITION = 176, 400, 192
-NO = (0.0, 0.0, 0.0, 0.0)
-MISSION: list[Item] = [
-    (16, 0, NO, Vector(), 0.0),
-    (16, 3, NO, Vector(15, 0, 0), 0.0),
-    (16, 3, NO, Vector(15, 15, 0), 0.0),
-]
 
 
 def mode(rover: AttendedVehicle, wanted: RoverMode) -> int:
@@ -31,12 +25,6 @@ def rover() -> AttendedVehicle:
     assert rover.command(ARM, 1) == 0
     rover.heard.clear()
     return rover
-
-
-def test_it_is_a_rover_in_guided(rover: AttendedVehicle) -> None:
-    rover.wait(1.2)
-    beat = rover.last("HEARTBEAT")
-    assert (beat.type, beat.autopilot, beat.custom_mode, bool(beat.base_mode & 128)) == (10, 3, 15, True)
 
 
 def test_it_drives_to_setpoints_and_repositions(rover: AttendedVehicle) -> None:
@@ -80,16 +68,6 @@ def test_a_takeoff_and_modes_without_their_conditions_are_refused(rover: Attende
     assert rover.said[-2:] == ["No Mission. Can't set AUTO.", "Flight mode change failed"]
     assert mode(rover, RoverMode.DOCK) == 4
     assert rover.autopilot.mode is RoverMode.GUIDED
-
-
-def test_a_mission_is_driven_and_it_stays_in_auto_at_its_end(rover: AttendedVehicle) -> None:
-    assert rover.upload(MISSION) == 0
-    assert rover.command(300) == 0
-    rover.until(lambda: "Mission Complete" in rover.said, "end of the mission", 90)
-    rover.wait(5.0)
-    assert rover.distance(Vector(15, 15, 0)) < 4
-    assert rover.autopilot.mode is RoverMode.AUTO
-    assert {one.seq for one in rover.heard if one.get_type() == "MISSION_ITEM_REACHED"} >= {1, 2}
 
 
 @pytest.mark.parametrize("wanted", [RoverMode.RTL, RoverMode.SMART_RTL])

@@ -99,13 +99,6 @@ def test_it_disarms_itself_without_a_takeoff_and_sooner_after_a_landing(flying: 
     assert flying.said[-1] == "Disarmed by auto preflight disarming"
 
 
-def test_a_takeoff_is_to_an_altitude_over_the_sea_and_ends_in_hold(flying: AttendedVehicle) -> None:
-    assert flying.at.up == pytest.approx(10, abs=1.0)
-    flying.wait(1.2)
-    assert flying.last("EXTENDED_SYS_STATE").landed_state == 2
-    assert flying.last("HEARTBEAT").system_status == 4
-
-
 def test_a_takeoff_is_acknowledged_before_arming_and_flown_after_it(px4: AttendedVehicle) -> None:
     assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 8) == ACCEPTED
     px4.wait(3.0)
@@ -121,13 +114,6 @@ def test_a_takeoff_under_the_ground_is_acknowledged_and_not_flown(px4: AttendedV
     px4.wait(5.0)
     assert "Already higher than takeoff altitude" in px4.said
     assert px4.at.up == 0
-
-
-def test_a_reposition_goes_to_an_altitude_over_the_sea_whatever_the_frame_is(flying: AttendedVehicle) -> None:
-    goal = Vector(20, 10, 15)
-    assert flying.place(REPOSITION, goal, -1, 1, 0, NAN, frame=6) == ACCEPTED
-    flying.until(lambda: flying.distance(goal) < 0.5 and abs(flying.at.up - 15) < 0.5, "goal")
-    assert flying.autopilot.mode is Mode.LOITER
 
 
 def test_a_reposition_without_a_place_stops_here_and_from_another_mode_needs_the_flag(flying: AttendedVehicle) -> None:
@@ -148,29 +134,6 @@ def test_a_reposition_out_of_the_fence_is_acknowledged_and_refused_by_a_text(fly
     flying.wait(3.0)
     assert flying.said == ["Reposition is outside geofence"]
     assert flying.at.north < 1
-
-
-def test_a_return_goes_home_lands_and_disarms(flying: AttendedVehicle) -> None:
-    flying.place(REPOSITION, Vector(30, 0, 10), -1, 1, 0, NAN)
-    flying.wait(12.0)
-    flying.heard.clear()
-    assert flying.command(RETURN) == ACCEPTED
-    flying.until(lambda: not flying.autopilot.armed, "landing", 200)
-    assert flying.at.flat() < 0.5
-    begin, *_ = [text for text in flying.said if text.startswith("RTL: start return")]
-    assert "above destination" in begin
-    assert flying.said[-2:] == ["Landing detected", "Disarmed by landing"]
-
-
-def test_it_circles_a_place_by_a_command_and_holds_when_that_is_wanted(flying: AttendedVehicle) -> None:
-    assert flying.place(ORBIT, Vector(0, 0, 10), 12, 3, 0, NAN) == ACCEPTED
-    flying.wait(15.0)
-    assert flying.autopilot.mode is Mode.ORBIT
-    assert flying.at.flat() == pytest.approx(12, abs=1.5)
-    assert {"ORBIT_EXECUTION_STATUS"} <= flying.kinds()
-    assert flying.command(SET_MODE, 1, 4, 3) == ACCEPTED
-    flying.wait(6.0)
-    assert flying.speed < 0.2
 
 
 def test_a_change_of_the_altitude_is_taken_in_hold_alone(flying: AttendedVehicle) -> None:

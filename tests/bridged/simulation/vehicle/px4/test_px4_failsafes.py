@@ -38,40 +38,6 @@ def test_a_lost_ground_station_does_nothing_by_default() -> None:
     assert px4.autopilot.mode is Mode.LOITER
 
 
-def test_a_lost_ground_station_is_waited_for_in_hold_and_then_brings_it_home() -> None:
-    px4 = flown(NAV_DLL_ACT=2)
-    px4.place(192, Vector(60, 0, 10), -1, 1, 0, NAN)
-    px4.silent = True
-    px4.until(lambda: px4.autopilot.mode is Mode.RTL, "return", 30)
-    px4.silent = False
-    px4.wait(3.0)
-    assert px4.autopilot.mode is Mode.RTL  # a station that is back does not end it
-
-
-def test_it_is_not_armed_without_the_ground_station_that_it_needs() -> None:
-    px4 = AttendedVehicle("copter", "px4")
-    px4.autopilot.parameters.set("NAV_DLL_ACT", 2)
-    px4.silent = True
-    px4.wait(10.0)
-    assert px4.command(400, 1) == 1
-    px4.silent = False
-    px4.wait(3.0)
-    assert px4.command(400, 1) == 0
-
-
-def test_a_pilot_who_moves_the_sticks_takes_it_and_letting_go_stops_it() -> None:
-    px4 = flown()
-    sticks(px4, 1.0)
-    assert px4.autopilot.mode is Mode.LOITER
-    sticks(px4, 3.0, pitch=800)
-    assert px4.autopilot.mode is Mode.POSCTL
-    assert "Pilot took over using sticks" in px4.said
-    assert px4.speed > 1.0
-    sticks(px4, 4.0)
-    assert px4.autopilot.mode is Mode.POSCTL
-    assert px4.speed < 1.0
-
-
 def test_lost_sticks_bring_it_home_from_the_mode_of_a_pilot_alone() -> None:
     px4 = flown()
     sticks(px4, 1.0)

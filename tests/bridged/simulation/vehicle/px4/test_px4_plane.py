@@ -69,14 +69,6 @@ def test_a_mission_lands_and_disarms(px4: AttendedVehicle) -> None:
     assert "Mission finished, landed" in px4.said
 
 
-def test_a_return_flies_the_landing_of_the_mission(flying: AttendedVehicle) -> None:
-    assert flying.upload([TAKE_OFF, AHEAD, START, FINAL, LAND]) == 0
-    flying.command(20)
-    flying.until(lambda: not flying.autopilot.armed, "landing", 400)
-    assert flying.at.flat() < 150
-    assert flying.autopilot.mode is Mode.MISSION
-
-
 def test_a_landing_that_is_too_steep_cannot_be_flown(px4: AttendedVehicle) -> None:
     near: Item = (16, 6, NO, Vector(60, 0, 0), 60.0)
     assert px4.upload([TAKE_OFF, AHEAD, START, near, LAND]) == 0
