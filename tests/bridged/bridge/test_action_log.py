@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Event
 from unittest.mock import Mock
@@ -24,6 +25,25 @@ def soon(wish: Callable[[], bool], what: str) -> None:
             return
         pause.wait(0.01)
     raise AssertionError(f"{what} did not happen within 30 s")
+
+
+Life = Callable[..., ActionLog]
+
+
+@pytest.fixture
+def life(tmp_path: Path) -> Iterator[Life]:
+    """Opens the action log of a robot; what was open before is closed, as at the end of a life of the bridge."""
+    lives: list[ActionLog] = []
+
+    def begin(wall: Callable[[], float] = time.time) -> ActionLog:
+        if lives:
+            lives[-1].close()
+        lives.append(ActionLog(tmp_path / "uav1.actions", wall))
+        return lives[-1]
+
+    yield begin
+    if lives:
+        lives[-1].close()
 
 
 class Wall:
@@ -54,53 +74,48 @@ def ended(action: str) -> ActionStatus:
     return ActionStatus(id=action, state="succeeded", result=True, name="land")
 
 
-def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -> None:
-    action_log = ActionLog(tmp_path / "deep" / "uav1.actions")
+def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(life: Life) -> None:
+    action_log = life()
     assert not known(action_log, "a:1")
     action_log.begin(begun("a:1"))
     assert known(action_log, "a:1")
     assert final(action_log, "a:1") is None
     action_log.finish("a", ended("a:1"))
     action_log.begin(begun("a:2"))
-    action_log.close()
-    again = ActionLog(tmp_path / "deep" / "uav1.actions")
+    again = life()
     assert final(again, "a:1") == ended("a:1")
     assert known(again, "a:2")
     assert final(again, "a:2") is None
-    again.close()
 
 
-def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> None:
-    path, action_log = tmp_path / "uav1.actions", ActionLog(tmp_path / "uav1.actions")
+def test_a_line_cut_off_by_a_power_loss_costs_only_itself(life: Life, tmp_path: Path) -> None:
+    path, action_log = tmp_path / "uav1.actions", life()
     action_log.begin(begun("a:1"))
     action_log.begin(begun("a:2"))
     action_log.close()
     path.write_bytes(path.read_bytes()[:-7] + b"\xff\xfe\n{}")
-    again = ActionLog(path)
+    again = life()
     assert known(again, "a:1")
     assert not known(again, "a:2")
-    again.close()
 
 
-def test_the_last_ids_are_known_though_the_clock_was_set_forward(tmp_path: Path) -> None:
-    wall, path = Wall(), tmp_path / "uav1.actions"
-    action_log = ActionLog(path, wall)
+def test_the_last_ids_are_known_though_the_clock_was_set_forward(life: Life) -> None:
+    wall = Wall()
+    action_log = life(wall)
     action_log.begin(begun("a:1"))
-    action_log.close()
     wall.time += 24 * KEEP
-    again = ActionLog(path, wall)
+    again = life(wall)
     again.begin(begun("a:2"))
     assert known(again, "a:1")
     assert again.held() == ("a", False)
-    again.close()
 
 
 def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "LAST", 1)
     wall, path = Wall(), tmp_path / "uav1.actions"
-    action_log = ActionLog(path, wall)
+    action_log = life(wall)
     for number in range(100):
         action_log.begin(begun(f"a:{number}"))
         action_log.finish("a", ended(f"a:{number}"))
@@ -108,11 +123,9 @@ def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(
     wall.time += KEEP + 1
     action_log.begin(begun("b:1"))
     assert not known(action_log, "a:99")
-    action_log.close()
-    action_log = ActionLog(path, wall)
+    action_log = life(wall)
     assert known(action_log, "b:1")
     assert path.stat().st_size < size / 100
-    action_log.close()
 
 
 def rewritten(action_log: ActionLog) -> bool:
@@ -121,10 +134,10 @@ def rewritten(action_log: ActionLog) -> bool:
 
 
 def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    life: Life, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
-    action_log = ActionLog(tmp_path / "uav1.actions")
+    action_log = life()
     monkeypatch.setattr(
         "bridged.bridge.action_log.Path.replace", Mock(side_effect=OSError(28, "No space left on device"))
     )
@@ -135,17 +148,16 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     monkeypatch.undo()
     action_log.close()
     assert "uav1.actions cannot be made smaller: No space left on device" in caplog.text
-    again = ActionLog(tmp_path / "uav1.actions")
+    again = life()
     assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
-    again.close()
 
 
 def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
-    action_log = ActionLog(path, wall)
+    action_log = life(wall)
 
     def slow(fresh: Path, entries: list[Entry]) -> None:
         write(fresh, entries)
@@ -161,20 +173,18 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
     action_log.begin(begun("a:3"))
     assert path.stat().st_ino != before
     action_log.begin(begun("a:4"))
-    action_log.close()
     monkeypatch.undo()
-    again = ActionLog(path, wall)
+    again = life(wall)
     assert [known(again, f"a:{number}") for number in range(1, 5)] == [True] * 4
     assert final(again, "a:1") == ended("a:1")
-    again.close()
 
 
 def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_has_doubled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    life: Life, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1000)
     rewrites, write = list[int](), module._write
-    action_log = ActionLog(tmp_path / "uav1.actions")
+    action_log = life()
 
     def counted(fresh: Path, entries: list[Entry]) -> None:
         rewrites.append(len(entries))
@@ -186,15 +196,14 @@ def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_
         if action_log._rewriting is not None:
             soon(lambda: rewritten(action_log), "the new file")
     assert 5 <= len(rewrites) <= 8, "1000 bytes, 2000, 4000 and so on"
-    action_log.close()
 
 
 def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, fsync, synced = tmp_path / "uav1.actions", os.fsync, list[int]()
     busy, disk = Event(), Event()
-    action_log = ActionLog(path)
+    action_log = life()
 
     def slow(file: int) -> None:
         seen = os.fstat(file)
@@ -223,7 +232,6 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
     action_log.finish("a", ended("a:100"))
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of its end, which is answered after a power failure too")
-    action_log.close()
 
 
 FULL = Mock(side_effect=OSError(28, "No space left on device"))
@@ -241,16 +249,16 @@ def has_space_again(action_log: ActionLog, now: float) -> None:
 
 @pytest.mark.parametrize("at", ["_write", "make_private_folder"])
 def test_a_disk_that_is_full_at_the_start_is_done_without_and_taken_up_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, at: str
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, at: str
 ) -> None:
     path = tmp_path / "uav1.actions"
-    before = ActionLog(path)
+    before = life()
     before.begin(begun("a:1"))
     before.hold("a", free=False)
     before.order("rtl")
     before.close()
     monkeypatch.setattr(module, at, FULL)
-    action_log = ActionLog(path)
+    action_log = life()
     assert (known(action_log, "a:1"), action_log.held(), action_log.ordered) == (True, ("a", False), "rtl")
     assert codes(action_log) == ["ledger_failing"]
     with pytest.raises(OSError, match="No space left on device"):
@@ -270,15 +278,13 @@ def test_a_disk_that_is_full_at_the_start_is_done_without_and_taken_up_again(
         "robot=uav1 the operator's order cannot be kept on disk: No space left on device",
         f"robot=uav1 {path} can be written again",
     ]
-    again = ActionLog(path)
+    again = life()
     assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
     assert again.ordered is None, "as the operator said while the disk was full"
-    again.close()
 
 
-def test_a_disk_that_fills_up_is_taken_up_again_with_what_was_recorded_meanwhile(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.actions"
-    action_log = ActionLog(path)
+def test_a_disk_that_fills_up_is_taken_up_again_with_what_was_recorded_meanwhile(life: Life) -> None:
+    action_log = life()
     action_log.begin(begun("a:1"))
     action_log._file = Mock(wraps=action_log._file, write=Mock(return_value=3))
     action_log.pause(True)
@@ -289,137 +295,116 @@ def test_a_disk_that_fills_up_is_taken_up_again_with_what_was_recorded_meanwhile
     soon(lambda: rewritten(action_log), "the new file")
     action_log.step(0.0)
     assert codes(action_log) == []
-    action_log.close()
-    again = ActionLog(path)
+    again = life()
     assert (known(again, "a:1"), known(again, "a:2"), again.paused) == (True, True, True)
-    again.close()
 
 
 def test_the_end_with_a_full_disk_is_an_error_in_the_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "uav1.actions"
     monkeypatch.setattr(module, "_write", FULL)
-    action_log = ActionLog(path)
+    action_log = life()
     action_log.close()
     assert caplog.records[-1].message == f"robot=uav1 {path} ends without what could not be written"
 
 
-def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "uav1.actions"
-    ActionLog(path).close()
+def test_a_file_that_cannot_be_read_is_told(life: Life, monkeypatch: pytest.MonkeyPatch) -> None:
+    life().close()
     monkeypatch.setattr(module.Path, "read_bytes", Mock(side_effect=OSError(5, "Input/output error")))
-    action_log = ActionLog(path)
+    action_log = life()
     assert codes(action_log) == ["ledger_damaged"]
-    action_log.close()
 
 
 def test_a_sync_that_fails_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    life: Life, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    action_log = ActionLog(tmp_path / "uav1.actions")
+    action_log = life()
     monkeypatch.setattr("bridged.bridge.action_log.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
     action_log.begin(begun("a:1"))
     action_log.keep()
     soon(lambda: bool(caplog.records), "the log line")
     assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
-    action_log.close()
 
 
-def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(life: Life, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_ENTRIES", 10)
     monkeypatch.setattr(module, "LAST", 5)
-    action_log = ActionLog(tmp_path / "uav1.actions")
+    action_log = life()
     for number in range(12):
         action_log.begin(begun(f"a:{number}"))
     assert [known(action_log, f"a:{number}") for number in range(4)] == [False, False, True, True]
-    action_log.close()
 
 
-def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.actions"
-    action_log = ActionLog(path)
+def test_who_has_the_robot_is_kept_beside_the_ids(life: Life) -> None:
+    action_log = life()
     assert action_log.held() == ("", False)
     action_log.begin(begun("a:b:1"))
     assert action_log.held() == ("a", False), "no line says it: whose action was begun last"
     action_log.hold("c", free=True)
     action_log.begin(begun("a:b:2"))
-    action_log.close()
-    again = ActionLog(path)
+    again = life()
     assert again.held() == ("c", True)
     assert not known(again, "c")
-    again.close()
 
 
 @pytest.mark.parametrize("days", [365, -365])
 def test_a_clock_that_is_wrong_after_a_reboot_of_the_machine_takes_the_robot_from_nobody(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, days: int
+    life: Life, monkeypatch: pytest.MonkeyPatch, days: int
 ) -> None:
     monkeypatch.setenv("ARGOSY_BOOT", "first")
-    wall, path = Wall(), tmp_path / "uav1.actions"
-    action_log = ActionLog(path, wall)
-    action_log.begin(begun("a:1"))
-    action_log.close()
+    wall = Wall()
+    life(wall).begin(begun("a:1"))
     monkeypatch.setenv("ARGOSY_BOOT", "second")
     wall.time += days * 24 * KEEP
-    action_log = ActionLog(path, wall)
+    action_log = life(wall)
     assert action_log.held() == ("a", False)
     action_log.hold("b", free=True)
-    action_log.close()
     wall.time += days * 24 * KEEP
-    again = ActionLog(path, wall)
-    assert again.held() == ("b", True)
-    again.close()
+    assert life(wall).held() == ("b", True)
 
 
 def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_the_file_is_made_smaller(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "REWRITE_AT", 2_000)
     path, now = tmp_path / "uav1.actions", [1_000.0]
-    action_log = ActionLog(path, lambda: now[0])
+    action_log = life(lambda: now[0])
     action_log.order("hold")
     action_log.pause(True)
     for number in range(100):
         now[0] += 100
         action_log.begin(begun(f"a:{number}"))
-    action_log.close()
-    again = ActionLog(path, lambda: now[0])
+    again = life(lambda: now[0])
     assert (again.ordered, again.paused) == ("hold", True)
     again.order(None)
     again.pause(False)
-    again.close()
-    last = ActionLog(path, lambda: now[0])
+    last = life(lambda: now[0])
     assert (last.ordered, last.paused) == (None, False)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["uav1.actions"]
     assert path.stat().st_mode & 0o077 == 0
-    last.close()
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+def test_a_bit_of_the_file_that_is_hit_is_told(life: Life, tmp_path: Path, seed: int) -> None:
     path, chance = tmp_path / "uav1.actions", random.Random(seed)
-    action_log = ActionLog(path)
+    action_log = life()
     for number in range(20):
         action_log.begin(Action(id=f"a{number}", agent="uav1", name="goto"))
     action_log.close()
     data = bytearray(path.read_bytes())
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     path.write_bytes(bytes(data))
-    again = ActionLog(path)
+    again = life()
     assert [(note.code, note.value) for note in again.notes()] == [("ledger_damaged", 1)]
-    again.close()
-    well = ActionLog(path)
+    well = life()
     assert not well.notes()
-    well.close()
 
 
-def test_the_sync_of_an_end_is_that_of_its_beginning_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_sync_of_an_end_is_that_of_its_beginning_too(life: Life, monkeypatch: pytest.MonkeyPatch) -> None:
     synced = Mock()
     monkeypatch.setattr("bridged.bridge.action_log._sync", lambda file: (os.close(file), synced()))
-    action_log = ActionLog(tmp_path / "uav1.actions")
+    action_log = life()
     for number in range(3):
         action_log.begin(begun(f"a{number}"))
         action_log.finish("uav", ended(f"a{number}"))

@@ -1,9 +1,8 @@
-"""Independent clients fly the simulated copter: mavsdk, MAVProxy and a plain pymavlink script, over loopback."""
+"""Independent clients fly the simulated copter: mavsdk and MAVProxy, over loopback."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import queue
 import re
 import signal
@@ -41,30 +40,14 @@ def copter(link: str, *more: str, vehicle: str = "copter") -> Iterator[subproces
         process.communicate()
 
 
-def client(module: str, *arguments: str, seconds: float = 120) -> str:
-    """Runs a client to its end and returns what it printed."""
-    command = [sys.executable, "-m", f"tests.bridged.clients.{module}", *arguments]
-    environment = {**os.environ, "MAVLINK20": "1"}
-    finished = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=seconds, check=False
-    )
-    assert finished.returncode == 0, finished.stderr[-2000:] + finished.stdout[-2000:]
-    return finished.stdout
-
-
 def test_mavsdk_flies_the_copter_and_returns_to_launch() -> None:
     port = free_port()
     with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
-        printed = client("mavsdk_flight", f"udpin://127.0.0.1:{port}")
+        command = [sys.executable, "-m", "tests.bridged.clients.mavsdk_flight", f"udpin://127.0.0.1:{port}"]
+        finished = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert finished.returncode == 0, finished.stderr[-2000:] + finished.stdout[-2000:]
     steps = ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed at home"]
-    assert [line for line in printed.splitlines() if line in steps] == steps
-
-
-def test_a_plain_pymavlink_script_flies_the_copter_and_lands() -> None:
-    port = free_port()
-    with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
-        printed = client("pymavlink_flight", f"udpin:127.0.0.1:{port}")
-    assert printed.splitlines() == ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed"]
+    assert [line for line in finished.stdout.splitlines() if line in steps] == steps
 
 
 class MavProxy:
