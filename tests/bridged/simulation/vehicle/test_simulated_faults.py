@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.fault_injection import HELD_S, TABLE, Cut, Faults, LinkFaults, VehicleFaults
 
 PACKETS = 4000
@@ -47,6 +48,9 @@ def test_faults_are_read_from_one_text_or_several() -> None:
         ("cut=10+x", r"expected cut=AT\+SECONDS"),
         ("reboot=-1", "expected reboot=AT"),
         ("seed=1.5", "expected seed=N"),
+        ("pilot=5", "expected pilot="),
+        ("pilot=5+x", "expected pilot="),
+        ("pilot=5+3:crashes", "expected pilot="),
     ],
 )
 def test_a_fault_that_is_none_is_one_clear_line(text: str, complaint: str) -> None:
@@ -133,3 +137,34 @@ def test_the_page_of_the_simulated_copter_lists_all_faults_in_their_order() -> N
     page = (Path(__file__).parents[4] / "docs/guides/simulation.md").read_text()
     table = [line for line in page.partition("## Faults of a vehicle")[2].splitlines() if line.startswith("| `")]
     assert table == [f"| `{row.form}` | {row.meaning} |" for row in TABLE.values()]
+
+
+def switched(fault: str, *times: float, airborne: bool = True) -> list[Mode]:
+    """Return the mode at each time of a vehicle that begins in GUIDED."""
+    vehicle_faults, mode, found = VehicleFaults(Faults.parse([fault])), Mode.GUIDED, []
+    for now in times:
+        mode = Mode(vehicle_faults.switched_mode(now, mode, airborne=airborne) or mode)
+        found.append(mode)
+    return found
+
+
+def test_a_pilot_has_a_vehicle_and_gives_it_back_in_its_mode() -> None:
+    assert switched("pilot=5+10", 4, 5, 14, 15, 20) == [Mode.GUIDED, Mode.LOITER, Mode.LOITER, Mode.GUIDED, Mode.GUIDED]
+
+
+def test_a_pilot_may_land_it() -> None:
+    assert switched("pilot=5+10:lands", 6, 16) == [Mode.LOITER, Mode.LAND]
+
+
+def test_a_pilot_leaves_a_vehicle_on_the_ground() -> None:
+    assert switched("pilot=5+10", 6, airborne=False) == [Mode.GUIDED]
+
+
+def test_a_vehicle_that_a_failsafe_puts_down_was_not_landed_by_the_pilot_who_had_it() -> None:
+    for flies_to_the_end in (True, False):
+        vehicle_faults = VehicleFaults(Faults.parse(["pilot=5+10:lands"]))
+        vehicle_faults.switched_mode(6, Mode.GUIDED, airborne=True)
+        vehicle_faults.switched_mode(16, Mode.LAND, airborne=flies_to_the_end)
+        vehicle_faults.switched_mode(26, Mode.LAND, airborne=False)
+        assert vehicle_faults.switch is None
+        assert vehicle_faults.landed is flies_to_the_end

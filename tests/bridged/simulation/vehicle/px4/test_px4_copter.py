@@ -1,8 +1,9 @@
-"""A simulated copter with PX4: what it hears and what it does, as tests/data/autopilots/px4_quad_*.tlog.gz have it."""
+"""A simulated copter with PX4, as tests/data/autopilots/px4_quad_*.tlog.gz have it: modes, failsafes, OFFBOARD."""
 
 from __future__ import annotations
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.px4.modes import Mode, packed
@@ -18,14 +19,20 @@ def px4() -> AttendedVehicle:
     return AttendedVehicle("copter", "px4")
 
 
-@pytest.fixture
-def flying(px4: AttendedVehicle) -> AttendedVehicle:
+def flown(px4: AttendedVehicle, **parameters: float) -> AttendedVehicle:
     """At 10 m in AUTO.LOITER."""
+    for name, value in parameters.items():
+        px4.autopilot.parameters.set(name, value)
     assert px4.command(ARM, 1) == ACCEPTED
     assert px4.command(TAKE_OFF, -1, 0, 0, NAN, NAN, NAN, HOME.alt + 10) == ACCEPTED
     px4.until(lambda: px4.autopilot.mode is Mode.LOITER, "end of the takeoff")
     px4.heard.clear()
     return px4
+
+
+@pytest.fixture
+def flying(px4: AttendedVehicle) -> AttendedVehicle:
+    return flown(px4)
 
 
 def test_its_heartbeat_comes_each_second_and_has_main_and_sub_mode(px4: AttendedVehicle) -> None:
@@ -187,3 +194,107 @@ def test_current_mode_tells_what_was_wanted_while_a_failsafe_has_it(flying: Atte
 def test_a_restart_keeps_the_parameters(px4: AttendedVehicle) -> None:
     px4.autopilot.parameters.set("RTL_RETURN_ALT", 44)
     assert px4.autopilot.restarted(HOME).parameters["RTL_RETURN_ALT"] == 44
+
+
+def sticks(px4: AttendedVehicle, seconds: float, pitch: int = 0, throttle: int = 500) -> None:
+    for _ in range(round(seconds * 10)):
+        px4.say(dialect.MAVLink_manual_control_message(1, pitch, 0, throttle, 0, 0))
+        px4.wait(0.1)
+
+
+def test_a_lost_ground_station_does_nothing_by_default(flying: AttendedVehicle) -> None:
+    flying.silent = True
+    flying.wait(30.0)
+    assert flying.autopilot.mode is Mode.LOITER
+
+
+def test_lost_sticks_bring_it_home_from_the_mode_of_a_pilot_alone(flying: AttendedVehicle) -> None:
+    sticks(flying, 1.0)
+    flying.wait(8.0)
+    assert flying.autopilot.mode is Mode.LOITER
+    sticks(flying, 1.0)
+    assert flying.command(SET_MODE, 1, 3) == 0
+    flying.until(lambda: flying.autopilot.mode is Mode.RTL, "return", 20)
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, Mode.LOITER), (2, Mode.LAND), (3, Mode.RTL)])
+def test_a_low_battery_does_what_its_parameter_says(px4: AttendedVehicle, action: int, mode: Mode) -> None:
+    flown(px4, COM_LOW_BAT_ACT=action, SIM_BAT_DRAIN=60, SIM_BAT_MIN_PCT=6)
+    px4.wait(80.0)
+    modes = {one.custom_mode for one in px4.heard if one.get_type() == "HEARTBEAT"}
+    assert mode in modes
+    assert (Mode.RTL in modes or Mode.LAND in modes) == bool(action)
+
+
+def test_a_breach_of_the_fence_is_told_and_brings_it_home(px4: AttendedVehicle) -> None:
+    flown(px4, GF_ACTION=3)
+    px4.place(192, Vector(60, 0, 10), -1, 1, 0, NAN)
+    px4.wait(2.0)
+    px4.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
+    px4.until(lambda: px4.autopilot.mode is Mode.RTL, "return", 60)
+    assert any("eofence" in text for text in px4.said)
+    px4.until(lambda: not px4.autopilot.armed, "landing", 200)
+    assert px4.at.flat() < 1.0
+
+
+def stream(px4: AttendedVehicle, seconds: float, north: float, east: float) -> None:
+    for _ in range(round(seconds * 10)):
+        px4.velocity(north, east)
+        px4.wait(0.1)
+
+
+def enter(px4: AttendedVehicle, north: float = 2.0, east: float = 0.0) -> None:
+    stream(px4, 1.0, north, east)
+    assert px4.command(SET_MODE, 1, 6) == 0
+
+
+def test_it_follows_velocities_once_the_mode_is_set(flying: AttendedVehicle) -> None:
+    stream(flying, 2.0, 2.0, 0.0)
+    assert flying.at.flat() < 0.5
+    assert flying.command(SET_MODE, 1, 6) == 0
+    stream(flying, 5.0, 2.0, 0.0)
+    assert flying.at.north == pytest.approx(8.5, abs=2)
+    assert flying.autopilot.motion.velocity.north == pytest.approx(2.0, abs=0.3)
+
+
+def test_it_follows_places_above_the_home_position(flying: AttendedVehicle) -> None:
+    goal = Vector(10, 5, 12)
+    enter(flying, 0, 0)
+    for _ in range(150):
+        flying.setpoint(goal)
+        flying.wait(0.1)
+    assert flying.distance(goal) < 0.5
+    assert flying.at.up == pytest.approx(12, abs=0.5)
+    assert flying.autopilot.mode is Mode.OFFBOARD
+
+
+def test_without_setpoints_it_returns_after_a_second_and_goes_on_when_they_come_again(flying: AttendedVehicle) -> None:
+    enter(flying)
+    flying.wait(0.9)
+    assert flying.autopilot.mode is Mode.OFFBOARD
+    flying.wait(0.6)
+    assert (flying.autopilot.mode, flying.autopilot.intended) == (Mode.RTL, Mode.OFFBOARD)
+    assert "Failsafe activated" in flying.said
+    flying.wait(2.0)
+    stream(flying, 0.5, 0.0, 1.0)
+    assert flying.autopilot.mode is Mode.OFFBOARD
+
+
+def test_a_mode_set_during_the_return_ends_it_and_setpoints_do_not_bring_it_back(flying: AttendedVehicle) -> None:
+    enter(flying)
+    flying.wait(3.0)
+    assert flying.command(SET_MODE, 1, 4, 3) == 0
+    stream(flying, 3.0, 2.0, 0.0)
+    assert flying.autopilot.mode is Mode.LOITER
+    assert flying.speed < 1.0
+
+
+def test_setpoints_with_an_unknown_frame_are_not_taken(flying: AttendedVehicle) -> None:
+    for _ in range(20):
+        flying.say(
+            dialect.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, 20, 0b010111000111, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0
+            )
+        )
+        flying.wait(0.1)
+    assert flying.command(SET_MODE, 1, 6) == 1

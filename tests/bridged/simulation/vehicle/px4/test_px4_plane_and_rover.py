@@ -1,4 +1,4 @@
-"""A simulated plane with PX4: takeoff, circles, a landing by the mission."""
+"""A simulated plane with PX4: takeoff, circles, a landing by the mission; and a rover, which takes no takeoff."""
 
 from __future__ import annotations
 
@@ -81,3 +81,28 @@ def test_its_airspeed_can_be_changed(flying: AttendedVehicle) -> None:
     assert flying.command(178, 0, 18, -1) == 0
     flying.wait(20.0)
     assert flying.autopilot.motion.airspeed > before + 1
+
+
+@pytest.fixture
+def rover() -> AttendedVehicle:
+    """Armed."""
+    rover = AttendedVehicle("rover", "px4")
+    assert rover.command(400, 1) == 0
+    return rover
+
+
+def test_it_is_a_rover_and_takes_no_takeoff(rover: AttendedVehicle) -> None:
+    rover.wait(1.2)
+    assert rover.last("HEARTBEAT").type == 10
+    assert rover.command(22, 0, 0, 0, NAN, NAN, NAN, NAN) == 2
+
+
+def test_velocities_are_followed_in_offboard_and_without_them_it_returns(rover: AttendedVehicle) -> None:
+    for round_ in range(60):
+        rover.velocity(1.5, 0.0)
+        if round_ == 10:
+            assert rover.command(176, 1, 6) == 0
+        rover.wait(0.1)
+    assert rover.at.north > 4
+    rover.wait(2.0)
+    assert rover.autopilot.mode is Mode.RTL
