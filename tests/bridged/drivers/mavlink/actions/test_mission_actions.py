@@ -117,7 +117,7 @@ def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_start
 def test_a_bridge_that_was_killed_during_an_upload_starts_no_mission_before_it_knows_what_the_vehicle_holds(
     tmp_path: Path,
 ) -> None:
-    sky = armed(Sky(tmp_path))
+    sky = Sky(tmp_path).armed()
     stored_by_another_station(sky, NEAR)
     sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 2)
     sky.begin("upload_mission", TOUR)
@@ -135,7 +135,7 @@ def test_a_bridge_that_was_killed_during_an_upload_starts_no_mission_before_it_k
 
 
 def test_an_upload_that_could_not_be_remembered_does_not_begin(tmp_path: Path) -> None:
-    sky = armed(Sky(tmp_path))
+    sky = Sky(tmp_path).armed()
     (tmp_path / ".uav1.mission_broken.new").mkdir()
     final = sky.do("upload_mission", TOUR)
     assert final.state == "refused"
