@@ -11,9 +11,11 @@ import hmac
 import re
 import secrets
 import socket
+from asyncio import BaseTransport
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from ipaddress import ip_address
+from weakref import WeakSet
 
 from aiohttp import web
 
@@ -51,6 +53,8 @@ class AuthGuard:
 
     tickets: list[str] = field(default_factory=list, repr=False)
     """The token that opens once, if it was not used yet."""
+    entered: WeakSet[BaseTransport] = field(default_factory=WeakSet, repr=False)
+    """Connections that have shown this run's cookie."""
 
     @property
     def cookie(self) -> str:
@@ -132,6 +136,8 @@ class AuthGuard:
             return entered
         if not self.knows(request):
             return web.Response(status=401, text=STRANGER)
+        if request.transport is not None:
+            self.entered.add(request.transport)
         wants_more = request.method not in ("GET", "HEAD") or request.headers.get("Upgrade") is not None
         if wants_more and not self.is_ours(request):
             return web.Response(status=403, text=ELSEWHERE)

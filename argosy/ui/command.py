@@ -24,7 +24,7 @@ from argosy.cli.operator_bus import add_fleet_arguments, where
 from argosy.cli.port_check import is_loopback
 from argosy.ui.auth import AuthGuard
 from argosy.ui.fleet_session import FleetSession
-from argosy.ui.server import application
+from argosy.ui.server import application, serving
 from commd.bus.tls import identity_of
 from commd.process.log_handler import one_line
 from commd.process.process import EXIT_DONE
@@ -105,28 +105,25 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
         ) from None
     auth = AuthGuard(args.listen, listening.getsockname()[1])
     app = application(auth, following, args.tiles)
-    runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(_left_over)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         with contextlib.suppress(ValueError):  # not in the main thread: a test
             loop.add_signal_handler(number, stop.set)
-    link = asyncio.create_task(following.link.run())
-    try:
-        await runner.setup()
-        await web.SockSite(runner, listening).start()
-        _print_address(args, auth)
-        stopped = asyncio.create_task(stop.wait())
-        done, _ = await asyncio.wait({stopped, link}, return_when=asyncio.FIRST_COMPLETED)
-        stopped.cancel()
-        if link in done:
-            link.result()  # raises what made it end
-        return EXIT_DONE
-    finally:
-        link.cancel()
-        await asyncio.gather(link, return_exceptions=True)
-        await runner.cleanup()
+    async with serving(app, auth, listening, LEAVE):
+        link = asyncio.create_task(following.link.run())
+        try:
+            _print_address(args, auth)
+            stopped = asyncio.create_task(stop.wait())
+            done, _ = await asyncio.wait({stopped, link}, return_when=asyncio.FIRST_COMPLETED)
+            stopped.cancel()
+            if link in done:
+                link.result()  # raises what made it end
+            return EXIT_DONE
+        finally:
+            link.cancel()
+            await asyncio.gather(link, return_exceptions=True)
 
 
 def _socket(host: str, port: int) -> socket.socket:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import asyncio
+import resource
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +24,8 @@ REQUEST = 16_384
 """Bytes of what a page posts."""
 PAGES = 16
 """Pages at the same time."""
+STRANGERS = 400
+"""Connections at the same time that have not shown the cookie; beyond that the oldest of them is closed."""
 FULL = f"{PAGES} pages are open already: close one, then this one opens by itself\n"
 W = TypeVar("W")
 
@@ -57,6 +63,32 @@ def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = N
     if tiles is not None:
         app.router.add_static("/tiles", tiles)
     return app
+
+
+@asynccontextmanager
+async def serving(app: web.Application, auth: AuthGuard, listening: socket.socket, leave: float) -> AsyncIterator[None]:
+    """Serve at a socket, without blocking, while the block lasts; open pages have `leave` wall seconds to close.
+
+    Whoever can connect can hold connections without a word: they must not take the place of a page and its orders.
+    """
+    runner = web.AppRunner(app, access_log=None, shutdown_timeout=leave)
+    await runner.setup()
+    server = runner.server
+    assert server is not None
+    most = min(STRANGERS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
+
+    def accept() -> asyncio.Protocol:
+        strangers = [one for one in server.connections if one.transport not in auth.entered]
+        for one in strangers[: max(0, len(strangers) - most + 1)]:
+            one.force_close()
+        return server()
+
+    accepting = await asyncio.get_running_loop().create_server(accept, sock=listening)
+    try:
+        yield
+    finally:
+        accepting.close()
+        await runner.cleanup()
 
 
 def _asked(

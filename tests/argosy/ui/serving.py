@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
@@ -11,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import aiohttp
-from aiohttp import web
 
 from argosy.cli.operator_bus import Where
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.ui.auth import AuthGuard
 from argosy.ui.fleet_session import FleetSession
-from argosy.ui.server import application
+from argosy.ui.server import application, serving
 from commd.bus.session import sessions_under_way, still_there
 from schemas.mission.model import Mission
 from tests.support.ports import free_port
@@ -120,19 +120,21 @@ async def served(
     following = FleetSession(
         replace(place or Where("sar", NOWHERE), mission=mission), identity, tiles=tiles is not None
     )
-    runner = web.AppRunner(application(auth, following, tiles), access_log=None, shutdown_timeout=1)
+    app, listening = application(auth, following, tiles), socket.create_server(("127.0.0.1", auth.port))
+    listening.setblocking(False)
     link = asyncio.create_task(following.link.run()) if place is not None else None
     jar = aiohttp.CookieJar(unsafe=True)  # of an address
     try:
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", auth.port).start()
-        async with aiohttp.ClientSession(cookie_jar=jar) as session, asyncio.timeout(240):
+        async with (
+            serving(app, auth, listening, leave=1.0),
+            aiohttp.ClientSession(cookie_jar=jar) as session,
+            asyncio.timeout(240),
+        ):
             yield Browser(session, auth, following)
     finally:
         if link is not None:
             link.cancel()
             await asyncio.gather(link, return_exceptions=True)
-        await runner.cleanup()
         own = [one for one in sessions_under_way() if one not in before]
         assert not await asyncio.to_thread(still_there, own, 90)
 

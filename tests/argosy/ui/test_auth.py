@@ -8,6 +8,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 
+from argosy.ui import server
 from argosy.ui.auth import AuthGuard
 from tests.argosy.ui.serving import entered, served
 from tests.support.buses import async_test
@@ -208,3 +209,19 @@ async def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pyte
             writer.close()
             assert b" 401 " in answer.split(b"\r\n")[0]
     assert caplog.text == ""
+
+
+@async_test
+async def test_silent_connections_are_closed_for_new_ones_and_a_page_keeps_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server, "STRANGERS", 8)
+    async with entered() as browser, browser.feed() as feed:
+        silent = [await asyncio.open_connection("127.0.0.1", browser.auth.port) for _ in range(20)]
+        async with asyncio.timeout(60):
+            assert await silent[0][0].read() == b"", "the oldest was closed"
+        assert not silent[-1][0].at_eof()
+        assert (await browser.get("/here"))[0] == 200
+        await feed.hear()
+        for _, writer in silent:
+            writer.close()
