@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import logging
 import os
 import re
+import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import msgspec
 
@@ -17,6 +21,7 @@ from commd.bus.errors import BusError
 from schemas.files.findings import Findings
 from schemas.wire import keys
 
+log = logging.getLogger("runs")
 START_PATIENCE = 90.0
 """Wall seconds that a run waits for another one that starts with the same router."""
 PROBE_PATIENCE = 1.0
@@ -38,9 +43,9 @@ def announced(fleet: str, router: str) -> Iterator[None]:
     """Let others on this machine find the router of a run; if no file can be written, they must name it."""
     path = _folder() / f"{os.getpid()}.json"
     try:
-        path.parent.mkdir(mode=0o700, exist_ok=True)
-        file = path.open("wb")
-    except OSError:
+        file = _opened(path)
+    except OSError as error:
+        log.warning("commands on this machine must name the router of this run: %s", error)
         yield
         return
     with file:
@@ -62,8 +67,7 @@ def starting(router: str, waits: Callable[[], None], patience: float = START_PAT
     """
     path = _folder() / f"{re.sub(r'[^0-9A-Za-z]+', '_', router)[:100]}.starting"
     try:
-        path.parent.mkdir(mode=0o700, exist_ok=True)
-        file = path.open("wb")
+        file = _opened(path)
     except OSError:
         yield
         return
@@ -82,9 +86,10 @@ def starting(router: str, waits: Callable[[], None], patience: float = START_PAT
 def local_runs(fleet: str = "") -> list[LocalRun]:
     """Return the present runs, of this fleet or of all."""
     found = []
-    for path in sorted(_folder().glob("*.json")):
+    folder = _folder()
+    for path in sorted(folder.glob("*.json")) if _is_own(folder) else ():
         with suppress(OSError, msgspec.DecodeError), path.open("rb") as file:
-            if path.stat().st_uid == os.getuid() and not _locks(file.fileno(), fcntl.LOCK_SH):  # its process lives
+            if not _locks(file.fileno(), fcntl.LOCK_SH):  # its process lives
                 found.append(msgspec.json.decode(file.read(), type=LocalRun))
     return [run for run in found if run.network == _network() and fleet in ("", run.fleet)]
 
@@ -124,6 +129,25 @@ def _locks(file: int, kind: int) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Open a file of ours to be written. Raises OSError, also for a folder that another user has made for us.
+
+    In a folder of another's a link could lead to any file of ours.
+    """
+    path.parent.mkdir(mode=0o700, exist_ok=True)
+    if not _is_own(path.parent):
+        raise PermissionError(errno.EPERM, "it belongs to another user, or others may write in it", str(path.parent))
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600), "wb")
+
+
+def _is_own(folder: Path) -> bool:
+    """Whether it is a folder of this user in which nobody else may write, and no link to one."""
+    with suppress(OSError):
+        found = folder.lstat()
+        return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    return False
 
 
 def _folder() -> Path:

@@ -72,6 +72,28 @@ def test_what_a_killed_run_has_left_is_no_run(folder: Path) -> None:
     assert local_runs() == []
 
 
+@pytest.mark.parametrize("made", ["writable by all", "a link"])
+def test_in_a_folder_that_another_user_has_prepared_nothing_is_read_or_written(
+    made: str, folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Without XDG_RUNTIME_DIR it is below /tmp, where anybody can make it first, with links to files of ours."""
+    there = folder if made == "writable by all" else tmp_path / "there"
+    there.mkdir()
+    if made == "a link":
+        folder.symlink_to(there)
+    else:
+        folder.chmod(0o777)
+    mine = tmp_path / "mission.yaml"
+    mine.write_text("mission: mine")
+    for name in (f"{os.getpid()}.json", "tcp_127_0_0_1_7447.starting"):
+        (there / name).symlink_to(mine)
+    with starting(USUAL, lambda: None), announced("sar", USUAL):
+        assert local_runs() == []
+    assert mine.read_text() == "mission: mine"
+    assert len(list(there.iterdir())) == 2
+    assert "commands on this machine must name the router of this run" in caplog.text
+
+
 def test_a_run_behind_another_loopback_is_not_ours(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with announced("sar", "tcp/127.0.0.1:7450"):
         monkeypatch.setattr("commd.process.local_runs._network", lambda: 1)
