@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from itertools import islice
 
 from schemas.humanize import LONGEST, shortened
 from schemas.wire.mind_records import ActivityEvent
@@ -21,20 +21,15 @@ class LoggedMessage:
     receiver: str
     performative: str
     content: str
-    number: int = 0
-    """Of its last change: counts up over all messages."""
+    number: int
+    """Counts up from 1, in the order in which messages were first reported."""
     reported: float = 0.0
     """When it was first reported."""
     sent: float | None = None
     received: float | None = None
     in_reply_to: str = ""
     undelivered: str = ""
-    """Why it was not delivered; empty = it was, or is on its way."""
-
-    @property
-    def state(self) -> Literal["in_flight", "received", "undelivered"]:
-        """Its state, as far as it was reported."""
-        return "received" if self.received is not None else "undelivered" if self.undelivered else "in_flight"
+    """Why it was given up; it may have arrived all the same. Empty = it is received, or on its way."""
 
     @property
     def at(self) -> float:
@@ -43,12 +38,12 @@ class LoggedMessage:
 
 
 class MessageLog:
-    """Keeps the last messages by id, sender and receiver, in the order of their last changes."""
+    """Keeps the last messages by id, sender and receiver, in the order in which they were first reported."""
 
     def __init__(self, most: int = MOST, longest: int = LONGEST) -> None:
         """`most`: messages that are kept; `longest`: characters of a message's content that are kept."""
-        self.number = 0
-        """Of the last change."""
+        self._number = 0
+        """Of the last message."""
         self.forgotten = 0
         """Messages that are no longer kept."""
         self._most, self._longest = most, longest
@@ -75,32 +70,26 @@ class MessageLog:
             message.received = max(message.sent, message.received)  # the two times are estimates
         return message
 
-    def since(self, number: int) -> list[LoggedMessage]:
-        """Return the messages that came or changed after that number, in the order of their changes."""
-        found: list[LoggedMessage] = []
-        for message in reversed(self._messages.values()):
-            if message.number <= number:
-                break
-            found.append(message)
-        return found[::-1]
+    def newest(self, most: int | None = None) -> list[LoggedMessage]:
+        """Return the messages that were first reported last, at most `most`, the oldest first; None: all."""
+        return list(islice(reversed(self._messages.values()), most))[::-1]
 
     def give_up(self, before: float, why: str) -> None:
         """Mark each message that is on its way since before `before` as undelivered, for the reason `why`."""
-        for key, message in list(self._messages.items()):
-            if message.state == "in_flight" and (message.sent or 0.0) < before:
-                self.number += 1
-                message.number, message.undelivered = self.number, why
-                self._messages[key] = self._messages.pop(key)
+        for message in self._messages.values():
+            if message.received is None and not message.undelivered and (message.sent or 0.0) < before:
+                message.undelivered = why
 
     def _message(self, event: ActivityEvent, sender: str, receiver: str, at: float) -> LoggedMessage:
-        self.number += 1
-        key = (shortened(event.id) or f"#{self.number}", shortened(sender), shortened(receiver))
-        message = self._messages.pop(key, None) or LoggedMessage(*key, shortened(event.performative), "", reported=at)
-        message.number = self.number
+        key = (shortened(event.id) or f"#{self._number + 1}", shortened(sender), shortened(receiver))
+        message = self._messages.get(key)
+        if message is None:
+            self._number += 1
+            message = LoggedMessage(*key, shortened(event.performative), "", self._number, at)
+            self._messages[key] = message
+            if len(self._messages) > self._most:
+                del self._messages[next(iter(self._messages))]
+                self.forgotten += 1
         message.content = message.content or shortened(event.text, self._longest)
         message.in_reply_to = message.in_reply_to or shortened(event.in_reply_to)
-        self._messages[key] = message
-        if len(self._messages) > self._most:
-            del self._messages[next(iter(self._messages))]
-            self.forgotten += 1
         return message

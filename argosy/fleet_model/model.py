@@ -101,11 +101,12 @@ class FleetModel:
         self.agents, self.robots, self.boards = roster.agents, roster.robots, roster.boards
         self.clients = roster.clients
         """Programs that act as agents, and other holders of names on the bus."""
-        self.timeline, self.messages, self.places = Timeline(), MessageLog() if messages is None else messages, Places()
+        self.clock = MissionClock(mission)
+        self.timeline = Timeline(self.clock.seconds)
+        self.messages, self.places = MessageLog() if messages is None else messages, Places()
         self.actions = ActionsSeen()
         self.counts: Counter[str] = Counter()
         """Percepts and statuses that were heard."""
-        self.clock = MissionClock(mission)
         self.mission_problem = ""
         """Why the mission that a board has served cannot be used here; empty if it can."""
         self._mission_of = ""

@@ -8,9 +8,10 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import islice
 from typing import Literal
+
+import msgspec
 
 from argosy.cli.journal import Level
 from argosy.fleet_model.message_log import MessageLog
@@ -32,8 +33,7 @@ What = Literal[
 """Kind of an entry: `came` and `went` are of daemons, `report` is a change that a robot or daemon reports."""
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """One event."""
 
     number: int
@@ -49,6 +49,8 @@ class Entry:
     """Of the action or message."""
     other: str = ""
     """The agent to which or from which a message goes."""
+    mission: float | None = None
+    """Mission seconds, by the clock of the run in which it happened; None = not known then."""
 
     def __str__(self) -> str:
         return f"{clock(self.at)}  {self.who}: {self.text}"
@@ -62,7 +64,9 @@ def clock(at: float) -> str:
 class Timeline:
     """Keeps the last entries."""
 
-    def __init__(self) -> None:
+    def __init__(self, mission_seconds: Callable[[float], float | None]) -> None:
+        """`mission_seconds` converts Unix seconds; None = not known."""
+        self._mission_seconds = mission_seconds
         self.entries: deque[Entry] = deque(maxlen=MOST)
         self.number = 0
         """Of the last entry."""
@@ -74,7 +78,8 @@ class Timeline:
     ) -> Entry:
         """Enter an event. `at` is in Unix seconds."""
         self.number += 1
-        entry = Entry(self.number, at, who, what, shortened(text), level, shortened(id), shortened(other))
+        id, other, mission = shortened(id), shortened(other), self._mission_seconds(at)
+        entry = Entry(self.number, at, who, what, shortened(text), level, id, other, mission)
         self.entries.append(entry)
         if self.listener is not None:
             self.listener(entry)

@@ -179,7 +179,7 @@ class SceneReader:
     def _scene(self) -> Scene:
         model = self._model
         robots = {name: model.robots[name].seen for name in dict.fromkeys(self._robot_of.values())}
-        messages = sorted(model.messages.since(0), key=lambda message: message.at)
+        messages = sorted(model.messages.newest(), key=lambda message: message.at)
         met = {name for one in messages for name in (one.sender, one.receiver)}
         met |= {action.agent for action in model.actions.by_id.values()}
         scene = Scene(

@@ -15,18 +15,9 @@ from argosy.fleet_model.members import notes_of
 from argosy.fleet_model.observer import Wanted
 from argosy.ui.map_markers import marks
 from argosy.ui.page_requests import ControlRequests
-from argosy.ui.view_builders import (
-    agent_view,
-    board_view,
-    entry_view,
-    formulas,
-    message_view,
-    note_view,
-    robot_view,
-    run_view,
-)
+from argosy.ui.view_builders import agent_view, board_view, formulas, note_view, robot_view
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
-from argosy.ui.view_structs import DefectView, HeadView, MessageView, SeenMind
+from argosy.ui.view_structs import HeadView, SeenMind
 from commd.process.log_handler import one_line
 from schemas.version import RELEASE
 from schemas.wire.records import Header, Note
@@ -51,7 +42,7 @@ class FleetSession:
         self.place, self.mission, self.identity = place, place.mission, identity
         self.link = FleetLink(place, WANTED, choosing=True, notify=_report)
         self.model = self.link.model
-        self.shown = Shown(self._tracks)
+        self.shown = Shown(self.model.timeline, self._tracks)
         self._run = self.model.lives.run
         self.pages: set[Page] = set()
         self.requests = ControlRequests(self.link, self._robots, self._rights)
@@ -59,9 +50,6 @@ class FleetSession:
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
         self._marks = marks(self.model)
-        self._entry = self._message = 0
-        """Numbers of the last timeline entry and message change that are shown."""
-        self._messages: dict[tuple[str, str, str], MessageView] = {}
         self._defect = ""
 
     # What is shown.
@@ -79,7 +67,7 @@ class FleetSession:
             if what != self._defect:
                 _report(what)
             self._defect = what
-            self.shown.add({"defect": DefectView(text=what), "head": self._head()} | self._ordered())
+            self.shown.add({"defect": what, "head": self._head()} | self._ordered())
         else:
             self._defect = ""
 
@@ -91,10 +79,7 @@ class FleetSession:
             self.shown.begin_run()
         if now - self._marked >= MARKED:
             self._marked, self._marks = now, marks(self.model)
-        entries = self.model.timeline.since(self._entry)
-        self._entry = self.model.timeline.number
-        self._take_messages()
-        self.shown.show(self._parts(), [entry_view(entry, self.model.clock) for entry in entries])
+        self.shown.show(self._parts())
 
     def left(self, page: Page) -> None:
         """Forget a page and the minds that only it looked at."""
@@ -121,7 +106,7 @@ class FleetSession:
             parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name), shared)
         for name, board in model.boards.items():
             parts[f"board/{name}"] = board_view(board)
-        for message in self._messages.values():
+        for message in model.messages.newest(MESSAGES):
             parts[f"message/{message.number}"] = message
         parts |= self._ordered()
         for name in self._looked & model.agents.keys():
@@ -145,6 +130,9 @@ class FleetSession:
             router = "ended"
         differs = started_with is not None and mission is not None and mission.text != started_with.text
         notes = [note_view(note, names) for note, names in self._notes().items()]
+        run, silent = model.run_state, model.run_silent
+        if run is not None:
+            run = replace(run, header=Header(), mission_time=run.mission_time if model.over else 0.0)
         return HeadView(
             fleet=link.fleet,
             fleets=link.fleets if not link.fleet else (),
@@ -159,7 +147,8 @@ class FleetSession:
             observer=self._rights(),
             inject=None if mission is None else mission.inject,
             mission_differs=started_with.path.name if started_with is not None and differs else "",
-            run=run_view(model),
+            run=run,
+            run_silent=None if silent is None else round(model.now() - silent, 1),
             as_of=model.as_of if model.over else None,
             notes=tuple(one for one in notes if one.level == "warning" and len(one.names) > 1),
             alarms=tuple(one for one in notes if one.level == "error"),
@@ -171,16 +160,6 @@ class FleetSession:
             tiles=self._tiles,
             unreached=() if model.over else link.unreached,
         )
-
-    def _take_messages(self) -> None:
-        """Take new and changed messages, and forget the oldest."""
-        for message in self.model.messages.since(self._message):
-            self._message = message.number
-            key = (message.id, message.sender, message.receiver)
-            known = self._messages.get(key)
-            self._messages[key] = message_view(message, known.number if known else message.number)
-        while len(self._messages) > MESSAGES:
-            del self._messages[next(iter(self._messages))]
 
     def _tracks(self) -> dict[str, list[tuple[float, float]]]:
         """Return the track of each robot, thinned to about `TRACK` points."""

@@ -6,7 +6,6 @@ import math
 from collections.abc import Container, Iterable, Sequence
 from typing import Literal
 
-from msgspec import convert
 from msgspec.structs import replace
 
 from argosy.cli.remedies import level_of
@@ -14,21 +13,8 @@ from argosy.fleet_model.actions import ActionSeen
 from argosy.fleet_model.activity import activity
 from argosy.fleet_model.fleet_status import Standing
 from argosy.fleet_model.members import FleetAgent, FleetBoard, FleetRobot, Member
-from argosy.fleet_model.message_log import LoggedMessage
-from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.model import FleetModel
-from argosy.fleet_model.timeline import Entry
-from argosy.ui.view_structs import (
-    AgentView,
-    BoardView,
-    HappenedView,
-    IntentionLine,
-    MessageView,
-    NoteView,
-    RobotView,
-    RunningView,
-    RunView,
-)
+from argosy.ui.view_structs import AgentView, BoardView, NoteView, RobotView, RunningView
 from schemas.liveness import MIND_STALE_AFTER
 from schemas.mission.model import Ending, Robot
 from schemas.wire.records import Note
@@ -48,13 +34,7 @@ def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note]) ->
     counted = {} if mind is None else {
         "program": mind.program,
         "cycle": mind.cycle,
-        "intentions": tuple(
-            IntentionLine(
-                id=one.id, state=one.state, goal=one.stack[0] if one.stack else "", depth=len(one.stack),
-                waits_for=one.waits_for, at=one.at,
-            )
-            for one in mind.intentions[:INTENTIONS]
-        ),
+        "intentions": tuple(replace(one, stack=one.stack[:1]) for one in mind.intentions[:INTENTIONS]),
         "intention_count": len(mind.intentions) + mind.intentions_left_out,
         "belief_count": len(mind.beliefs) + mind.beliefs_left_out,
         "event_count": len(mind.events) + mind.events_left_out,
@@ -138,42 +118,6 @@ def formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[st
         mind = model.agents[one.agent].mind if one.agent in model.agents else None
         held[f"{one.agent}: {one.formula}"] = bool(mind and getattr(mind, what).get(one.formula, False))
     return held
-
-
-def message_view(message: LoggedMessage, number: int) -> MessageView:
-    """Return the view of a message; `number` is its place in the chart."""
-    return replace(convert(message, MessageView, from_attributes=True), number=number)
-
-
-def run_view(model: FleetModel) -> RunView | None:
-    """Return the view of the run; None if no run is published."""
-    state, silent = model.run_state, model.run_silent
-    if state is None:
-        return None
-    return RunView(
-        phase=state.phase,
-        why=state.why,
-        seconds=round(state.mission_time, 1) if model.over else 0.0,
-        report=state.report,
-        recording=state.recording,
-        silent=None if silent is None else round(model.now() - silent, 1),
-    )
-
-
-def entry_view(entry: Entry, clock: MissionClock) -> HappenedView:
-    """Return the view of a timeline entry."""
-    seconds = clock.seconds(entry.at)
-    return HappenedView(
-        n=entry.number,
-        at=round(entry.at, 2),
-        mission=None if seconds is None else round(seconds, 1),
-        who=entry.who,
-        what=entry.what,
-        text=entry.text,
-        level=entry.level,
-        other=entry.other,
-        id=entry.id,
-    )
 
 
 def _standing(member: Member) -> Standing | Literal["ended"]:

@@ -1,13 +1,12 @@
 """The parts that pages show, each with a key, and the WebSocket that sends a page the parts that have changed.
 
-Nothing waits for a page: a slow one gets the present state when it is ready, and the newest events that are kept.
+Nothing waits for a page: a slow one gets the present state when it is ready, and the events that the timeline keeps.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -15,10 +14,9 @@ import msgspec
 from aiohttp import WSMsgType, web
 
 from argosy.fleet_model.mission_clock import steady_clock
+from argosy.fleet_model.timeline import Entry, Timeline
 from argosy.ui.view_structs import encoded
 
-KEPT = 3_000
-"""Events that are kept for later pages."""
 AT_FIRST = 600
 """Events that a new page is sent."""
 AT_ONCE = 250
@@ -51,22 +49,20 @@ class Seen:
 
 
 class Shown:
-    """The parts as JSON, and the turn in which each was last changed."""
+    """The parts as JSON, and the turn in which each was last changed; and the events of a timeline."""
 
-    def __init__(self, at_first: Callable[[], object] = dict) -> None:
+    def __init__(self, timeline: Timeline, at_first: Callable[[], object] = dict) -> None:
         """`at_first` returns the flown tracks, which a page gets when it opens and when a run begins."""
         self.turn = 0
-        self._at_first, self._run_began = at_first, 1
+        self._timeline, self._at_first, self._run_began = timeline, at_first, 1
         self.parts: dict[str, tuple[int, bytes]] = {}
-        self.events: deque[tuple[int, bytes]] = deque(maxlen=KEPT)
-        """The newest events by number, which counts up from 1."""
 
     def begin_run(self) -> None:
         """Send the tracks again with the next message: those of the run before are over."""
         self._run_began = self.turn + 1
 
-    def show(self, parts: Mapping[str, object], events: Sequence[object] = ()) -> None:
-        """Replace all parts, and add events."""
+    def show(self, parts: Mapping[str, object]) -> None:
+        """Replace all parts."""
         self.turn += 1
         for key in self.parts.keys() - parts.keys():
             del self.parts[key]
@@ -74,10 +70,6 @@ class Shown:
             data = encoded(part)
             if key not in self.parts or self.parts[key][1] != data:
                 self.parts[key] = (self.turn, data)
-        number = self.events[-1][0] if self.events else 0
-        for event in events:
-            number += 1
-            self.events.append((number, encoded(event)))
 
     def add(self, parts: Mapping[str, object]) -> None:
         """Replace some parts; the others stay."""
@@ -101,21 +93,16 @@ class Shown:
         seen.turn, seen.parts = self.turn, wanted
         fields += [b'"set":{' + b",".join(changed) + b"}"] if changed else []
         fields += [b'"gone":' + gone] if gone else []
-        fields += [b'"events":[' + b",".join(events) + b"]"] if events else []
+        fields += [b'"events":' + encoded(events)] if events else []
         fields += [b'"left_out":' + encoded(left_out)] if left_out else []
         return b"{" + b",".join(fields) + b"}"
 
-    def _events(self, seen: Seen) -> tuple[list[bytes], int]:
-        if not self.events:
-            seen.begun = True
-            return [], 0
-        newest, oldest = self.events[-1][0], self.events[0][0]
+    def _events(self, seen: Seen) -> tuple[list[Entry], int]:
         if not seen.begun:
-            seen.begun, seen.event = True, max(seen.event, newest - AT_FIRST, oldest - 1)
-        left_out = max(0, oldest - 1 - seen.event)
-        first = max(seen.event + 1, oldest)
-        some = [data for _, data in list(self.events)[first - oldest : first - oldest + AT_ONCE]]
-        seen.event = first - 1 + len(some)
+            seen.begun, seen.event = True, max(seen.event, self._timeline.number - AT_FIRST, 0)
+        some = self._timeline.since(seen.event)[:AT_ONCE]
+        left_out = some[0].number - seen.event - 1 if some else 0
+        seen.event += left_out + len(some)
         return some, left_out
 
 

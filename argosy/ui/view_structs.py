@@ -1,6 +1,8 @@
 """Views for the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
 
-Views of minds are sent as received (schemas/wire/mind_records.py, docs/reference/records.md).
+Views of minds are sent as received (schemas/wire/mind_records.py, docs/reference/records.md), events and messages
+(parts `message/NUMBER`) as the model has them (argosy/fleet_model). The part `defect` is a text: why the others stay as
+they were.
 """
 
 from __future__ import annotations
@@ -10,8 +12,8 @@ from typing import Literal
 import msgspec
 
 from argosy.fleet_model.activity import Doing
-from schemas.wire.mind_records import MindView, WaitView
-from schemas.wire.records import RunPhase
+from schemas.wire.mind_records import IntentionView, MindView
+from schemas.wire.records import RunState
 
 _encoder = msgspec.json.Encoder()
 
@@ -23,20 +25,6 @@ def encoded(thing: object) -> bytes:
 
 class View(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A part of the page; fields with their default value are left out."""
-
-
-class RunView(View, frozen=True, kw_only=True):
-    """State of the run, as `argosy run` publishes it."""
-
-    phase: RunPhase
-    why: str = ""
-    """Why it has failed, or why it brings its vehicles home."""
-    seconds: float = 0.0
-    """Mission seconds that it took; of a run that goes on, 0."""
-    report: str = ""
-    recording: str = ""
-    silent: float | None = None
-    """Time since when `argosy run` is silent; None = it is heard."""
 
 
 class NoteView(View, frozen=True, kw_only=True):
@@ -75,8 +63,10 @@ class HeadView(View, frozen=True, kw_only=True):
     """Whether the mission lets minds take orders; None = the mission is not known."""
     mission_differs: str = ""
     """The file that `argosy ui` was started with, if the fleet runs another mission."""
-    run: RunView | None = None
-    """None: no run is published, as in a fleet of boards."""
+    run: RunState | None = None
+    """None: no run is published, as in a fleet of boards. Of a run that goes on without its mission time."""
+    run_silent: float | None = None
+    """Time since when `argosy run` is silent; None = it is heard."""
     as_of: float | None = None
     """Time of the state that is shown, if the run is over; None = now."""
     notes: tuple[NoteView, ...] = ()
@@ -97,12 +87,6 @@ class HeadView(View, frozen=True, kw_only=True):
     """Boards that are not reached, each with the reason."""
 
 
-class DefectView(View, frozen=True, kw_only=True):
-    """A defect of `argosy ui` (part `defect`); the other parts stay as they were."""
-
-    text: str
-
-
 class RunningView(View, frozen=True, kw_only=True):
     """An action that runs."""
 
@@ -114,18 +98,6 @@ class RunningView(View, frozen=True, kw_only=True):
     """Time of its last status, if that is old; None = it is fresh."""
     feedback: dict[str, float] = {}
     target: tuple[float, float] | None = None
-
-
-class IntentionLine(View, frozen=True, kw_only=True):
-    """An intention in one line."""
-
-    id: int
-    state: str
-    goal: str = ""
-    """The top of its stack."""
-    depth: int = 0
-    waits_for: WaitView | None = None
-    at: str = ""
 
 
 class AgentView(View, frozen=True, kw_only=True):
@@ -150,7 +122,8 @@ class AgentView(View, frozen=True, kw_only=True):
     why_silent: str = ""
     program: str = ""
     cycle: int = 0
-    intentions: tuple[IntentionLine, ...] = ()
+    intentions: tuple[IntentionView, ...] = ()
+    """The first ones, each with the top of its stack."""
     intention_count: int = 0
     belief_count: int = 0
     event_count: int = 0
@@ -235,39 +208,6 @@ class MarksView(View, frozen=True, kw_only=True):
     marks: tuple[MarkView, ...] = ()
     areas: tuple[AreaView, ...] = ()
     left_out: int = 0
-
-
-class MessageView(View, frozen=True, kw_only=True):
-    """A message between agents (part `message/N`)."""
-
-    number: int
-    """Counts messages in the order in which they were first reported."""
-    id: str
-    sender: str
-    receiver: str
-    performative: str
-    content: str
-    sent: float | None = None
-    received: float | None = None
-    in_reply_to: str = ""
-    state: Literal["in_flight", "received", "undelivered"]
-    undelivered: str = ""
-    """Why it was given up; it may have arrived all the same."""
-
-
-class HappenedView(View, frozen=True, kw_only=True):
-    """A line of the timeline."""
-
-    n: int
-    at: float
-    mission: float | None = None
-    """Mission seconds by the fleet's clock; None = not known."""
-    who: str
-    what: str
-    text: str
-    level: str = "info"
-    other: str = ""
-    id: str = ""
 
 
 class OrderedView(View, frozen=True, kw_only=True):

@@ -254,7 +254,7 @@ class TimelineRows:
 
 def _entry_row(model: FleetModel, entry: Entry) -> Row:
     style = STYLES[entry.level] if entry.what not in ("sent", "received") else "magenta"
-    seconds = model.clock.seconds(entry.at)
+    seconds = model.clock.seconds(entry.at) if entry.mission is None else entry.mission
     time = clock(entry.at) if seconds is None else f"{seconds:8.1f}"
     text = Text.assemble((f"{time} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
     return Row(text, indent=10, found_by=entry.what)

@@ -66,8 +66,8 @@ export class Agents {
     say(node.counts, agent && agent.state ? counts(agent) : "");
     put(node.counts, "title", agent ? `${agent.belief_count ?? 0} beliefs, ${agent.event_count ?? 0} events wait, ${agent.mailbox ?? 0} messages wait` : null);
     const top = agent?.intentions?.[0];
-    say(node.goal, top ? `${top.goal}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
-    put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${awaited(one.waits_for)} ${one.at ?? ""}`).join("\n") || null);
+    say(node.goal, top ? `${goalOf(top)}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
+    put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${goalOf(one)}  ${one.state} ${awaited(one.waits_for)} ${one.at ?? ""}`).join("\n") || null);
     const action = agent?.actions?.at(-1);
     const named = action && action.text === agent.action ? "" : `▸ ${shortened(rounded(action?.text ?? ""), 60)} `; // else the state names it
     say(node.doing, action ? `${named}for ${ago(wire, action.began)}${action.silent ? `, not heard of for ${ago(wire, action.silent)}` : progress(action)}` : "");
@@ -100,6 +100,10 @@ export class Agents {
     event.preventDefault();
     (step > 0 ? event.target.nextElementSibling : event.target.previousElementSibling)?.focus();
   }
+}
+
+function goalOf(intention) {
+  return intention.stack?.[0] ?? "";
 }
 
 function counts(agent) {
@@ -149,7 +153,7 @@ function rowsOf(wire) {
   for (const row of rows) {
     const state = row.agent ? stateOf(row.agent) : ["", "", ""];
     row.trouble = ["bad", "gone"].includes(state[1]) ? 3 : row.robot?.lost || row.robot?.operator || row.robot?.paused ? 2 : row.agent?.dropped || state[1] === "warn" ? 1 : 0;
-    row.words = JSON.stringify([row.agent?.name, row.robot?.name, state[2], row.robot?.mode, row.robot?.armed ? "armed" : "disarmed", row.agent?.intentions?.map((one) => one.goal), row.agent?.board, row.robot?.operator, row.robot?.paused ? "paused" : ""]).toLowerCase();
+    row.words = JSON.stringify([row.agent?.name, row.robot?.name, state[2], row.robot?.mode, row.robot?.armed ? "armed" : "disarmed", row.agent?.intentions?.map(goalOf), row.agent?.board, row.robot?.operator, row.robot?.paused ? "paused" : ""]).toLowerCase();
   }
   return rows.sort((one, other) => byName(one.agent?.name ?? one.robot.name, other.agent?.name ?? other.robot.name));
 }

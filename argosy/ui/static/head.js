@@ -51,7 +51,7 @@ export class Head {
     put(this.name, "title", head.file);
     put(this.mission, "title", head.file);
     const up = (head.router ?? "never") === "up" && !wire.problem, ended = head.router === "ended" && !wire.problem;
-    const [sign, kind, word] = runState(head.run, up || ended);
+    const [sign, kind, word] = runState(head.run, (up || ended) && !head.run_silent);
     put(this.run, "hidden", !head.run);
     put(this.run, "class", `chip ${kind}`);
     say(this.run, `${sign} ${word}`);
@@ -75,7 +75,7 @@ export class Head {
   _time(head, wire) {
     // The clock stands while nobody tells the time.
     const until = wire.problem ? wire.now() - wire.silentFor : (head.router ?? "never") === "up" ? wire.now() : head.router_since;
-    const seconds = isOver(head.run) ? head.run.seconds : missionSeconds(wire, until);
+    const seconds = isOver(head.run) ? head.run.mission_time ?? 0 : missionSeconds(wire, until);
     put(this.time, "hidden", seconds === null);
     if (seconds === null) return;
     const speed = head.speed ?? 1;
@@ -101,7 +101,7 @@ function banners(head, wire, actions) {
   if (wire.problem) {
     found.push(["bad", `${wire.problem}. Below is what was known ${wall(wire, wire.silentFor)} ago`, null, "server"]);
   } else if (isOver(head.run)) {
-    const { phase, why, seconds, report, recording } = head.run;
+    const { phase, why, mission_time: seconds = 0, report, recording } = head.run;
     const kept = [report && `Report: ${report}.`, recording && `Recording: ${recording}.`].filter(Boolean).join(" ");
     const text = phase === "done" ? `The mission is done after ${seconds.toFixed(1)} s.` : `The mission has failed after ${seconds.toFixed(1)} s: ${why || "see the report"}.`;
     found.push([phase === "done" ? "good" : "bad", `${text} ${kept}`, null, "run"]);
@@ -118,8 +118,8 @@ function banners(head, wire, actions) {
     found.push(["warn", `No daemon of fleet ${head.fleet} is on the bus at ${head.endpoint} now`, null, "nobody"]);
   }
   const defect = wire.get("defect");
-  if (defect) found.push(["bad", `${defect.text}. What is below is no longer updated`, null, "defect"]);
-  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: nothing supervises this run now`, null, "watched"]);
+  if (defect) found.push(["bad", `${defect}. What is below is no longer updated`, null, "defect"]);
+  if (head.run_silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run_silent)}: nothing supervises this run now`, null, "watched"]);
   if (head.mission_differs) found.push(["warn", `The fleet runs another mission than ${head.mission_differs}, with which argosy ui was started: that of the fleet counts here`, null, "mission"]);
   for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${noteKey(alarm)}`]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);
@@ -142,9 +142,10 @@ const PHASES = {
 
 // How a run is, as far as it is heard: [sign, class, word]
 function runState(run, heard) {
-  const [sign, kind] = PHASES[run?.phase] ?? ["", ""];
-  const word = (run?.phase ?? "").replace("_", " ");
-  return isOver(run) || (heard && !run?.silent) ? [sign, kind, word] : [sign, "warn", `${word}?`];
+  const phase = run?.phase ?? "starting";
+  const [sign, kind] = PHASES[phase];
+  const word = phase.replace("_", " ");
+  return isOver(run) || heard ? [sign, kind, word] : [sign, "warn", `${word}?`];
 }
 
 export function isOver(run) {

@@ -119,11 +119,11 @@ export class SequenceChart {
 }
 
 function isFlying(message) {
-  return message.state === "in_flight";
+  return message.received === null && !message.undelivered;
 }
 
 function isLost(message) {
-  return message.state === "undelivered";
+  return message.received === null && Boolean(message.undelivered);
 }
 
 function at(message) {

@@ -67,12 +67,12 @@ export class Timeline {
       if (words && !`${event.who} ${event.text}`.toLowerCase().includes(words)) continue;
       shown.push(event);
     }
-    shown.sort((one, other) => one.at - other.at || one.n - other.n); // what an agent did is published some time later
-    keyed(this.list, shown, (event) => event.n, (event) => this._row(event), (row, event) => say(row.firstChild, this._time(event)));
-    const newest = shown.reduce((most, event) => Math.max(most, event.n), 0);
+    shown.sort((one, other) => one.at - other.at || one.number - other.number); // what an agent did is published some time later
+    keyed(this.list, shown, (event) => event.number, (event) => this._row(event), (row, event) => say(row.firstChild, this._time(event)));
+    const newest = shown.reduce((most, event) => Math.max(most, event.number), 0);
     if (this._bottom) this._down();
     else {
-      const more = shown.filter((event) => event.n > this._seen).length;
+      const more = shown.filter((event) => event.number > this._seen).length;
       put(this.newer, "hidden", more === 0);
       say(this.newer, `↓ ${more} newer`);
     }
@@ -87,7 +87,7 @@ export class Timeline {
 
   _row(event) {
     const robot = this._wire.get(`agent/${event.who}`)?.robot ?? event.who;
-    const row = el("li", { class: `event is-${event.level ?? "info"} of-${event.what}`, "data-n": event.n, title: `${clock(event.at)} (wall)` },
+    const row = el("li", { class: `event is-${event.level ?? "info"} of-${event.what}`, "data-n": event.number, title: `${clock(event.at)} (wall)` },
       el("span", { class: "at" }),
       el("button", { class: "who", type: "button", style: { "--tone": toneOf(robot) }, on: { click: () => this._actions.select(event.who, null) } }, event.who),
       el("span", { class: "sign", "aria-hidden": true }, SIGNS[event.what] ?? "·"),

@@ -4,7 +4,7 @@ const SILENCE = 3000; // ms without a word, of which there is one a second, afte
 const HERE = 2000; // ms that the server has to say that it is there
 const ANSWER = 25000; // ms that it has to answer what was posted: robots have 15 s
 const AGAIN = 1000; // ms between two attempts
-const EVENTS = 3000; // kept here
+const EVENTS = 5000; // kept here, as at the server
 
 export class Wire {
   constructor(changed) {
@@ -113,8 +113,8 @@ export class Wire {
     }
     for (const [key, part] of Object.entries(news.set ?? {})) this.parts.set(key, part);
     for (const event of news.events ?? []) {
-      if (event.n <= this._newest) continue;
-      this._newest = event.n;
+      if (event.number <= this._newest) continue;
+      this._newest = event.number;
       this.events.push(event);
       changed.add("events");
     }

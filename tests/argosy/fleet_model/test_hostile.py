@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import msgspec
 import pytest
 
 from argosy.fleet_model.members import MOST
@@ -76,12 +77,12 @@ def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
         assert len(one) <= 500
     kept = [
         *model.timeline.entries,
-        *model.messages.since(0),
+        *model.messages.newest(),
         *model.actions.by_id.values(),
         *model.places.all.values(),
     ]
     for thing in kept:
-        for value in vars(thing).values():
+        for value in msgspec.to_builtins(thing).values():
             if isinstance(value, str):
                 assert value.isprintable()
                 assert len(value) <= 500

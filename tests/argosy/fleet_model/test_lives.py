@@ -47,8 +47,8 @@ def test_with_a_new_run_all_that_was_known_of_the_one_before_goes() -> None:
     assert fleet.model.actions.open() == []
     robot = fleet.model.robots["uav1"].seen
     assert (robot.mode, robot.position, robot.track.most) == ("", None, 2_000)
-    (message,) = fleet.model.messages.since(1)
-    assert (message.state, message.undelivered) == ("undelivered", "not known: the run in which it was sent is over")
+    (message,) = fleet.model.messages.newest()
+    assert message.undelivered == "not known: the run in which it was sent is over"
     assert (fleet.model.lives.run, fleet.model.clock.zero) == (2, None)
     texts = [one.text for one in fleet.model.timeline.entries]
     assert texts.count("a new run begins: all daemons of the one before had gone") == 1

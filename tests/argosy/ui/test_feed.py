@@ -130,7 +130,7 @@ async def test_whoever_comes_back_gets_no_event_twice() -> None:
             browser.following.model.timeline.add(1.0, "scout", "print", f"line {number}")
         async with browser.feed() as feed:
             await feed.hear_until(lambda: feed.events)
-        newest = feed.events[-1]["n"]
+        newest = feed.events[-1]["number"]
         browser.following.model.timeline.add(1.0, "scout", "print", "line 5")
         async with browser.feed(event=newest) as again:
             await again.hear_until(lambda: again.events)
