@@ -11,13 +11,12 @@ import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-from msgspec import Struct
+from msgspec import Struct, field
 
-from agentd.mind.persistence.rows import MindChanges, StoredMind
+from agentd.mind.persistence.rows import MindRows
 from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
 from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt, set_aside
 from commd.process.state_dir import make_private_file, make_private_folder
@@ -122,10 +121,11 @@ class ActionInFlight(NamedTuple):
     parameters: bytes
 
 
-class Saving(Struct):
-    """The changes of one agent in a transaction; whatever is not given stays unchanged."""
+class AgentRows(Struct):
+    """The changes of one agent in a transaction, where what is not given stays unchanged; or its state, which is read:
+    nothing is gone then, and its life is known."""
 
-    mind: MindChanges | None = None
+    mind: MindRows = field(default_factory=MindRows)
     absorbed: dict[tuple[str, str], int] = {}
     """The number of the last message that the mind has taken, by sender and numbering."""
     incoming: list[tuple[int, bytes]] = []
@@ -148,7 +148,7 @@ class Saving(Struct):
         return self != _NOTHING
 
 
-_NOTHING: Final = Saving()
+_NOTHING: Final = AgentRows()
 
 
 class LifeRow(NamedTuple):
@@ -159,38 +159,6 @@ class LifeRow(NamedTuple):
     lives: int
     program: bytes
     """The digest of its program."""
-
-
-@dataclass(slots=True)
-class Stored:
-    """The state of one agent in a checkpoint."""
-
-    life: LifeRow
-    mind: StoredMind = field(default_factory=StoredMind)
-    absorbed: dict[tuple[str, str], int] = field(default_factory=dict)
-    incoming: list[tuple[int, bytes]] = field(default_factory=list)
-    outgoing: list[Outgoing] = field(default_factory=list)
-    next_seq: dict[str, int] = field(default_factory=dict)
-    actions: dict[str, ActionInFlight] = field(default_factory=dict)
-
-    def as_saving(self) -> Saving:
-        """Return the saving that makes another checkpoint hold the same."""
-        mind = self.mind
-        return Saving(
-            mind=MindChanges(
-                beliefs=mind.beliefs,
-                predicates=mind.predicates,
-                plans=mind.plans,
-                pending=mind.pending,
-                values=mind.values,
-            ),
-            absorbed=self.absorbed,
-            incoming=self.incoming,
-            outgoing=self.outgoing,
-            next_seq=self.next_seq,
-            actions=self.actions,
-            life=self.life,
-        )
 
 
 class Checkpoint:
@@ -259,11 +227,11 @@ class Checkpoint:
         """The agents whose state is in the file."""
         return frozenset(self._numbers)
 
-    def read(self) -> dict[str, Stored]:
+    def read(self) -> dict[str, AgentRows]:
         """Return the state of each agent that was ever saved. Raises CheckpointError."""
         with self._lock, _as_checkpoint_error(self.path, "read"):
             lives = list(self._rows("SELECT number, name, numbering, lives, program FROM agent ORDER BY name"))
-            found = {number: Stored(LifeRow(*life)) for number, _, *life in lives}
+            found = {number: AgentRows(life=LifeRow(*life)) for number, _, *life in lives}
             for n, rank, entry in self._rows("SELECT * FROM belief ORDER BY 1, 2"):
                 found[n].mind.beliefs.append((rank, entry))
             for n, number, signature in self._rows("SELECT * FROM predicate ORDER BY 1, 2"):
@@ -290,7 +258,7 @@ class Checkpoint:
         assert self._database is not None
         return self._database.execute(query)
 
-    def save(self, savings: Mapping[str, Saving], soft: bool = False) -> None:
+    def save(self, savings: Mapping[str, AgentRows], soft: bool = False) -> None:
         """Write the changes of agents, by name: all of it or nothing. Raises CheckpointError; then save it again.
 
         It is on disk when this returns. If `soft` it survives the end of the process only, not a power cut: nobody else
@@ -322,14 +290,14 @@ class Checkpoint:
             if self._database is not None and self._sums.due(LOG_PAGES * PAGE):
                 self._sums.carry_over(self._database)
 
-    def _write(self, database: sqlite3.Connection, savings: Mapping[str, Saving]) -> None:
+    def _write(self, database: sqlite3.Connection, savings: Mapping[str, AgentRows]) -> None:
         """Execute each statement once, with the rows of all agents."""
         for name in savings:
             if name not in self._numbers:
                 (number,) = database.execute("INSERT INTO agent (name) VALUES (?) RETURNING number", (name,)).fetchone()
                 self._numbers[name] = number
         each = [(self._numbers[name], saving) for name, saving in savings.items()]
-        minds = [(n, saving.mind) for n, saving in each if saving.mind is not None]
+        minds = [(n, saving.mind) for n, saving in each]
         absorbed = [(n, *whose, seq) for n, s in each for whose, seq in s.absorbed.items()]
         self._used += bool(absorbed)
         for statement, rows in (

@@ -14,7 +14,7 @@ from functools import partial
 
 from agentd.mail.mail_client import MailClient
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.checkpoint import ActionInFlight, Outgoing, Saving
+from agentd.persistence.checkpoint import ActionInFlight, AgentRows, Outgoing
 from agentd.persistence.group_commit import ATOMIC_PATIENCE, BUSY_PATIENCE, Batch, GroupCommit
 from agentd.persistence.restore import RestoredState
 from agentd.runtime.mind_runner import MindRunner
@@ -54,7 +54,7 @@ class Checkpointer:
         """`restored` and `keeper` are None for an agent that is not kept."""
         self.counters: Counter[str] = Counter()
         """`saved` and `failed`: transactions that had changes of the agent; what was not kept."""
-        self.first: Saving | None = None
+        self.first: AgentRows | None = None
         """Further content of the first commit of this life."""
         self._notes: list[Note] = [] if restored is None else list(restored.notes)
         self._agent, self._mind = runner.mind.name, runner.mind
@@ -192,12 +192,12 @@ class Checkpointer:
             ended, self._ended = self._ended, []
         absorbed, passed, taken = inbox.captured()
         if self._keeper is not None:
-            saving, self.first = self.first or Saving(), None
+            saving, self.first = self.first or AgentRows(), None
             mind = self._keeper.changes()
             for what in mind.unkept:
                 self.counters["unkept"] += 1
                 log.warning("agent=%s %s", self._agent, what)
-            saving.mind = mind if mind else None
+            saving.mind = mind
             saving.absorbed = {(one.sender, one.numbering): seq for one, seq in (*passed.items(), *absorbed.items())}
             saving.taken = taken
             saving.outgoing = sent
@@ -230,7 +230,7 @@ class Checkpointer:
         if rows and self._keeper is not None:
             saving = batch.savings.get(self._agent)
             if saving is None:
-                saving = batch.savings[self._agent] = Saving()
+                saving = batch.savings[self._agent] = AgentRows()
                 batch.members.append(self)
             saving.incoming += rows
             batch.soft = False

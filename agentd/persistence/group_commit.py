@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Protocol
 
-from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
+from agentd.persistence.checkpoint import AgentRows, Checkpoint, CheckpointError
 from commd.common.tasks import Alarm
 
 log = logging.getLogger("keeping")
@@ -47,7 +47,7 @@ CLOSE_PATIENCE = 10.0
 class Batch:
     """What one transaction writes, and what waits for it."""
 
-    savings: dict[str, Saving] = field(default_factory=dict)
+    savings: dict[str, AgentRows] = field(default_factory=dict)
     """By agent."""
     members: list[Member] = field(default_factory=list)
     """The agents that it holds."""

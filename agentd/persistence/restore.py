@@ -30,12 +30,11 @@ from agentd.mind.persistence.change_tracking import Keeper
 from agentd.mind.persistence.pending_events import Origin
 from agentd.persistence.checkpoint import (
     DAMAGED,
+    AgentRows,
     Checkpoint,
     CheckpointError,
     LifeRow,
     Outgoing,
-    Saving,
-    Stored,
     Synchronous,
     remove,
 )
@@ -57,19 +56,19 @@ class RestoredState:
     """The checkpoint."""
     folder: Path
     """Of the agent's other files."""
-    stored: Stored | None
+    stored: AgentRows | None
     """None: the agent begins for the first time."""
     notes: list[Note] = field(default_factory=list)
     """Damage that was found."""
     actions: list[Action] = field(default_factory=list)
     """Actions that the last life had begun, or was about to begin."""
-    _unread: Saving = field(default_factory=Saving)
+    _unread: AgentRows = field(default_factory=AgentRows)
     """The rows that cannot be read, to be removed."""
 
     @property
     def life(self) -> int:
         """The number of restarts of the agent, this one included; 0: it begins."""
-        return 0 if self.stored is None else self.stored.life.lives
+        return 0 if self.stored is None or self.stored.life is None else self.stored.life.lives
 
     @property
     def correspondents(self) -> set[str]:
@@ -110,9 +109,9 @@ class RestoredState:
                 self._unread.taken.append(number)
                 self._lost(f"message {number} of another agent of the daemon", f"incoming {number}", bad)
 
-    async def went_back(self, stored: Stored, mailing: MailClient) -> str:
+    async def went_back(self, stored: AgentRows, mailing: MailClient) -> str:
         """Ask the board whether it has mail that this checkpoint does not know: return a warning, or an empty text."""
-        if not stored.life.numbering:
+        if stored.life is None or not stored.life.numbering:
             return ""
         ahead = await mailing.outbox.ahead(
             stored.life.numbering, {one: seq - 1 for one, seq in stored.next_seq.items()}
@@ -125,7 +124,7 @@ class RestoredState:
             f" taken messages that are not known here: {whom}; the agent may do and say again what it did then"
         )
 
-    def first_saving(self, mailing: MailClient, program: bytes) -> Saving:
+    def first_saving(self, mailing: MailClient, program: bytes) -> AgentRows:
         """Return the first save of this life; `program` is the digest of the agent's program."""
         saving = self._unread
         saving.life = LifeRow(mailing.outbox.numbering, self.life + 1, program)
@@ -140,7 +139,7 @@ class RestoredState:
 
     def is_of(self, program: bytes) -> bool:
         """Return whether the last life ran the program with this digest."""
-        return self.stored is None or self.stored.life.program == program
+        return self.stored is None or self.stored.life is None or self.stored.life.program == program
 
 
 def _read(made: Codec[R], kept: bytes) -> R:
@@ -240,7 +239,7 @@ def _move_in(folder: Path, into: Checkpoint, agents: Iterable[str], synchronous:
         try:
             found = other.read()
             into.forget(moved)  # an earlier move may have been cut short
-            into.save({agent: found[agent].as_saving() for agent in moved if agent in found})
+            into.save({agent: found[agent] for agent in moved if agent in found})
             for agent in moved:
                 _name(folder, agent, into.path.name, sync=True)
             other.forget(moved)

@@ -23,7 +23,7 @@ from agentd.mind.data.inputs import (
     TeamReply,
 )
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.checkpoint import Stored
+from agentd.persistence.checkpoint import AgentRows
 from agentd.persistence.checkpointer import Checkpointer
 from agentd.persistence.group_commit import GroupCommit
 from agentd.persistence.poison_inputs import DEATHS, Held, PoisonInputs, text_of
@@ -183,7 +183,7 @@ class AgentHost:
         come_back(self._mind, keeper, memory.life, interrupted, self.part.on_restart)
         memory.stored = None
 
-    async def _note_old_state(self, memory: RestoredState, stored: Stored) -> None:
+    async def _note_old_state(self, memory: RestoredState, stored: AgentRows) -> None:
         """Note if the checkpoint is older than the mail that the agent has sent."""
         if warning := await memory.went_back(stored, self._mailing):
             self._checkpointer.add_note(Note("state_went_back", warning))

@@ -22,7 +22,7 @@ from agentd.language.syntax_tree.source import Source, read_source
 from agentd.mind import Mind
 from agentd.mind.data.inputs import Input
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.mind.persistence.rows import StoredMind
+from agentd.mind.persistence.rows import MindRows
 from schemas.wire.mind_records import InitialMind
 
 MOST_MEMORY: Final = 2_000_000
@@ -93,7 +93,7 @@ class InitialState:
     settings: InitialMind
     """The record without the texts of the program and the restored state."""
     sources: Sources | None = None
-    stored: StoredMind | None = None
+    stored: MindRows | None = None
     """The state restored after a restart."""
     unknown: str = ""
     """Why the mind cannot be rebuilt; empty: it can."""
@@ -153,30 +153,20 @@ def make_mind(
     )
 
 
-_Rows = tuple[
-    list[tuple[int, bytes]],
-    list[tuple[int, bytes]],
-    list[tuple[int, bytes]],
-    list[tuple[tuple[int, int], int, bytes]],
-    dict[str, bytes],
-]
-_ROWS: Final = msgspec.msgpack.Decoder(_Rows)
+_ROWS: Final = msgspec.msgpack.Decoder(MindRows)
 
 
-def pack(stored: StoredMind) -> str:
+def pack(stored: MindRows) -> str:
     """Encode a stored mind as text: MessagePack, zlib, base64."""
-    rows = (stored.beliefs, stored.predicates, stored.plans, stored.pending, stored.values)
-    return base64.b64encode(zlib.compress(msgspec.msgpack.encode(rows), 1)).decode()
+    return base64.b64encode(zlib.compress(msgspec.msgpack.encode(stored), 1)).decode()
 
 
-def unpack(text: str) -> StoredMind:
+def unpack(text: str) -> MindRows:
     """Decode what `pack` has written. Raises ValueError."""
     try:
-        packed = zlib.decompress(base64.b64decode(text, validate=True))
-        beliefs, predicates, plans, pending, values = _ROWS.decode(packed)
+        return _ROWS.decode(zlib.decompress(base64.b64decode(text, validate=True)))
     except (zlib.error, binascii.Error, msgspec.MsgspecError) as error:
         raise ValueError(str(error)) from None
-    return StoredMind(beliefs, predicates, plans, list(pending), values)
 
 
 _OFFSET: Final = re.compile(r"UTC(?:([+-])(\d\d):(\d\d)(?::(\d\d))?)?\Z")

@@ -15,7 +15,7 @@ from agentd.language.parse import parse_program
 from agentd.mail.neighbours import Neighbours
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.inputs import Mail, TeamReply
-from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
+from agentd.persistence.checkpoint import AgentRows, Checkpoint, CheckpointError
 from agentd.persistence.group_commit import GroupCommit
 from agentd.persistence.restore import RestoredState, open_state
 from agentd.runtime.agent_directory import AgentDirectory
@@ -33,7 +33,7 @@ class Disk:
     """Stands before a checkpoint: what is saved waits, or fails, as the test says."""
 
     def __init__(self, checkpoint: Checkpoint) -> None:
-        self.savings: list[Saving] = []
+        self.savings: list[AgentRows] = []
         """What was saved of each agent, in order."""
         self.soft: list[bool] = []
         """Which of the commits need not survive a power cut."""
@@ -43,7 +43,7 @@ class Disk:
         self.notes, self.path = checkpoint.notes, checkpoint.path
         self._checkpoint = checkpoint
 
-    def save(self, savings: Mapping[str, Saving], soft: bool) -> None:
+    def save(self, savings: Mapping[str, AgentRows], soft: bool) -> None:
         if not self.open.wait(30):
             raise AssertionError("the disk was held up for too long")
         if self.full:

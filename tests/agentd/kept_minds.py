@@ -13,21 +13,21 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.mind.persistence.rows import MindChanges, Row, StoredMind
+from agentd.mind.persistence.rows import MindRows, Row
 from tests.agentd.minds import World
 
 
 class Life(World):
     """One life of an agent, with what has been kept of it."""
 
-    def __init__(self, source: str, stored: StoredMind | None = None, **arguments: Any) -> None:
+    def __init__(self, source: str, stored: MindRows | None = None, **arguments: Any) -> None:
         self.keeper = Keeper(stored)
         program = compile_program(parse_program(source, "test.asl"))
         super().__init__(Mind("bob", program, keeper=self.keeper, **arguments))
         self.source = source
-        self.stored = stored or StoredMind()
+        self.stored = stored or MindRows()
 
-    def save(self) -> MindChanges:
+    def save(self) -> MindRows:
         """Keep what has changed; returns that. Where nothing was said to have changed, nothing has."""
         clean = not self.keeper.dirty
         changes = self.keeper.changes()
@@ -42,18 +42,18 @@ class Life(World):
         return life
 
 
-def _changed(stored: StoredMind, changes: MindChanges) -> StoredMind:
+def _changed(stored: MindRows, changes: MindRows) -> MindRows:
     """The mind after changes, as a database applies them."""
     pending = {key: (key, origin, data) for key, origin, data in stored.pending}
     for gone in changes.pending_gone:
         pending.pop(gone, None)
     pending.update({row[0]: row for row in changes.pending})
-    return StoredMind(
-        _merged(stored.beliefs, changes.beliefs, changes.beliefs_gone),
-        _merged(stored.predicates, changes.predicates, []),
-        _merged(stored.plans, changes.plans, changes.plans_gone),
-        [pending[key] for key in sorted(pending)],
-        {**stored.values, **changes.values},
+    return MindRows(
+        beliefs=_merged(stored.beliefs, changes.beliefs, changes.beliefs_gone),
+        predicates=_merged(stored.predicates, changes.predicates, []),
+        plans=_merged(stored.plans, changes.plans, changes.plans_gone),
+        pending=[pending[key] for key in sorted(pending)],
+        values={**stored.values, **changes.values},
     )
 
 

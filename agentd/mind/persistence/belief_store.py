@@ -22,7 +22,7 @@ from agentd.language.terms.source_annotations import PERCEPT, SOURCE_PERCEPT, is
 from agentd.language.terms.terms import Code, Literal, Term
 from agentd.mind.beliefs.belief_base import BeliefBase, Predicate, RuleClause
 from agentd.mind.execution.belief_updates import add_rule
-from agentd.mind.persistence.rows import MindChanges, StoredMind
+from agentd.mind.persistence.rows import MindRows
 from agentd.mind.persistence.term_codec import (
     BadBytes,
     CannotKeep,
@@ -212,7 +212,7 @@ class KeptBeliefs(BeliefBase):
             book.changed or book.gone or book.rules_gone or self._changeable or len(self._predicates) > self._mentioned
         )
 
-    def change(self, changes: MindChanges, tell: Tell) -> None:
+    def change(self, changes: MindRows, tell: Tell) -> None:
         """Add the changes since the last call."""
         book = self._book
         for clause in book.rules_gone:
@@ -237,7 +237,7 @@ class KeptBeliefs(BeliefBase):
             self._mentioned = len(self._predicates)
 
     def _change(
-        self, changes: MindChanges, tell: Tell, rank: int, predicate: KeptPredicate, key: Any, before: bytes | None
+        self, changes: MindRows, tell: Tell, rank: int, predicate: KeptPredicate, key: Any, before: bytes | None
     ) -> None:
         """Add an entry as it is, unless it is as before."""
         self._changeable.pop(rank, None)
@@ -273,7 +273,7 @@ class KeptBeliefs(BeliefBase):
 
     # --- restoring ---
 
-    def restore_order(self, stored: StoredMind, tell: Tell) -> None:
+    def restore_order(self, stored: MindRows, tell: Tell) -> None:
         """Mention the predicates in the order in which they were mentioned: before anything else does."""
         for number, data in stored.predicates:
             try:
@@ -284,7 +284,7 @@ class KeptBeliefs(BeliefBase):
                 self.predicate(signature(functor, int(arity), sign == "~", namespace))
         self._mentioned = len(self._predicates)
 
-    def restore(self, mind: MindState, program: Any, stored: StoredMind, removed: list[str], tell: Tell) -> None:
+    def restore(self, mind: MindState, program: Any, stored: MindRows, removed: list[str], tell: Tell) -> None:
         """Restore the beliefs, without events. Rules that are new in the program come last.
 
         ``removed`` are the rules of the program that the run removed, from `values`.

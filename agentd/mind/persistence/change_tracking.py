@@ -23,7 +23,7 @@ from agentd.language.terms.terms import Code, Literal, Term, make_list, proper
 from agentd.mind.execution.program_loading import load_program, register_functions, warn
 from agentd.mind.persistence.belief_store import KeptBeliefs, Tell
 from agentd.mind.persistence.pending_events import Origin, Origins, Pending
-from agentd.mind.persistence.rows import MindChanges, PendingKey, Row, StoredMind
+from agentd.mind.persistence.rows import MindRows, PendingKey, Row
 from agentd.mind.persistence.term_codec import BadBytes, CannotKeep, terms_from_bytes, terms_to_bytes
 from agentd.mind.plans.plan_library import Plan, PlanLibrary
 from agentd.mind.state import MindState
@@ -36,7 +36,7 @@ class Keeper:
     that. `resume` is to be called once; until then what was pending stays kept as it is.
     """
 
-    def __init__(self, stored: StoredMind | None = None) -> None:
+    def __init__(self, stored: MindRows | None = None) -> None:
         self._stored = stored
         self.lives = 0
         """How often the mind has been restored: 0 after a first start."""
@@ -117,12 +117,12 @@ class Keeper:
         waiting, suspended = len(mind.waiting), len(mind.suspended)
         return mind.cycle - mind.still, len(mind.events), waiting, suspended, mind.plans.version, mind.message_count
 
-    def changes(self) -> MindChanges:
+    def changes(self) -> MindRows:
         """Return the changes since the last call. To be called between two calls of `Mind.run` only.
 
         The cost is that of the changes, and a look at each intention and queued event.
         """
-        changes = MindChanges()
+        changes = MindRows()
         self._beliefs.change(changes, self._cannot)
         self._plans.change(changes, self._cannot)
         self._change_pending(changes)
@@ -139,7 +139,7 @@ class Keeper:
         self.unkept += 1
         self._told.append(f"{what} cannot be kept: {why}")
 
-    def _change_pending(self, changes: MindChanges) -> None:
+    def _change_pending(self, changes: MindRows) -> None:
         before = self._pending
         now: dict[PendingKey, tuple[Any, ...]] = {}
         for key, origin, event in self.origins.pending():
@@ -192,7 +192,7 @@ class Keeper:
 
     # --- restoring ---
 
-    def _restore(self, mind: MindState, program: CompiledProgram, stored: StoredMind) -> None:
+    def _restore(self, mind: MindState, program: CompiledProgram, stored: MindRows) -> None:
         """Give a mind its program and all that was kept, without events."""
         values = self._read_values(stored)
         functions = values.get("functions", [])
@@ -217,7 +217,7 @@ class Keeper:
         self._values = dict(stored.values)
         warn(mind, program)
 
-    def _read_values(self, stored: StoredMind) -> dict[str, list[Any]]:
+    def _read_values(self, stored: MindRows) -> dict[str, list[Any]]:
         found = {}
         for name, data in stored.values.items():
             try:
@@ -226,7 +226,7 @@ class Keeper:
                 self._left(f"the {name} of the mind", why)
         return found
 
-    def _read_pending(self, stored: StoredMind) -> Iterable[Pending]:
+    def _read_pending(self, stored: MindRows) -> Iterable[Pending]:
         for key, origin, data in stored.pending:
             try:
                 yield Pending.from_bytes(key, Origin(origin), data)
@@ -263,7 +263,7 @@ class KeptPlans:
         self._own = dict.fromkeys(self._library)
         self._seen = self._library.version
 
-    def change(self, changes: MindChanges, tell: Tell) -> None:
+    def change(self, changes: MindRows, tell: Tell) -> None:
         """Add the changes since the last call."""
         library = self._library
         if library.version == self._seen:
@@ -311,7 +311,7 @@ class KeptPlans:
         self._values = {"program_plans": terms_to_bytes(changed)} if changed else {}
         return self._values
 
-    def restore(self, program: CompiledProgram, stored: StoredMind, changed: list[Term], tell: Tell) -> None:
+    def restore(self, program: CompiledProgram, stored: MindRows, changed: list[Term], tell: Tell) -> None:
         """Give a mind the plans of its program, without those that were removed, and those that were added.
 
         ``changed`` is what `values` returned.
@@ -339,12 +339,12 @@ class KeptPlans:
         rank, data = row
         library = self._library
         match terms_from_bytes(data):
-            case [Code(syntax=nodes.Plan() as node, values=values), Literal() as label, sources, *file]:
+            case [Code(syntax=nodes.Plan() as node, values=values), Literal() as label, sources, str() as file]:
                 plan = library.make(node, values)
                 if not any(other.label.sig is label.sig for other in library):
                     library.name(plan, label)
                 plan.sources = proper(sources) or []
-                plan.file = str(file[0]) if file else ""  # checkpoints of older releases have none
+                plan.file = file
                 library.add(plan, first=rank < 0)
                 self._ranks[plan], self._sources[plan] = rank, tuple(plan.sources)
                 return

@@ -1,4 +1,4 @@
-"""Rows of bytes that a checkpoint keeps of a mind: its changes, and the whole."""
+"""Rows of bytes that a checkpoint keeps of a mind."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ PendingRow = tuple[PendingKey, int, bytes]
 """The place of an event, its `Origin`, and the event."""
 
 
-class MindChanges(Struct):
-    """The changes of a mind since the last call; false if there are none."""
+class MindRows(Struct):
+    """The changes of a mind since the last call, false if there are none; or their sum: the mind as it was, in rising
+    order."""
 
     beliefs: list[Row] = field(default_factory=list)
     """Facts and rules that are new or different, by their rank; the highest rank of a predicate is asked first."""
@@ -34,14 +35,4 @@ class MindChanges(Struct):
         return self != _UNCHANGED
 
 
-_UNCHANGED = MindChanges()
-
-
-class StoredMind(Struct):
-    """A mind as it was: the sum of all its changes, each part in rising order."""
-
-    beliefs: list[Row] = field(default_factory=list)
-    predicates: list[Row] = field(default_factory=list)
-    plans: list[Row] = field(default_factory=list)
-    pending: list[PendingRow] = field(default_factory=list)
-    values: dict[str, bytes] = field(default_factory=dict)
+_UNCHANGED = MindRows()

@@ -9,7 +9,7 @@ import pytest
 
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
-from agentd.persistence.checkpoint import Checkpoint, Saving
+from agentd.persistence.checkpoint import AgentRows, Checkpoint
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.mind.test_mind_costs import instructions
 from tests.agentd.minds import World, mind_of, run, term
@@ -64,11 +64,11 @@ def test_a_save_costs_in_proportion_to_what_has_changed() -> None:
 def test_a_save_writes_only_rows_that_have_changed(tmp_path: Path) -> None:
     life = life_with(2000)
     checkpoint = Checkpoint.open(tmp_path / "bob.minds")
-    checkpoint.save({"bob": Saving(mind=life.keeper.changes())})
+    checkpoint.save({"bob": AgentRows(mind=life.keeper.changes())})
     assert checkpoint._database is not None
     before = checkpoint._database.total_changes
     life.feed(GoalAdded(term("add(1)")), GoalAdded(term("note(7)")), GoalAdded(term("rest")))
-    checkpoint.save({"bob": Saving(mind=life.keeper.changes())})
+    checkpoint.save({"bob": AgentRows(mind=life.keeper.changes())})
     assert checkpoint._database.total_changes - before <= 8  # two beliefs, one goal, predicates new
 
 

@@ -15,16 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentd.mind.data.inputs import GoalAdded
-from agentd.mind.persistence.rows import MindChanges
+from agentd.mind.persistence.rows import MindRows
 from agentd.persistence.checkpoint import (
     MIGRATIONS,
     ActionInFlight,
+    AgentRows,
     Checkpoint,
     CheckpointError,
     LifeRow,
     Outgoing,
-    Saving,
-    Stored,
     remove,
 )
 from tests.agentd.kept_minds import Life, state_of
@@ -36,12 +35,12 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "fleet" / "scout.minds"
 
 
-def belief(number: int, data: bytes = b"x") -> dict[str, Saving]:
-    return {"scout": Saving(mind=MindChanges(beliefs=[(number, data)]))}
+def belief(number: int, data: bytes = b"x") -> dict[str, AgentRows]:
+    return {"scout": AgentRows(mind=MindRows(beliefs=[(number, data)]))}
 
 
-FULL = Saving(
-    mind=MindChanges(
+FULL = AgentRows(
+    mind=MindRows(
         beliefs=[(2, b"two"), (-1, b"last"), (1, b"one")],
         predicates=[(0, b"p")],
         plans=[(-1, b"first"), (1, b"end")],
@@ -64,7 +63,7 @@ def full(path: Path) -> Checkpoint:
     return checkpoint
 
 
-def content(checkpoint: Checkpoint) -> Stored:
+def content(checkpoint: Checkpoint) -> AgentRows:
     return checkpoint.read()["scout"]
 
 
@@ -86,11 +85,11 @@ def test_everything_that_was_saved_is_read_in_the_next_life(path: Path) -> None:
 
 def test_a_save_changes_what_it_names_and_leaves_the_rest(path: Path) -> None:
     checkpoint = full(path)
-    changes = MindChanges(
+    changes = MindRows(
         beliefs=[(3, b"three")], beliefs_gone=[1, 99], plans_gone=[1], pending_gone=[(0, 7)], values={"counts": b"d"}
     )
     checkpoint.save(
-        {"scout": Saving(mind=changes, absorbed={("ann", "n1"): 6}, taken=[4], delivered=[1], ended=["scout:b:1"])}
+        {"scout": AgentRows(mind=changes, absorbed={("ann", "n1"): 6}, taken=[4], delivered=[1], ended=["scout:b:1"])}
     )
     stored = content(checkpoint)
     assert stored.mind.beliefs == [(-1, b"last"), (2, b"two"), (3, b"three")]
@@ -107,7 +106,7 @@ def test_a_save_changes_what_it_names_and_leaves_the_rest(path: Path) -> None:
 def test_the_last_number_taken_never_falls(path: Path) -> None:
     checkpoint = Checkpoint.open(path)
     for seq in (5, 3):
-        checkpoint.save({"scout": Saving(absorbed={("ann", "n"): seq})})
+        checkpoint.save({"scout": AgentRows(absorbed={("ann", "n"): seq})})
     stored = content(checkpoint)
     assert stored.absorbed == {("ann", "n"): 5}
 
@@ -119,7 +118,7 @@ def test_of_each_sender_the_last_numberings_that_were_used_are_remembered(
     checkpoint = Checkpoint.open(path)
     for number in range(12):
         checkpoint.save(
-            {"scout": Saving(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number})}
+            {"scout": AgentRows(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number})}
         )
     stored = content(checkpoint)
     assert set(stored.absorbed) == {("cid", "n"), ("ann", "n0"), *[("ann", f"n{n}") for n in range(5, 12)]}
@@ -139,7 +138,7 @@ def test_whatever_is_saved_in_turn_a_file_copied_at_any_moment_holds_a_state_tha
         gone = [number] if kind == "-" else []
         data = f"{kind}{place}".encode()
         checkpoint.save(
-            {"scout": Saving(mind=MindChanges(beliefs=[] if gone else [(number, data)], beliefs_gone=gone))}
+            {"scout": AgentRows(mind=MindRows(beliefs=[] if gone else [(number, data)], beliefs_gone=gone))}
         )
         wanted.pop(number, None)
         if not gone:
@@ -165,8 +164,8 @@ def _copy(folder: Path, name: str = "copy") -> Path:
 _SAVER = """
 import sys
 from pathlib import Path
-from agentd.persistence.checkpoint import Checkpoint, Outgoing, Saving
-from agentd.mind.persistence.rows import MindChanges
+from agentd.persistence.checkpoint import Checkpoint, Outgoing, AgentRows
+from agentd.mind.persistence.rows import MindRows
 checkpoint = Checkpoint.open(Path(sys.argv[1]))
 stored = checkpoint.read()
 number = stored["scout"].next_seq["ann"] if stored else 0
@@ -174,9 +173,9 @@ while True:
     number += 1
     rows = [(n, str(number).encode()) for n in range(40)]
     message = Outgoing(number, "ann", number, b"x" * 3000)
-    saving = Saving(mind=MindChanges(beliefs=rows), outgoing=[message], delivered=[number - 20])
+    saving = AgentRows(mind=MindRows(beliefs=rows), outgoing=[message], delivered=[number - 20])
     saving.next_seq, saving.absorbed = {"ann": number}, {("ann", "n"): number}
-    other = Saving(mind=MindChanges(beliefs=[(1, str(number).encode())]))
+    other = AgentRows(mind=MindRows(beliefs=[(1, str(number).encode())]))
     checkpoint.save({"scout": saving, "other": other}, soft=number % 3 == 0)
     print(number, flush=True)
 """
@@ -209,7 +208,7 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had
 
 def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: Path) -> None:
     checkpoint = full(path)
-    saving = Saving(mind=MindChanges(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
+    saving = AgentRows(mind=MindRows(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
     with pytest.raises(CheckpointError, match=r"scout\.minds cannot be written: NOT NULL"):
         checkpoint.save({"scout": saving})
     stored = content(checkpoint)
@@ -255,11 +254,11 @@ def test_a_full_disk_is_reported_nothing_is_lost_and_the_same_save_succeeds_when
     assert checkpoint._database is not None
     (pages,) = checkpoint._database.execute("PRAGMA page_count").fetchone()
     checkpoint._database.execute(f"PRAGMA max_page_count={pages + 4}")
-    large = Saving(outgoing=[Outgoing(9, "ann", 9, b"x" * 100_000)], absorbed={("ann", "n1"): 9})
+    large = AgentRows(outgoing=[Outgoing(9, "ann", 9, b"x" * 100_000)], absorbed={("ann", "n1"): 9})
     for _ in range(3):
         with pytest.raises(CheckpointError, match="full"):
             checkpoint.save({"scout": large})
-    checkpoint.save({"scout": Saving(absorbed={("ann", "n2"): 3})})
+    checkpoint.save({"scout": AgentRows(absorbed={("ann", "n2"): 3})})
     checkpoint._database.execute("PRAGMA max_page_count=1073741823")
     checkpoint.save({"scout": large})
     stored = content(checkpoint)
@@ -270,7 +269,7 @@ def test_a_full_disk_is_reported_nothing_is_lost_and_the_same_save_succeeds_when
 @pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log", "schema"])
 def test_a_corrupt_file_is_set_aside_and_reported_and_a_new_one_made(path: Path, damage: str) -> None:
     checkpoint = Checkpoint.open(path)
-    checkpoint.save({"scout": Saving(mind=MindChanges(beliefs=[(n, bytes(200)) for n in range(500)]))})
+    checkpoint.save({"scout": AgentRows(mind=MindRows(beliefs=[(n, bytes(200)) for n in range(500)]))})
     checkpoint.close()
     data = bytearray(path.read_bytes())
     match damage:
@@ -401,9 +400,9 @@ def test_a_mind_goes_through_the_file_and_comes_back_the_same(path: Path) -> Non
     checkpoint = Checkpoint.open(path)
     life = Life(source).settle()
     for n in range(5):
-        checkpoint.save({"scout": Saving(mind=life.keeper.changes())})
+        checkpoint.save({"scout": AgentRows(mind=life.keeper.changes())})
         life.feed(GoalAdded(term(f"g({n})")), GoalAdded(term(f"put(at({n})[source(ann)])")))
-    checkpoint.save({"scout": Saving(mind=life.keeper.changes())})
+    checkpoint.save({"scout": AgentRows(mind=life.keeper.changes())})
     checkpoint.close()
     stored = content(Checkpoint.open(path))
     again = Life(source, stored.mind)

@@ -11,7 +11,7 @@ import pytest
 
 from agentd.language.terms.terms import atom
 from agentd.mind.data.inputs import Mail as Told
-from agentd.persistence.checkpoint import CheckpointError, LifeRow, Saving
+from agentd.persistence.checkpoint import AgentRows, CheckpointError, LifeRow
 from agentd.persistence.checkpointer import Checkpointer
 from agentd.persistence.group_commit import Batch
 from agentd.persistence.restore import open_state
@@ -273,7 +273,7 @@ def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
     monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
     made, _ = open_state(tmp_path, "a", ["a"], [], "FULL")
     assert made is not None
-    made.save({"a": Saving(life=LifeRow("n", 1, b""))})
+    made.save({"a": AgentRows(life=LifeRow("n", 1, b""))})
     with pytest.raises(CheckpointError, match="another process has it open"):
         open_state(tmp_path, "a", ["a"], ["a"], "FULL")
     made.close()

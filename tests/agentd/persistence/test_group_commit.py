@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 
-from agentd.persistence.checkpoint import Checkpoint, Saving
+from agentd.persistence.checkpoint import AgentRows, Checkpoint
 from agentd.persistence.group_commit import Batch, GroupCommit
 from tests.support.buses import virtual_test
 
@@ -27,7 +27,7 @@ class Disk:
         self.began.append(round(loop.time(), 6))
         loop.call_later(self.takes, work)
 
-    def save(self, savings: Mapping[str, Saving], soft: bool) -> None:
+    def save(self, savings: Mapping[str, AgentRows], soft: bool) -> None:
         assert savings
 
     def shorten_log(self) -> None:
@@ -47,7 +47,7 @@ class Busy:
         self._commits.ask(self, self._within)
 
     def capture(self, batch: Batch, now: float) -> bool:
-        batch.savings["bob"] = Saving()
+        batch.savings["bob"] = AgentRows()
         batch.members.append(self)
         batch.messages += self._messages
         asyncio.get_running_loop().call_soon(self.look)

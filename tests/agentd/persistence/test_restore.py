@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from agentd.extensions.file_access import KEPT
-from agentd.mind.persistence.rows import MindChanges
-from agentd.persistence.checkpoint import Checkpoint, CheckpointError, LifeRow, Outgoing, Saving
+from agentd.mind.persistence.rows import MindRows
+from agentd.persistence.checkpoint import AgentRows, Checkpoint, CheckpointError, LifeRow, Outgoing
 from agentd.persistence.restore import RestoredState, forget_name, open_state
 
 FRESH: tuple[str, ...] = ()
 
 
-def saved(number: int) -> Saving:
-    return Saving(
-        mind=MindChanges(beliefs=[(number, b"x")], values={"counts": b"c"}, pending=[((0, 1), 2, b"e")]),
+def saved(number: int) -> AgentRows:
+    return AgentRows(
+        mind=MindRows(beliefs=[(number, b"x")], values={"counts": b"c"}, pending=[((0, 1), 2, b"e")]),
         absorbed={("cid", "n"): number},
         incoming=[(number, b"i")],
         outgoing=[Outgoing(1, "cid", number, b"m")],
@@ -55,8 +55,8 @@ def test_agents_that_go_to_other_daemons_and_back_keep_their_state_and_nothing_o
     alone, states = opened(tmp_path, "b")
     assert ranks(states) == {"b": [2]}
     assert states["b"].stored is not None
-    assert states["b"].stored.as_saving() == saved(2)
-    alone.save({"b": Saving(mind=MindChanges(beliefs=[(7, b"new")]))})
+    assert states["b"].stored == saved(2)
+    alone.save({"b": AgentRows(mind=MindRows(beliefs=[(7, b"new")]))})
     alone.close()
     others, states = opened(tmp_path, "c", "a")
     assert ranks(states) == {"c": [3], "a": [1]}
@@ -96,7 +96,7 @@ def test_a_move_that_was_cut_short_is_repeated_from_the_old_file(
         with pytest.raises(CheckpointError, match="No space left"):
             open_state(tmp_path, "b", ["b"], [], "FULL")
     again, _ = opened(tmp_path, "a", "b")
-    again.save({"b": Saving(mind=MindChanges(beliefs=[(8, b"later")], beliefs_gone=[2]))})
+    again.save({"b": AgentRows(mind=MindRows(beliefs=[(8, b"later")], beliefs_gone=[2]))})
     again.close()
     moved, states = opened(tmp_path, "b")
     assert ranks(states) == {"b": [8]}

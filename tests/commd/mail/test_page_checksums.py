@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from agentd.mind.persistence.rows import MindChanges
-from agentd.persistence.checkpoint import Checkpoint, Saving
+from agentd.mind.persistence.rows import MindRows
+from agentd.persistence.checkpoint import AgentRows, Checkpoint
 from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.mail.store import open_store
 from tests.support.buses import async_test
@@ -31,7 +31,7 @@ def _checkpoint(folder: Path) -> Path:
     made = Checkpoint.open(path)
     for round_ in range(20):
         rows = [(rank, random.Random(rank).randbytes(300)) for rank in range(round_ * 10, round_ * 10 + 10)]
-        made.save({"a": Saving(mind=MindChanges(beliefs=rows))})
+        made.save({"a": AgentRows(mind=MindRows(beliefs=rows))})
     made.close()
     return path
 
@@ -63,7 +63,7 @@ def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: P
     path = tmp_path / "live" / "a.minds"
     made = Checkpoint.open(path)
     for rank in range(40):
-        made.save({"a": Saving(mind=MindChanges(beliefs=[(rank, random.Random(rank).randbytes(300))]))})
+        made.save({"a": AgentRows(mind=MindRows(beliefs=[(rank, random.Random(rank).randbytes(300))]))})
     shutil.copytree(path.parent, tmp_path / "killed")  # as kill -9 leaves it
     made.close()
     killed = tmp_path / "killed" / "a.minds"
