@@ -7,6 +7,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
+import zenoh
+
 from bridged.drivers.api import Execution, Outcome, Reading, Setup, Value
 from bridged.drivers.zenoh.driver import ZenohDriver
 from bridged.drivers.zenoh.registration import check_manifest
@@ -82,6 +84,18 @@ class Pond:
         publisher = self.robot.raw.publisher(key)
         for payload in payloads:
             publisher.put(payload, encoding)
+
+    def hear(self, key: str) -> list[Sample]:
+        """Be the robot that listens to a key; returns what it hears."""
+        heard: list[Sample] = []
+        self.robot.raw.subscribe(key, heard.append)
+        return heard
+
+    def hold(self, key: str) -> list[zenoh.Query]:
+        """Be the robot that answers no query yet; returns those that it is asked."""
+        held: list[zenoh.Query] = []
+        self.robot._session.declare_queryable(key, zenoh.handlers.Callback(held.append, indirect=False))
+        return held
 
     def serve(self, key: str, payload: bytes | None, *, error: bool = False) -> list[bytes]:
         """Be the robot that answers each query like this; returns what it is asked."""

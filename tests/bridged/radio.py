@@ -44,7 +44,9 @@ class Speaker:
         self.port = self._socket.getsockname()[1]
         self._to = ("127.0.0.1", port) if port else None
         self.encoder, self._signing = Encoder(system, component), signing
-        self._framer = Framer(WireCounters())
+        self.counters, self.peers = WireCounters(), set[object]()
+        """What was read, and the addresses that it came from."""
+        self._framer = Framer(self.counters)
         self.heard: list[dialect.MAVLink_message] = []
         self.raw: list[bytes] = []
         self.used.append(self)
@@ -70,6 +72,7 @@ class Speaker:
             while True:
                 data, address = self._socket.recvfrom(4096)
                 self._to = self._to or address
+                self.peers.add(address)
                 self.raw.append(data)
                 self.heard += self._framer.feed(data, datagram=True)
         return self.heard
@@ -77,6 +80,21 @@ class Speaker:
     def kinds(self, *ids: int) -> set[str]:
         """What kinds of messages were heard, from everybody or from one pair of ids."""
         return {one.get_type() for one in self.listen() if not ids or spoken_as(one) == ids}
+
+    def find(self, kind: str, **fields: float) -> list[dialect.MAVLink_message]:
+        """All messages of a kind so far with these fields."""
+        heard = [one for one in self.listen() if one.get_type() == kind]
+        return [one for one in heard if all(getattr(one, name) == value for name, value in fields.items())]
+
+    async def hears(self, kind: str, times: int = 1, **fields: float) -> dialect.MAVLink_message:
+        """Wait until so many messages of a kind with these fields have come; returns the last of them."""
+        await until(lambda: len(self.find(kind, **fields)) >= times, f"{times} {kind} {fields}")
+        return self.find(kind, **fields)[-1]
+
+    def command(self, number: int, *params: float) -> None:
+        """Send a COMMAND_LONG to the autopilot of system 1."""
+        padded = (*params, *([0.0] * (7 - len(params))))
+        self.say(dialect.MAVLink_command_long_message(1, 1, number, 0, *padded))
 
     def close(self) -> None:
         """Free the socket."""

@@ -29,6 +29,20 @@ def asked(bus: Bus, name: str, payload: bytes, agent: str = "uav") -> list[dict[
     ]
 
 
+async def flying(bus: Bus, action: Action) -> tuple[asyncio.Task[None], list[ActionStatus]]:
+    """Ask for a `goto` and wait until it runs; returns what ends with it, and its statuses so far."""
+    heard: list[ActionStatus] = []
+
+    async def fly() -> None:
+        async for reply in bus.query(keys.action("test", "uav", "goto"), action, ActionStatus, 60):
+            assert reply.record is not None, reply.error
+            heard.append(reply.record)
+
+    flight = asyncio.create_task(fly())
+    await until(lambda: any(one.state == "running" for one in heard), "it flies")
+    return flight, heard
+
+
 def test_an_agent_is_known_by_its_id_and_its_name() -> None:
     its_own = Header(source="uav")
     assert not is_by_hand("uav", Action(header=its_own, id="uav:b:1"))
@@ -89,21 +103,13 @@ async def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(end
         mine = Action(
             header=Header(source="operator"), id="operator:x:1", parameters=(-27.600, -48.515, 20)
         )  # 500 m away
-        running: list[ActionStatus] = []
-
-        async def fly() -> None:
-            async for reply in person.query(keys.action("test", "uav", "goto"), mine, ActionStatus, 60):
-                assert reply.record is not None, reply.error
-                running.append(reply.record)
-
-        backfill = asyncio.create_task(fly())
-        await until(lambda: any(one.state == "running" for one in running), "it flies")
+        flight, running = await flying(person, mine)
         busy = await field.do(bus, "goto", -27.601, -48.515, 20)
         assert busy.reason == "busy: goto is running"
         end = Cancel(header=Header(source="operator"), id="operator:x:1")
         ended = person.query(keys.cancel("test", "uav"), end, ActionStatus, 10)
         assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
-        await backfill
+        await flight
         assert (running[-1].state, running[-1].reason) == ("cancelled", "cancelled by operator")
 
 
@@ -117,13 +123,8 @@ async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
         field.client("operator") as person,
     ):
         await field.take_off(bus)
-        flying = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
-        told: list[ActionStatus] = []
-
-        async def fly() -> None:
-            async for reply in bus.query(keys.action("test", "uav", "goto"), flying, ActionStatus, 60):
-                assert reply.record is not None, reply.error
-                told.append(reply.record)
+        its_own = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
+        flight, told = await flying(bus, its_own)
 
         async def cancel(source: str) -> ActionStatus:
             end = Cancel(header=Header(source=source), id="uav:b:9")
@@ -132,11 +133,9 @@ async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
                 return reply.record
             raise AssertionError("nobody answers")
 
-        backfill = asyncio.create_task(fly())
-        await until(lambda: any(one.state == "running" for one in told), "it flies")
         if inject:
             assert (await cancel("")).state == "cancelled"
-            await backfill
+            await flight
             assert told[-1].reason == "cancelled by hand", "the agent is not told that it did so itself"
         else:
             for source in ("", "operator"):
@@ -144,7 +143,7 @@ async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
                 assert (refused.state, refused.reason) == ("refused", BY_HAND)
             assert not any(one.final for one in told), "it flies on"
             assert (await cancel("uav")).reason == "cancelled by uav"
-            await backfill
+            await flight
 
 
 @pytest.mark.parametrize("payload", [b'{"parameters":[],"name":"land"}', b'{"parameters":[],"agent":"other"}'])

@@ -298,6 +298,7 @@ async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, 
     going = sky.begin("goto", *FAR)
     await passing(sky, 2)
     sky.bridge.action_server.pause()  # the copter is not told: the bridge is killed first
+    assert going[-1].paused, "its asker hears of it at once"
     again = Sky(tmp_path, mission=MISSION, vehicle=sky.vehicle, clock=sky.clock)
     again.bridge.orders.restore()
     await passing(again, 20)

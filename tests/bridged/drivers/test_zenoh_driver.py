@@ -66,8 +66,7 @@ async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: st
         await pond.publish("lamp/state", msgspec.msgpack.encode({"on": 1}))
         await until(lambda: bool(pond.readings), "the sample is read")
         assert fields(pond) == [{"on": 1}]
-        heard: list[Sample] = []
-        pond.robot.raw.subscribe("lamp/text", heard.append)
+        heard = pond.hear("lamp/text")
         assert (await pond.do("tell", text="hello")).state == "succeeded"
         await until(lambda: bool(heard), "the text is heard")
         assert (heard[0].encoding, msgspec.msgpack.decode(heard[0].payload)) == (
@@ -128,8 +127,7 @@ async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest
 @async_test
 async def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
-        heard: list[Sample] = []
-        pond.robot.raw.subscribe("lamp/set", heard.append)
+        heard = pond.hear("lamp/set")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         await until(lambda: bool(heard), "the lamp hears it")
         assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
@@ -144,8 +142,7 @@ async def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatc
         monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
         waiting = pond.begin("set_light", on=True, colour="red")
         assert waiting.outcome is None
-        heard: list[Sample] = []
-        pond.robot.raw.subscribe("lamp/set", heard.append)
+        heard = pond.hear("lamp/set")
         await until(lambda: waiting.over, "the action ends")
         assert waiting.outcome is not None
         assert waiting.outcome.state == "succeeded", waiting.outcome.reason
@@ -158,8 +155,7 @@ async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge
     async with in_a_pond(endpoint, text=text) as pond:
         outcome = await pond.do("set_light", on=True, colour="red")
         assert outcome.reason == "nobody subscribes to lamp/set"
-        heard: list[Sample] = []
-        pond.robot.raw.subscribe("lamp/set", heard.append)
+        heard = pond.hear("lamp/set")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         await until(lambda: bool(heard), "the lamp hears it")
         await pond.publish("lamp/set", b'{"on": false}')
@@ -243,8 +239,7 @@ async def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str
 @async_test
 async def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
-        held: list[zenoh.Query] = []
-        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        held = pond.hold("lamp/blink")
         execution = pond.begin("blink", times=3)
         await until(lambda: bool(held), "the query arrives")
         assert execution.waits_for == "the reply of lamp/blink"
@@ -264,8 +259,7 @@ async def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
 @async_test
 async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
-        held: list[zenoh.Query] = []
-        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        held = pond.hold("lamp/blink")
         execution = pond.begin("blink", times=3)
         await until(lambda: bool(held), "the query arrives")
         await asyncio.to_thread(pond.robot._session.close)
@@ -277,8 +271,7 @@ async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
 @async_test
 async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
     async with in_a_pond(endpoint, prefix="hall/two") as pond:
-        heard: list[Sample] = []
-        pond.robot.raw.subscribe("hall/two/lamp/set", heard.append)
+        heard = pond.hear("hall/two/lamp/set")
         asked = pond.serve("hall/two/lamp/blink", b"")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         assert (await pond.do("blink", times=1)).state == "succeeded"
@@ -346,8 +339,7 @@ async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> N
 @async_test
 async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
-        held: list[zenoh.Query] = []
-        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        held = pond.hold("lamp/blink")
         execution = pond.begin("blink", times=3)
         await until(lambda: bool(held), "the query arrives")
         pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.blink]")[0], "lamp.toml"))
@@ -402,8 +394,7 @@ async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endp
 @async_test
 async def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
     async with in_a_pond(endpoint) as pond:
-        held: list[zenoh.Query] = []
-        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
+        held = pond.hold("lamp/blink")
         execution = pond.begin("blink", times=3)
         await until(lambda: bool(held), "the query arrives")
         with held.pop() as query:

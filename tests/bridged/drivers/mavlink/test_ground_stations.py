@@ -12,14 +12,14 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
-from tests.support.buses import async_test, until
+from tests.bridged.radio import Speaker
+from tests.support.buses import async_test
 from tests.support.forked import Forked, run
 from tests.support.ports import free_port
 from tests.support.promises import kept
@@ -138,38 +138,13 @@ def test_mavproxy_flies_the_copter_and_returns_to_launch(tmp_path: Path) -> None
             station.close()
 
 
-class Ear:
-    """A listening link in this process that keeps what it hears."""
-
-    def __init__(self) -> None:
-        self.heard: list[tuple[str, dialect.MAVLink_message]] = []
-
-    async def open(self, port: int) -> Link:
-        address = LinkAddress.parse(f"udpin:127.0.0.1:{port}")
-        return await open_link(
-            address, lambda message, peer: self.heard.append((str(peer), message)), system=255, component=190
-        )
-
-    def count(self, kind: str) -> int:
-        return sum(message.get_type() == kind for _, message in self.heard)
-
-    def last(self, kind: str) -> dialect.MAVLink_message:
-        return [message for _, message in self.heard if message.get_type() == kind][-1]
-
-    async def until(self, kind: str, times: int, seconds: float = 90.0) -> None:
-        await until(lambda: self.count(kind) >= times, f"{times} {kind}", seconds)
-
-
 def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
     async def speed() -> float:
-        ear, port = Ear(), free_port()
-        link = await ear.open(port)
-        with copter(f"udpout:127.0.0.1:{port}", "--speed", "20"):
-            await ear.until("TIMESYNC", 1)
-            begin, first = time.monotonic(), ear.last("TIMESYNC").ts1
-            await ear.until("TIMESYNC", 6)
-            passed = (ear.last("TIMESYNC").ts1 - first) / 1e9
-            await link.close()
+        ear = Speaker(system=255, component=190)
+        with closing(ear), copter(f"udpout:127.0.0.1:{ear.port}", "--speed", "20"):
+            first = await ear.hears("TIMESYNC")
+            begin = time.monotonic()
+            passed = ((await ear.hears("TIMESYNC", 6)).ts1 - first.ts1) / 1e9
             return float(passed) / (time.monotonic() - begin)
 
     assert kept(lambda: abs(asyncio.run(speed()) - 20), 5)
@@ -177,16 +152,13 @@ def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
 
 @async_test
 async def test_a_rebooted_copter_speaks_from_another_port() -> None:
-    ear, port = Ear(), free_port()
-    link = await ear.open(port)
-    with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
-        await ear.until("HEARTBEAT", 5)
-        link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0))
-        await ear.until("COMMAND_ACK", 1)
-        beats = ear.count("HEARTBEAT")
-        await ear.until("HEARTBEAT", beats + 3)
-        await link.close()
-    assert len({peer for peer, _ in ear.heard}) == 2
+    ear = Speaker(system=255, component=190)
+    with closing(ear), copter(f"udpout:127.0.0.1:{ear.port}", "--speed", "10"):
+        await ear.hears("HEARTBEAT", 5)
+        ear.command(dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+        await ear.hears("COMMAND_ACK")
+        await ear.hears("HEARTBEAT", len(ear.find("HEARTBEAT")) + 3)
+    assert len(ear.peers) == 2
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -229,6 +201,14 @@ def test_a_link_that_cannot_be_opened_is_one_clear_line_and_exit_code_2() -> Non
         (["--link", "udpin:h:1", "--victims", "1,2,1,0,0,1"], "argument --victims: expected an area SOUTH,WEST,"),
         (["--link", "udpin:h:1", "--sysid", "256"], "argument --sysid: expected a system id between 1 and 255"),
         (["--link", "udpin:h:1", "--speed", "fast"], "argument --speed: expected a factor between 0.1 and 100"),
+        (["--link", "udpin:h:1", "--fault", "rain"], "error: expected one of loss=SHARE, duplicate=SHARE, "),
+        (["--link", "udpin:h:1", "--param", "RTL_HEIGHT=3"], "the simulated copter has no parameter 'RTL_HEIGHT'"),
+        (["--link", "udpin:h:1", "--param", "RTL_ALT"], "--param: expected NAME=VALUE such as FS_GCS_ENABLE=1, got"),
+        (
+            ["--link", "udpin:h:1", "--signing-passphrase-file", "/nowhere"],
+            "error: /nowhere: no such file or directory",
+        ),
+        (["--link", "udpin:h:1", "--battery-minutes", "0"], "expected minutes between 0.1 and 10000, got '0'"),
     ],
 )
 def test_a_wrong_argument_is_one_clear_line_and_exit_code_2(arguments: list[str], complaint: str) -> None:

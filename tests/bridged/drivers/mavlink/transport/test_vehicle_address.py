@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import socket
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.api import Setup
 from bridged.drivers.mavlink.action_binding import leads_down, may_lead_down
 from bridged.drivers.mavlink.actions.context import BoundAction
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.endpoint import Peer
-from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.vehicle_address import BACK_WITHIN, VehicleAddress
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
-from commd.common.clock import Clock
 from schemas.manifest.loader import load_manifest
-from schemas.mission.model import read_mission
 from tests.bridged.radio import Speaker, place, riding
-from tests.bridged.sky import MISSION
 from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 
@@ -162,35 +154,23 @@ async def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_
 
 
 @async_test
-async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_their_companions_are_not_meant(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    caplog.set_level(logging.WARNING)
+async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_companions_are_not_meant() -> None:
     port = free_port()
-    robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
-    driver = MavlinkDriver(Setup("uav1", MANIFEST, robot, Path(), Clock(), lambda reading: None, lambda: None))
-    driving = asyncio.create_task(driver.run())
-    await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
-    with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
-
-        def speak(component: int) -> None:
-            for vehicle, at in ((one, 1), (other, component)):
-                vehicle.sendto(Encoder(1, at).pack(BEAT), ("127.0.0.1", port))
-
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        driver, one, companion, other = ride.driver, Speaker(port), Speaker(port, component=191), Speaker(port)
         for _ in range(3):
-            speak(191)
+            one.say(BEAT)
+            companion.say(BEAT)
         await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
         assert not two_told(driver)
         assert driver.refuses(MANIFEST.actions["arm_motors"]) is None
         for _ in range(3):
-            speak(1)
+            one.say(BEAT)
+            other.say(BEAT)
         await until(lambda: two_told(driver), "the warning")
         refusal = driver.refuses(MANIFEST.actions["arm_motors"])
         assert refusal is not None
         assert refusal.reason.startswith("two vehicles are system 1, at udp:127.0.0.1")
-    driving.cancel()
-    await asyncio.gather(driving, return_exceptions=True)
-    assert "two vehicles are system 1" in caplog.text
 
 
 @async_test
