@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.composite_driver import CompositeDriver
+from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.simulation.vehicle.fault_injection import Faults, LinkFaults
@@ -241,3 +242,8 @@ def is_ack_of(number: int) -> Passes:
 def is_command(number: int) -> Passes:
     """Whether a message is a command of a kind."""
     return lambda message: message.get_type() == "COMMAND_LONG" and message.command == number
+
+
+def end_of(status: ActionStatus | Outcome) -> tuple[str, str]:
+    """How an action ended, and why."""
+    return status.state, status.reason

@@ -15,7 +15,7 @@ from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
 from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from schemas.wire.records import Action, ActionStatus, Header
-from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
+from tests.bridged.sky import GOAL, MISSION, Sky, end_of, is_ack_of, is_command
 
 
 def test_an_action_is_accepted_then_runs_with_feedback_once_a_second_then_ends_once(sky: Sky) -> None:
@@ -199,7 +199,7 @@ def test_a_duplicated_request_is_executed_once_and_both_askers_hear_the_end(sky:
     assert second[-1] == first[-1]
     late: list[ActionStatus] = []
     sky.bridge.action_server.ask("uav", "goto", action_of(first), late.append)
-    assert [end_of(one) for one in late] == [end_of(first[-1])]
+    assert [kept_of(one) for one in late] == [kept_of(first[-1])]
 
 
 def test_the_newest_askers_hear_the_end_however_often_the_link_flaps(sky: Sky) -> None:
@@ -252,8 +252,7 @@ def test_an_id_is_not_executed_again_by_the_next_life_of_the_bridge(sky: Sky, tm
 
 
 def test_a_retry_of_an_id_that_the_bridge_never_saw_is_refused(sky: Sky) -> None:
-    final = sky.do("set_mode", "GUIDED", attempt=2)
-    assert (final.state, final.reason) == ("refused", "bridge restarted")
+    assert end_of(sky.do("set_mode", "GUIDED", attempt=2)) == ("refused", "bridge restarted")
 
 
 @pytest.mark.parametrize(
@@ -280,7 +279,7 @@ def test_a_cancelled_motion_leaves_the_vehicle_holding(sky: Sky) -> None:
     here = sky.belief("global_pos")
     sky.wait(5)
     assert sky.belief("global_pos") == pytest.approx(here, abs=2e-6), "20 cm"
-    assert end_of(sky.bridge.action_server.cancel("uav", going[0].id)) == end_of(cancelled), (
+    assert kept_of(sky.bridge.action_server.cancel("uav", going[0].id)) == kept_of(cancelled), (
         "a second cancel hears the same end"
     )
 
@@ -421,11 +420,10 @@ def test_while_a_pilot_has_the_vehicle_no_action_is_taken_until_the_agent_takes_
     sky.flying()
     sky.pilot_sets(5)
     sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)
-    refused = sky.do(*action)
-    assert refused.state == "refused"
-    assert refused.reason == (
+    assert end_of(sky.do(*action)) == (
+        "refused",
         "override: others have set LOITER (pilot, ground station or failsafe); "
-        "an agent takes control again by setting the mode"
+        "an agent takes control again by setting the mode",
     )
     assert sky.vehicle.autopilot.mode.name == "LOITER"
     assert sky.vehicle.autopilot.armed
@@ -485,7 +483,7 @@ def test_deadlines_scale_with_speed_but_the_wait_for_an_acknowledgement_does_not
     assert len(beats) == pytest.approx(sky.clock.now(), abs=3), "heartbeats follow the vehicle's clock"
 
 
-def end_of(status: ActionStatus) -> tuple[object, ...]:
+def kept_of(status: ActionStatus) -> tuple[object, ...]:
     """What the action log keeps of it."""
     return status.id, status.name, status.state, status.result, status.reason, status.after, status.header.boot
 
@@ -532,8 +530,7 @@ def test_a_defect_in_a_procedure_fails_its_action_and_nothing_else(sky: Sky, mon
 
     sky.flying()
     monkeypatch.setitem(MESSAGES[GLOBAL_TARGET].confirm, "arrival", Procedure(broken))
-    status = sky.do("goto", *GOAL, within=2)
-    assert (status.state, status.reason) == ("failed", "defect in argosy: KeyError: 'target'")
+    assert end_of(sky.do("goto", *GOAL, within=2)) == ("failed", "defect in argosy: KeyError: 'target'")
     sky.done("land")
 
 

@@ -15,6 +15,7 @@ from bridged.drivers.api import Execution, Outcome
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus
 from tests.bridged.patient import Desk
+from tests.bridged.sky import end_of
 
 
 @pytest.fixture
@@ -25,10 +26,6 @@ def desk(tmp_path: Path) -> Desk:
 def sent(status: ActionStatus) -> ActionStatus:
     """What an asker reads of a status."""
     return codec(ActionStatus).decode(codec(ActionStatus).encode(status))
-
-
-def end_of(status: ActionStatus) -> tuple[str, str]:
-    return status.state, status.reason
 
 
 def test_an_action_that_runs_wakes_the_bridge_whose_next_step_may_be_a_second_away(desk: Desk) -> None:

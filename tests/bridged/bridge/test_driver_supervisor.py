@@ -35,7 +35,7 @@ from tests.bridged.airfield import command_line, until
 from tests.bridged.airfield import serving as serving_the_airfield
 from tests.bridged.plugins import install
 from tests.bridged.radio import BEAT, Speaker
-from tests.bridged.sky import MISSION
+from tests.bridged.sky import MISSION, end_of
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
 from tests.support.buses import Connect, async_test, bus_test, on_a_bus, virtual_test
@@ -182,8 +182,7 @@ async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are
         said = f"driver `sonar` does not run: {why}"
         assert workshop.bridge.health().notes == (Note("driver_down", said, "sonar"),)
         assert workshop.present("range") == [], "what it told holds no longer"
-        status = await workshop.do("ping")
-        assert (status.state, status.reason) == ("refused", said)
+        assert end_of(await workshop.do("ping")) == ("refused", said)
         assert len(sonar.runs) == 1
 
 

@@ -9,9 +9,8 @@ import pytest
 
 from bridged.bridge.lease import IDLE, Lease
 from bridged.bridge.safety_orders import Step
-from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Atom
-from tests.bridged.sky import GOAL, MISSION, Sky
+from tests.bridged.sky import GOAL, MISSION, Sky, end_of
 from tests.support.buses import async_test
 
 RANKED = MISSION.replace("    link:", "    lease: {priority: [other]}\n    link:")
@@ -20,10 +19,6 @@ RANKED = MISSION.replace("    link:", "    lease: {priority: [other]}\n    link:
 @pytest.fixture
 def sky(tmp_path: Path) -> Sky:
     return Sky(tmp_path).flying()
-
-
-def end_of(status: ActionStatus) -> tuple[str, str]:
-    return status.state, status.reason
 
 
 def holder(sky: Sky) -> tuple[object, object]:

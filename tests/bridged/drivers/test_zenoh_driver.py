@@ -21,6 +21,7 @@ from commd.bus.loop_dispatch import LoopDispatch
 from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, Subscription
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
+from tests.bridged.sky import end_of
 from tests.support.buses import async_test
 from tests.support.notes import identities
 
@@ -199,8 +200,7 @@ async def test_a_service_says_how_it_went(
 ) -> None:
     async with in_a_pond(endpoint) as pond:
         asked = pond.serve("lamp/blink", reply, error=error)
-        outcome = await pond.do("blink", times=3)
-        assert (outcome.state, outcome.reason) == (state, reason)
+        assert end_of(await pond.do("blink", times=3)) == (state, reason)
         assert [json.loads(payload) for payload in asked] == [{"times": 3}]
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.simulation.vehicle.fault_injection import Faults
 from schemas.wire.terms import Term
-from tests.bridged.sky import MISSION, Message, Sky, is_command
+from tests.bridged.sky import MISSION, Message, Sky, end_of, is_command
 
 
 def told(sky: Sky) -> dict[Term, Term]:
@@ -45,8 +45,7 @@ def test_a_name_that_the_vehicle_does_not_know_is_told_after_three_seconds(
     sky: Sky, name: str, arguments: tuple[int, ...]
 ) -> None:
     sky.wait(1)
-    final = sky.do(name, "NO_SUCH", *arguments)
-    assert (final.state, final.reason) == ("failed", "the vehicle knows no parameter NO_SUCH")
+    assert end_of(sky.do(name, "NO_SUCH", *arguments)) == ("failed", "the vehicle knows no parameter NO_SUCH")
     asked = [one for one in sky.sent if one.get_type() == "PARAM_REQUEST_READ" and one.param_id == "NO_SUCH"]
     assert len(asked) == 6
 
@@ -186,8 +185,7 @@ def test_a_value_that_32_bits_do_not_hold_is_refused(sky: Sky) -> None:
 def test_a_fence_is_known_by_what_it_is_although_no_acknowledgement_comes(tmp_path: Path) -> None:
     sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"]))
     for wanted in (True, False):
-        final = sky.do("enable_fence", wanted)
-        assert (final.state, final.reason) == ("succeeded", "")
+        assert end_of(sky.do("enable_fence", wanted)) == ("succeeded", "")
         assert sky.vehicle.autopilot.parameters["FENCE_ENABLE"] == wanted
 
 
@@ -197,5 +195,4 @@ def test_a_fence_whose_bit_is_not_told_is_known_by_its_parameter_although_no_ack
     sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"]))
     sky.wait(1)
     sky.we_hear = lambda message: message.get_type() != "SYS_STATUS"
-    final = sky.do("enable_fence", True)
-    assert (final.state, final.reason) == ("succeeded", "")
+    assert end_of(sky.do("enable_fence", True)) == ("succeeded", "")

@@ -14,7 +14,7 @@ from bridged.simulation.vehicle.px4.px4 import Px4
 from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import load_manifest
 from tests.bridged.components import CameraComponent, GimbalComponent
-from tests.bridged.sky import HOME, Message, Sky
+from tests.bridged.sky import HOME, Message, Sky, end_of
 from tests.docs.pages import ROOT
 
 INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
@@ -149,8 +149,7 @@ AUX = {
 )
 def test_an_output_that_is_not_set_up_for_it_is_not_moved(px4: Sky, values: dict[str, float], reason: str) -> None:
     with_outputs(px4, values)
-    status = px4.do("drop_buoy")
-    assert (status.state, status.reason) == ("refused", reason)
+    assert end_of(px4.do("drop_buoy")) == ("refused", reason)
     assert px4.commands(dialect.MAV_CMD_DO_SET_ACTUATOR) == []
 
 

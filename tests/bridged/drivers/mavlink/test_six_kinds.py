@@ -12,7 +12,7 @@ from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import load_manifest
 from tests.bridged.bridge.test_safety_orders import passing
-from tests.bridged.sky import HOME, MISSION, Sky
+from tests.bridged.sky import HOME, MISSION, Sky, end_of
 from tests.support.buses import async_test
 
 NORTH = (-27.6000, -48.5184)
@@ -170,9 +170,7 @@ def test_a_px4_plane_does_not_land_without_a_landing(
         sky.done("upload_mission", items)
     sky.done("set_param", "RTL_TYPE", rtl_type)
     under_way(sky, "plane", NORTH)
-    status = sky.do("land")
-    assert status.state == "refused"
-    assert status.reason == f"a plane of this kind has no mode that lands where it is, {why}"
+    assert end_of(sky.do("land")) == ("refused", f"a plane of this kind has no mode that lands where it is, {why}")
     assert mode(sky) == "GUIDED"
 
 

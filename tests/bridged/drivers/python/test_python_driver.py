@@ -19,6 +19,7 @@ from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 from schemas.wire.records import Note
 from tests.bridged.plugins import install
+from tests.bridged.sky import end_of
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
 from tests.support.buses import async_test, until
 from tests.support.notes import identities
@@ -169,8 +170,7 @@ async def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
     gpio: Callable[[], dict[str, object]], tmp_path: Path, height: float, state: str, reason: str
 ) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        final = await workshop.do("drop", height)
-        assert (final.state, final.reason) == (state, reason)
+        assert end_of(await workshop.do("drop", height)) == (state, reason)
         assert gpio()["dropped"] == [(height, "buoy")]
         assert (await workshop.do("drop", 1)).state == "succeeded"
 

@@ -19,6 +19,7 @@ from commd.bus.raw import Sample
 from schemas.mission.model import load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import ActionStatus, Cancel, Outcome, StopOrder
+from tests.bridged.sky import end_of
 from tests.bridged.studio import MISSIONS, in_the_studio
 from tests.support.buses import async_test, served, subscribed, until
 from tests.support.notes import identities
@@ -164,10 +165,8 @@ async def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(end
         assert [one async for one in studio.bus.query(stop, StopOrder(order="release"), Outcome, 10)]
         studio.leave.set()
         await until(lambda: not studio.values("pose"), "the pose is gone")
-        status = await studio.do("cmd_vel", 1, 0, 0)
-        assert (status.state, status.reason) == ("failed", "nobody subscribes to turtle1/cmd_vel")
-        status = await studio.do("clear")
-        assert (status.state, status.reason) == ("failed", "nobody serves turtle1/clear")
+        assert end_of(await studio.do("cmd_vel", 1, 0, 0)) == ("failed", "nobody subscribes to turtle1/cmd_vel")
+        assert end_of(await studio.do("clear")) == ("failed", "nobody serves turtle1/clear")
 
 
 SLOW = """

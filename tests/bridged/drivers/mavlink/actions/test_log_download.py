@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.actions.log_download import WINDOW, file_name
 from bridged.simulation.vehicle.log_transfer import LogTransfer
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import every
-from tests.bridged.sky import Message, Sky
+from tests.bridged.sky import Message, Sky, end_of
 
 Entry = dialect.MAVLink_log_entry_message
 
@@ -86,8 +86,7 @@ def test_the_latest_is_that_of_the_latest_time_and_any_other_is_had_by_its_numbe
         "uav1-log00001-20270115T080000Z.bin": b"newest",
         "uav1-log00002-20261118T110640Z.bin": b"thirdt",
     }
-    missing = sky.do("download_log", 9)
-    assert (missing.state, missing.reason) == ("failed", "the vehicle has no log 9; it has 0 to 2")
+    assert end_of(sky.do("download_log", 9)) == ("failed", "the vehicle has no log 9; it has 0 to 2")
 
 
 def test_a_list_that_loses_entries_is_asked_for_again_until_all_of_it_is_there(sky: Sky, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from bridged.drivers.mavlink.actions.mission_items import Item, read_items
 from bridged.simulation.vehicle.mission_items import Item as Stored
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Term
-from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
+from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky, end_of
 from tests.support.notes import identities
 
 NEAR, FAR = [-27.603683, -48.518052, 20], [-27.6038, -48.5182, 15]
@@ -75,8 +75,7 @@ def test_a_mission_passes_a_link_that_loses_every_few_messages_both_ways(sky: Sk
 
 def test_an_upload_whose_acknowledgement_is_lost_is_read_back_and_compared(sky: Sky) -> None:
     sky.we_hear = lambda message: message.get_type() != "MISSION_ACK"
-    final = sky.do("upload_mission", TOUR)
-    assert (final.state, final.reason) == ("succeeded", "")
+    assert end_of(sky.do("upload_mission", TOUR)) == ("succeeded", "")
 
 
 def test_no_mission_is_started_after_an_upload_that_was_announced_and_whose_requests_are_lost(sky: Sky) -> None:
@@ -91,8 +90,7 @@ def test_no_mission_is_started_after_an_upload_that_was_announced_and_whose_requ
     assert (final.state, final.reason) == ("failed", said)
     sky.we_hear = lambda message: True
     sky.do("arm_motors", True)
-    refused = sky.do("start_mission")
-    assert (refused.state, refused.reason) == ("refused", left)
+    assert end_of(sky.do("start_mission")) == ("refused", left)
 
 
 def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_started_on_it(sky: Sky) -> None:
@@ -108,8 +106,7 @@ def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_start
     assert ("mission_broken", "") in identities(sky.driver.notes())
     sky.hears_us = lambda message: True
     sky.do("arm_motors", True)
-    refused = sky.do("start_mission")
-    assert (refused.state, refused.reason) == ("refused", left)
+    assert end_of(sky.do("start_mission")) == ("refused", left)
     sky.done("upload_mission", TOUR)
     assert ("mission_broken", "") not in identities(sky.driver.notes())
 
@@ -220,8 +217,7 @@ def test_a_mission_that_cannot_be_read_is_refused_with_its_item(sky: Sky, items:
 def test_every_item_keeps_the_limits_of_the_mission_file(tmp_path: Path, item: Term, reason: str) -> None:
     sky = Sky(tmp_path, mission=LIMITED)
     sky.forward(lambda: sky.belief("home_pos"), "home")
-    final = sky.do("upload_mission", [["takeoff", 0, 0, 10], item, ["rtl"]])
-    assert (final.state, final.reason) == ("refused", reason)
+    assert end_of(sky.do("upload_mission", [["takeoff", 0, 0, 10], item, ["rtl"]])) == ("refused", reason)
     assert not any(one.get_type() == "MISSION_COUNT" for one in sky.sent)
 
 
@@ -329,8 +325,7 @@ def test_a_mission_is_started_armed_and_needs_items(sky: Sky) -> None:
     sky.wait(1)
     assert sky.do("start_mission").reason.startswith("a mission is started armed; the vehicle is not armed")
     sky.armed()
-    final = sky.do("start_mission")
-    assert (final.state, final.reason) == ("refused", "the vehicle has no mission; upload one")
+    assert end_of(sky.do("start_mission")) == ("refused", "the vehicle has no mission; upload one")
 
 
 def test_a_mission_on_the_ground_without_a_takeoff_fails_in_words(sky: Sky) -> None:
@@ -342,8 +337,7 @@ def test_the_next_item_is_set_and_one_that_is_not_there_is_refused(sky: Sky) -> 
     sky.do("upload_mission", TOUR)
     sky.done("set_mission_item", 3)
     assert sky.vehicle.autopilot.mission.current == 3
-    final = sky.do("set_mission_item", 9)
-    assert (final.state, final.reason) == ("refused", "no item 9; the mission has 3")
+    assert end_of(sky.do("set_mission_item", 9)) == ("refused", "no item 9; the mission has 3")
 
 
 def test_an_item_that_a_mission_of_somebody_else_does_not_have_fails_in_words(sky: Sky) -> None:

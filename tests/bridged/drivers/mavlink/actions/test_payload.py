@@ -15,7 +15,7 @@ from schemas.manifest.loader import PerceptEntry, load_manifest
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Term
 from tests.bridged.components import CAMERA, CameraComponent, GimbalComponent
-from tests.bridged.sky import HOME, Message, Sky, is_ack_of, is_command
+from tests.bridged.sky import HOME, Message, Sky, end_of, is_ack_of, is_command
 
 COPTER = load_manifest("copter")
 STATION = (255, 190)
@@ -97,9 +97,7 @@ def test_a_winch_lets_out_and_winds_in_as_much_line(sky: Sky) -> None:
 
 
 def test_a_winch_that_stops_early_fails_with_where_it_is(sky: Sky) -> None:
-    status = sky.do("winch", -3)
-    assert status.state == "failed"
-    assert status.reason == "the winch stopped with 0.0 m of line out instead of -3.0 m"
+    assert end_of(sky.do("winch", -3)) == ("failed", "the winch stopped with 0.0 m of line out instead of -3.0 m")
 
 
 def test_a_lost_acknowledgement_lets_no_line_out_twice(sky: Sky) -> None:
@@ -188,8 +186,7 @@ def test_a_camera_that_fails_fails_the_action(sky: Sky, camera: CameraComponent)
     camera.works = False
     camera.pictures += 1  # so that the picture that failed has a new index
     camera.counts = False
-    status = sky.do("take_picture")
-    assert (status.state, status.reason) == ("failed", "the camera reports that it could not take the picture")
+    assert end_of(sky.do("take_picture")) == ("failed", "the camera reports that it could not take the picture")
     assert sky.commands(dialect.MAV_CMD_DO_DIGICAM_CONTROL) == []
 
 

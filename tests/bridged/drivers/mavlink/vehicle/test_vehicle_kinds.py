@@ -25,7 +25,7 @@ from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import load_manifest
 from schemas.wire.records import Note
 from tests.bridged.drivers.mavlink.test_six_kinds import sky_of, under_way
-from tests.bridged.sky import HOME, MISSION, Sky, is_command
+from tests.bridged.sky import HOME, MISSION, Sky, end_of, is_command
 
 
 @pytest.fixture
@@ -75,8 +75,7 @@ def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed_and_obeys_ord
         'the vehicle reports that it is a MAV_TYPE_FIXED_WING, the manifest says copter; `vehicle = "plane"` would fit'
     )
     assert Note("other_vehicle_kind", said) in sky.driver.notes()
-    final = sky.do("arm_motors", True)
-    assert (final.state, final.reason) == ("refused", said)
+    assert end_of(sky.do("arm_motors", True)) == ("refused", said)
     assert sky.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM) == []
     execution = sky.driver.order("rtl", by_operator("rtl"), insist=True)
     sky.forward(lambda: execution.over, "the order", 15)

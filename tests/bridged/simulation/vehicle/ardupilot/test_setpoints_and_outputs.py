@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.vehicle.fault_injection import Faults
 from bridged.simulation.vehicle.mission_items import Item as Stored
 from schemas.manifest.loader import Manifest, load_manifest, read_manifest
-from tests.bridged.sky import GOAL, MISSION, Sky, is_command
+from tests.bridged.sky import GOAL, MISSION, Sky, end_of, is_command
 from tests.support.notes import identities
 
 MORE = """
@@ -346,8 +346,7 @@ def test_a_vehicle_none_of_whose_outputs_is_a_gripper_says_so(sky: Sky) -> None:
 
 def test_a_reposition_is_known_by_the_target_although_no_acknowledgement_comes(tmp_path: Path) -> None:
     sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"])).flying()
-    final = sky.do("reposition", *GOAL[:2], 10)
-    assert (final.state, final.reason) == ("succeeded", "")
+    assert end_of(sky.do("reposition", *GOAL[:2], 10)) == ("succeeded", "")
 
 
 def test_a_raw_command_does_not_go_round_what_the_limits_need(tmp_path: Path) -> None:
