@@ -79,13 +79,35 @@ PENDING: dict[str, tuple[str, list[Any], list[str], list[str]]] = {
         ["+!find(A,f(B,A))[source(ann)]"],
         [],
     ),
+    "a message whose own plan has not ended": (
+        "+!kqml_received(S, greet, C, M) <- .wait(10000).",
+        [Mail("ann", "greet", term("hello(X)"), "mid3")],
+        ['+!kqml_received(ann,greet,hello(X),"mid3")'],
+        [],
+    ),
+    "messages that wait for an atomic plan": (
+        "@a[atomic] +!block <- fly. +!go.",
+        [GoalAdded(term("block")), told("achieve", "go"), told("askOne", "go", msg_id="m1")],
+        ["+!go[source(ann)]", '+!kqml_received(ann,askOne,go,"m1")'],
+        ["+!block[source(self)]"],
+    ),
+    **{
+        f"no initial goal, nor what runs in its intention: {source}": (source, [], [], [])
+        for source in (
+            "p(1). +p(X) <- .wait(9000). !start. +!start <- !inner; .print(never). +!inner <- .wait(10000).",
+            "!loop(0). +!loop(N) <- .wait(10); !loop(N + 1).",
+            "!start. -!start <- .wait(10000).",
+            "!start. +!start : false. -!start <- .wait(10000).",
+            "!start. +!start <- .fail. -!start <- .wait(10000).",
+        )
+    },
 }
 
 
 @pytest.mark.parametrize("what", PENDING)
 def test_what_is_given_again(what: str) -> None:
     source, given, of_others, of_its_own = PENDING[what]
-    life = begun(source).feed(*given)
+    life = begun(source).feed(*given).at(5.0 if "loop" in source else 0.0)
     life.save()
     assert others(life) == of_others
     assert sorted(own(life)) == of_its_own
@@ -137,27 +159,12 @@ def test_what_was_pending_stays_kept_until_it_is_given_again_whatever_comes_befo
     assert others(again) == ["+!g(4)[source(cid)]", *before]
 
 
-def test_the_initial_goal_and_all_that_runs_in_its_intention_never_begin_again() -> None:
-    life = begun("p(1). +p(X) <- .wait(9000). !start. +!start <- !inner; .print(never). +!inner <- .wait(10000).")
-    assert own(life) == []
-    assert others(life) == []
-    looping = begun("!loop(0). +!loop(N) <- .wait(10); !loop(N + 1).").at(5.0)
-    looping.save()
-    assert own(looping) == []
-
-
 def test_an_initial_goal_that_was_not_even_begun_is_not_given_again() -> None:
     life = Life("!start. +!start <- .print(started).")
     life.save()
     again = life.next().settle()
     assert own(life) == []
     assert again.prints == []
-
-
-def test_a_failure_plan_of_an_initial_goal_is_part_of_it() -> None:
-    assert own(begun("!start. -!start <- .wait(10000).")) == []
-    assert own(begun("!start. +!start : false. -!start <- .wait(10000).")) == []
-    assert own(begun("!start. +!start <- .fail. -!start <- .wait(10000).")) == []
 
 
 def test_a_new_intention_that_an_initial_goal_has_begun_is_its_own_matter() -> None:
@@ -248,14 +255,6 @@ def test_a_question_that_a_plan_answers_is_answered_in_the_next_life() -> None:
     assert others(again) == []
 
 
-def test_a_message_whose_own_plan_has_not_ended_is_received_again() -> None:
-    source = "+!kqml_received(S, greet, C, M) <- .print(S, C, M); .wait(10000)."
-    life = begun(source).feed(Mail("ann", "greet", term("hello(X)"), "mid3"))
-    life.save()
-    assert others(life) == ['+!kqml_received(ann,greet,hello(X),"mid3")']
-    assert life.next(own=False).settle().prints == ["annhello(X)mid3"]
-
-
 def test_a_question_that_falls_to_a_plan_behind_own_plans_for_messages_is_given_again() -> None:
     source = "+!kqml_received(_, greet, _, _). +?x(X) <- .wait(1000); X = 5."
     life = begun(source).feed(told("askOne", "x(V)", msg_id="sync7.ann"))
@@ -288,17 +287,6 @@ def test_pending_events_are_given_again_in_the_order_in_which_they_came() -> Non
 def told_by_ann() -> tuple[Any, ...]:
     found: Literal = term("x[source(ann)]")
     return found.annots
-
-
-def test_messages_that_an_atomic_plan_keeps_waiting_are_kept_as_events() -> None:
-    life = begun("@a[atomic] +!block <- fly. +!go.")
-    life.feed(GoalAdded(term("block")))
-    life.mind.feed(told("achieve", "go"))
-    life.mind.feed(told("askOne", "go", msg_id="m1"))
-    life.settle()
-    life.save()
-    asked = '+!kqml_received(ann,askOne,go,"m1")'
-    assert others(life) == ["+!go[source(ann)]", asked], "they wait for the atomic plan"
 
 
 def test_an_event_that_cannot_be_kept_is_reported_and_the_others_are_kept() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, aclosing
 from inspect import CORO_CLOSED, getcoroutinestate
 from typing import Any, cast
@@ -15,24 +15,40 @@ import pytest
 import zenoh
 
 from commd.bus.bus import Bus, Query, open_bus
-from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
+from commd.bus.errors import AccessDenied, BusClosed, QueryFailed, QueryTimeout
 from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, async_test, bus_test, served, subscribed, until
 
+PERCEPT, ACTION = "argosy/test/uav/percept/a", "argosy/test/uav/action/land"
+
+
+async def perceived(connect: Connect) -> tuple[Bus, Bus, list[tuple[str, Perception]]]:
+    """One who puts the percept, one who hears of it, and what that one has heard."""
+    sender, receiver, got = await connect(), await connect(), list[tuple[str, Perception]]()
+    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
+    await subscribed(sender, PERCEPT)
+    return sender, receiver, got
+
+
+async def serving(
+    connect: Connect, serve: Callable[[Query[Action]], Awaitable[None]], **options: Any
+) -> tuple[Bus, Bus]:
+    """One who serves actions, and one who may ask for them."""
+    server, asker = await connect(), await connect()
+    server.serve("argosy/test/uav/action/*", Action, serve, **options)
+    await served(asker, ACTION)
+    return server, asker
+
 
 @bus_test
 async def test_what_is_put_arrives_typed_and_in_order(connect: Connect) -> None:
-    sender, receiver = await connect(), await connect()
-    got: list[Any] = []
-    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
-    await subscribed(sender, "argosy/test/uav/percept/altitude")
+    sender, _, got = await perceived(connect)
     for altitude in range(50):
-        sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
+        sender.put(PERCEPT, Perception(name="a", parameters=(altitude,)))
     await until(lambda: len(got) == 50, "what was sent arrives")
-    assert [record.parameters[0] for _, record in got] == list(range(50))
-    assert got[0][0] == "argosy/test/uav/percept/altitude"
+    assert [(key, record.parameters) for key, record in got] == [(PERCEPT, (n,)) for n in range(50)]
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
@@ -57,16 +73,11 @@ async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon
 
 @bus_test
 async def test_bad_bytes_are_counted_and_never_reach_the_handler(connect: Connect) -> None:
-    sender, receiver = await connect(), await connect()
-    got: list[Any] = []
-    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-    await subscribed(sender, "argosy/test/uav/percept/altitude")
+    sender, receiver, got = await perceived(connect)
     for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
-        sender._session.put("argosy/test/uav/percept/altitude", payload)
-    sender._session.put(
-        "argosy/test/uav/percept/altitude", b'{"name":"a"}', encoding="application/json;argosy.Perception/2"
-    )
-    sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
+        sender._session.put(PERCEPT, payload)
+    sender._session.put(PERCEPT, b'{"name":"a"}', encoding="application/json;argosy.Perception/2")
+    sender.put(PERCEPT, Perception(name="a"))
     await until(lambda: len(got) == 1, "what was sent arrives")
     assert receiver.counters["bad_input"] == 5
 
@@ -75,35 +86,13 @@ async def test_bad_bytes_are_counted_and_never_reach_the_handler(connect: Connec
 async def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    sender, receiver = await connect(), await connect()
-    got: list[Any] = []
-    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.name))
-    await subscribed(sender, "argosy/test/uav/percept/a")
+    sender, receiver, got = await perceived(connect)
     for _ in range(3):
-        sender._session.put("argosy/test/uav/percept/a", b'{"name":"a","colour":"red"}')
-    await until(lambda: got == ["a", "a", "a"], "the records arrive all the same")
+        sender._session.put(PERCEPT, b'{"name":"a","colour":"red"}')
+    await until(lambda: [one.name for _, one in got] == ["a", "a", "a"], "the records arrive all the same")
     assert receiver.counters["unknown_fields"] == 1
     assert receiver.counters["bad_input"] == 0
     assert caplog.text.count("ignored=colour") == 1
-
-
-@bus_test
-async def test_a_query_streams_its_replies_and_ends(connect: Connect) -> None:
-    server, backfill = await connect(), await connect()
-
-    async def fly(query: Query[Action]) -> None:
-        assert query.record is not None
-        for state in ("accepted", "running", "succeeded"):
-            query.reply(ActionStatus(id=query.record.id, state=state))
-            await asyncio.sleep(0.02)
-
-    server.serve("argosy/test/uav/action/*", Action, fly)
-    await served(backfill, "argosy/test/uav/action/land")
-    states = []
-    async for reply in backfill.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
-        assert reply.record is not None
-        states.append(reply.record.state)
-    assert states == ["accepted", "running", "succeeded"]
 
 
 @bus_test
@@ -150,16 +139,7 @@ async def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_pa
 
 
 @bus_test
-async def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(connect: Connect) -> None:
-    backfill = await connect()
-    async with asyncio.timeout(120):
-        replies = [reply async for reply in backfill.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)]
-    assert replies == []
-
-
-@bus_test
 async def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(connect: Connect) -> None:
-    server, backfill = await connect(), await connect()
     key = "argosy/test/uav/action"
 
     async def serve(query: Query[Action]) -> None:
@@ -172,8 +152,7 @@ async def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(conn
             case _:
                 await asyncio.Event().wait()
 
-    server.serve(f"{key}/*", Action, serve)
-    await served(backfill, f"{key}/land")
+    _, backfill = await serving(connect, serve)
     async with asyncio.timeout(120):
         assert (await backfill.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
         with pytest.raises(QueryFailed, match="no such action") as failed:
@@ -253,33 +232,16 @@ async def test_of_a_query_that_cannot_be_sent_nothing_is_heard(connect: Connect)
 
 @bus_test
 async def test_an_abandoned_query_is_cancelled(connect: Connect) -> None:
-    server, backfill = await connect(), await connect()
-
     async def forever(query: Query[Action]) -> None:
         query.reply(ActionStatus(id="1", state="running"))
         await asyncio.sleep(60)
 
-    server.serve("argosy/test/uav/action/*", Action, forever)
-    await served(backfill, "argosy/test/uav/action/a")
-    async with aclosing(backfill.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
+    _, backfill = await serving(connect, forever)
+    async with aclosing(backfill.query(ACTION, Action(), ActionStatus, 60)) as replies:
         async for reply in replies:
             assert reply.record is not None
             break
     assert await backfill.tokens("argosy/**") == []  # the session still answers
-
-
-@bus_test
-async def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(connect: Connect) -> None:
-    server, backfill = await connect(), await connect()
-
-    async def serve(query: Query[Action]) -> None:
-        query.reply_error(query.error)
-
-    server.serve("argosy/test/uav/action/*", Action, serve)
-    await served(backfill, "argosy/test/uav/action/a")
-    channel = backfill._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
-    errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
-    assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
 
 
 @pytest.mark.parametrize(
@@ -289,37 +251,14 @@ async def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_
 async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
     connect: Connect, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
 ) -> None:
-    server, backfill = await connect(), await connect()
-
     async def serve(query: Query[Action]) -> None:
         query.reply_error(query.error)
 
-    server.serve("argosy/test/uav/action/*", Action, serve)
-    await served(backfill, "argosy/test/uav/action/a")
+    _, backfill = await serving(connect, serve)
     monkeypatch.setattr(codec(Action), "encode", lambda *_: payload)
     with pytest.raises(QueryFailed) as failed:
-        await backfill.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
+        await backfill.ask_one(ACTION, Action(), ActionStatus, 10)
     assert failed.value.code == code
-
-
-@bus_test
-async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Connect) -> None:
-    first, second = await connect("uav"), await connect("uav")
-    await first.claim("uav")
-    with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
-        await second.claim("uav")
-
-
-@bus_test
-async def test_tokens_come_and_go_with_their_daemons(connect: Connect) -> None:
-    watcher, other = await connect(), await connect("uav")
-    seen: list[tuple[str, bool]] = []
-    token = await other.claim("uav")
-    watcher.watch("argosy/test/*/alive/**", lambda key, alive: seen.append((key, alive)))
-    await until(lambda: len(seen) == 1, "what was sent arrives")
-    token.undeclare()
-    await until(lambda: len(seen) == 2, "what was sent arrives")
-    assert [alive for _, alive in seen] == [True, False]
 
 
 def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:
@@ -353,20 +292,13 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
     asyncio.run(asyncio.wait_for(body(), 240))
 
 
-@async_test
-async def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
-    with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
-        async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.1):
-            pass
-
-
 @pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
 @async_test
 async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_start(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, starts_within: float, logged: int
 ) -> None:
     monkeypatch.setattr("commd.bus.session.STARTS_WITHIN", starts_within)
-    with pytest.raises(BusClosed):
+    with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
         async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.3):
             pass
     assert caplog.text.count("waiting for the router") == logged
@@ -377,12 +309,9 @@ async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.bus.loop_dispatch.BACKLOG", 100)
-    sender, receiver = await connect(), await connect()
-    got: list[Any] = []
-    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-    await subscribed(sender, "argosy/test/uav/percept/a")
+    sender, receiver, got = await perceived(connect)
     for _ in range(500):
-        sender.put("argosy/test/uav/percept/a", Perception(name="a"))
+        sender.put(PERCEPT, Perception(name="a"))
     patience = time.monotonic() + 20
     while receiver.counters["dropped"] < 400 and time.monotonic() < patience:
         time.sleep(0.01)  # the event loop is held up on purpose until Zenoh's threads have delivered everything
@@ -433,15 +362,12 @@ async def test_what_is_urgent_is_served_while_all_other_queries_wait(
 
 @bus_test
 async def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(connect: Connect) -> None:
-    backfill, server = await connect(), await connect()
-
     async def never(query: Query[Action]) -> None:
         raise AssertionError(query.key)
 
-    server.serve("argosy/test/uav/action/goto", Action, never, at_most=100)
-    await served(backfill, "argosy/test/uav/action/goto")
+    server, backfill = await serving(connect, never, at_most=100)
     large = Action(parameters=("x" * 100,))
-    replies = [one async for one in backfill.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
+    replies = [one async for one in backfill.query(ACTION, large, ActionStatus, 10)]
     assert [one.error for one in replies] == ["Action: 119 bytes, expected at most 100"]
     assert server.counters["bad_input"] == 1
 
@@ -457,16 +383,13 @@ async def test_the_admin_space_of_the_router_can_be_read(connect: Connect) -> No
 
 @bus_test
 async def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(connect: Connect) -> None:
-    server, backfill = await connect(), await connect()
-
     async def fly(query: Query[Action]) -> None:
         query.reply(ActionStatus(id="1", state="running"))
         query.reply(ActionStatus(id="1", state="succeeded"))
 
-    server.serve("argosy/test/uav/action/*", Action, fly)
-    await served(backfill, "argosy/test/uav/action/land")
+    _, backfill = await serving(connect, fly)
     states = list[str]()
-    async with aclosing(backfill.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
+    async with aclosing(backfill.query(ACTION, None, ActionStatus, 0.2)) as replies:
         async for reply in replies:
             assert reply.record is not None
             states.append(reply.record.state)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,99 +13,89 @@ import zenoh
 
 from commd.bus import loop_dispatch as module
 from commd.bus.loop_dispatch import AT_ONCE, TURN, LoopDispatch
-from tests.support.buses import Connect, bus_test, until
+from tests.support.buses import Connect, async_test, bus_test, until
 
 
-def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
-    async def main() -> dict[int, list[int]]:
-        handover, heard = LoopDispatch(asyncio.get_running_loop(), Counter()), dict[int, list[int]]()
-        told = asyncio.Event()
+def dispatch() -> tuple[LoopDispatch, list[Any]]:
+    """What hands over to the running loop, and a list of what is heard."""
+    return LoopDispatch(asyncio.get_running_loop(), Counter()), []
 
-        def hear(item: tuple[int, int]) -> None:
-            heard.setdefault(item[0], []).append(item[1])
-            if sum(map(len, heard.values())) == 4000:
-                told.set()
 
-        def put(who: int) -> None:
-            for number in range(1000):
-                handover.put(hear, (who, number))
+async def passes(until: Callable[[], bool]) -> None:
+    """Let the loop go through its callbacks again and again until something holds."""
+    while not until():
+        await asyncio.sleep(0)
 
-        threads = [threading.Thread(target=put, args=(who,)) for who in range(4)]
-        for thread in threads:
-            thread.start()
-        await asyncio.wait_for(told.wait(), 120)
-        return heard
 
-    assert asyncio.run(main()) == {who: list(range(1000)) for who in range(4)}
+@async_test
+async def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
+    handover, heard = dispatch()
+
+    def put(who: int) -> None:
+        for number in range(1000):
+            handover.put(heard.append, (who, number))
+
+    threads = [threading.Thread(target=put, args=(who,)) for who in range(4)]
+    for thread in threads:
+        thread.start()
+    await until(lambda: len(heard) == 4000, "all of them come")
+    for who in range(4):
+        assert [number for one, number in heard if one == who] == list(range(1000))
 
 
 @pytest.mark.parametrize(("each", "at_once"), [(TURN, AT_ONCE), (TURN / 500, 500), (0.0, 1000)])
-def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
+@async_test
+async def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
     each: float, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     passed = [0.0]
     monkeypatch.setattr(module, "monotonic", lambda: passed[0])
+    handover, heard = dispatch()
 
-    async def main() -> list[Any]:
-        loop, heard = asyncio.get_running_loop(), list[Any]()
-        handover = LoopDispatch(loop, Counter())
+    def hear(item: int) -> None:
+        heard.append(item)
+        passed[0] += each
 
-        def hear(item: int) -> None:
-            heard.append(item)
-            passed[0] += each
-
-        for number in range(1000):
-            handover.put(hear, number)
-        loop.call_soon(heard.append, "another")
-        while len(heard) < 1001:
-            await asyncio.sleep(0)
-        return heard
-
-    heard = asyncio.run(main())
+    for number in range(1000):
+        handover.put(hear, number)
+    asyncio.get_running_loop().call_soon(heard.append, "another")
+    await passes(lambda: len(heard) == 1001)
     assert heard.index("another") == pytest.approx(at_once, abs=1), "a turn takes a fiftieth of a second"
     assert [one for one in heard if one != "another"] == list(range(1000))
 
 
-def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
-    async def main() -> list[Any]:
-        loop, heard = asyncio.get_running_loop(), list[Any]()
-        handover = LoopDispatch(loop, Counter())
+@async_test
+async def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
+    handover, heard = dispatch()
 
-        def hear(item: int) -> None:
-            heard.append(item)
-            if item == 0:
-                handover.afterwards(lambda: heard.append("turn"))
+    def hear(item: int) -> None:
+        heard.append(item)
+        if item == 0:
+            handover.afterwards(lambda: heard.append("turn"))
 
-        for number in range(3):
-            handover.put(hear, number)
-        loop.call_soon(heard.append, "next")
-        while len(heard) < 5:
-            await asyncio.sleep(0)
-        handover.afterwards(lambda: heard.append("soon"))
-        await asyncio.sleep(0)
-        return heard
-
-    assert asyncio.run(main()) == [0, 1, 2, "turn", "next", "soon"]
+    for number in range(3):
+        handover.put(hear, number)
+    asyncio.get_running_loop().call_soon(heard.append, "next")
+    await passes(lambda: len(heard) == 5)
+    handover.afterwards(lambda: heard.append("soon"))
+    await asyncio.sleep(0)
+    assert heard == [0, 1, 2, "turn", "next", "soon"]
 
 
 @pytest.mark.parametrize("error", [ValueError("wrong"), asyncio.CancelledError("wrong")])
-def test_a_defect_is_told_and_keeps_nobody_else_from_theirs(error: BaseException) -> None:
-    async def main() -> tuple[list[Any], list[str]]:
-        loop, heard, told = asyncio.get_running_loop(), list[Any](), list[str]()
-        loop.set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
-        handover = LoopDispatch(loop, Counter())
+@async_test
+async def test_a_defect_is_told_and_keeps_nobody_else_from_theirs(error: BaseException) -> None:
+    (handover, heard), told = dispatch(), list[str]()
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
 
-        def fails(item: Any) -> None:
-            handover.afterwards(lambda: heard.append("turn"))
-            raise error
+    def fails(item: Any) -> None:
+        handover.afterwards(lambda: heard.append("turn"))
+        raise error
 
-        handover.put(fails, "wrong")
-        handover.put(heard.append, "right")
-        for _ in range(10):
-            await asyncio.sleep(0)
-        return heard, told
-
-    assert asyncio.run(main()) == (["right", "turn"], [repr(error)])
+    handover.put(fails, "wrong")
+    handover.put(heard.append, "right")
+    await passes(lambda: len(heard) == 2)
+    assert (heard, told) == (["right", "turn"], [repr(error)])
 
 
 def test_a_handler_that_reads_a_cancelled_future_or_ends_the_program_keeps_nobody_from_theirs() -> None:
@@ -131,18 +122,6 @@ def test_a_handler_that_reads_a_cancelled_future_or_ends_the_program_keeps_nobod
         asyncio.run(hear(SystemExit))
     assert heard == ["before", "behind"] * 2
     assert told == ["CancelledError('ended')"]
-
-
-def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
-    counters = Counter[str]()
-
-    async def main() -> LoopDispatch:
-        return LoopDispatch(asyncio.get_running_loop(), counters)
-
-    handover = asyncio.run(main())
-    handover.put(print, "lost")
-    handover.put(print, "lost")
-    assert counters == {"dropped": 2}
 
 
 def test_what_comes_after_a_loop_that_was_called_and_has_ended_is_counted() -> None:
@@ -174,25 +153,22 @@ async def test_a_thread_of_zenohs_has_one_state_in_the_interpreter_for_all_its_c
     assert len(module._kept) <= module.KEPT
 
 
-def test_what_arrives_during_a_turn_is_handed_over_in_the_same_pass_unless_the_turn_was_long(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("takes", "order"), [(TURN / 2, ["meanwhile", "another"]), (2 * TURN, ["another", "meanwhile"])]
+)
+@async_test
+async def test_what_arrives_during_a_turn_is_handed_over_in_the_same_pass_unless_the_turn_was_long(
+    takes: float, order: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     passed = [0.0]
     monkeypatch.setattr(module, "monotonic", lambda: passed[0])
+    handover, heard = dispatch()
 
-    async def main(takes: float) -> list[Any]:
-        loop, heard = asyncio.get_running_loop(), list[Any]()
-        handover = LoopDispatch(loop, Counter())
+    def turn() -> None:
+        passed[0] += takes
+        handover.put(heard.append, "meanwhile")
 
-        def turn() -> None:
-            passed[0] += takes
-            handover.put(heard.append, "meanwhile")
-
-        handover.put(lambda _: handover.afterwards(turn), None)
-        loop.call_soon(heard.append, "another")
-        while len(heard) < 2:
-            await asyncio.sleep(0)
-        return heard
-
-    assert asyncio.run(main(TURN / 2)) == ["meanwhile", "another"]
-    assert asyncio.run(main(2 * TURN)) == ["another", "meanwhile"]
+    handover.put(lambda _: handover.afterwards(turn), None)
+    asyncio.get_running_loop().call_soon(heard.append, "another")
+    await passes(lambda: len(heard) == 2)
+    assert heard == order

@@ -63,9 +63,13 @@ class FakeBridge:
             query.reply(perception, keys.percept(FLEET, "uav", f"{perception.name}/{index}"))
 
 
-def perceive(bus: Bus) -> tuple[PerceptSync, list[tuple[str, str, Any]]]:
-    """Return an agent's percepts and the list to which every change is added: came or gone, name, parameters."""
-    heard: list[tuple[str, str, Any]] = []
+Changes = list[tuple[str, str, Any]]
+"""Of percepts: came or gone, name, parameters."""
+
+
+def perceive(bus: Bus) -> tuple[PerceptSync, Changes]:
+    """Return an agent's percepts and the list to which every change is added."""
+    heard: Changes = []
 
     def hear(one: Perception) -> None:
         heard.append(("gone" if one.update == "remove" else "came", one.name, one.parameters))
@@ -73,6 +77,22 @@ def perceive(bus: Bus) -> tuple[PerceptSync, list[tuple[str, str, Any]]]:
     perceiving = PerceptSync(bus, "uav", "uav1", hear)
     asyncio.get_running_loop().create_task(perceiving.run())
     return perceiving, heard
+
+
+async def watched(connect: Connect, *told: tuple[str, Any]) -> tuple[FakeBridge, PerceptSync, Changes]:
+    """Return a bridge that has told some percepts, an agent's percepts that hold them, and what it has heard."""
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    for name, value in told:
+        bridge.tell(name, value)
+    await until(lambda: len(heard) == len(told), "what was told arrives")
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    return bridge, perceiving, heard
+
+
+def forge(person: Bus, perception: Perception) -> None:
+    """Put a percept in the bridge's name."""
+    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(perception,)))
 
 
 def test_a_late_agent_sees_every_present_percept_within_a_second(endpoint: str) -> None:
@@ -96,10 +116,7 @@ def test_a_late_agent_sees_every_present_percept_within_a_second(endpoint: str) 
 
 @bus_test
 async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: Connect) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    _, heard = perceive(await connect("uav"))
-    bridge.tell("altitude", 1)
-    await until(lambda: ("came", "altitude", (1,)) in heard, "the first percept arrives")
+    bridge, _, heard = await watched(connect, ("altitude", 1))
     bridge.tell("armed", True, lose=True)
     bridge.tell("altitude", 2)
     await until(lambda: ("came", "armed", (True,)) in heard, "the lost percept is repaired")
@@ -117,8 +134,7 @@ async def test_the_bridge_of_another_robot_that_still_serves_the_agent_is_not_be
 
 @bus_test
 async def test_changes_that_travel_together_are_taken_in_order_and_lost_together(connect: Connect) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    _, heard = perceive(await connect("uav"))
+    bridge, _, heard = await watched(connect)
     bridge.tell_together(("altitude", 1), ("heading", 90))
     bridge.tell_together(("altitude", 2), ("heading", 91), lose=True)
     bridge.tell_together(("altitude", 3))
@@ -129,11 +145,7 @@ async def test_changes_that_travel_together_are_taken_in_order_and_lost_together
 
 @bus_test
 async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(connect: Connect) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
-    bridge.tell("altitude", 1)
-    await until(lambda: len(heard) == 1, "the first percept arrives")
-    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    bridge, perceiving, heard = await watched(connect, ("altitude", 1))
     bridge.report()
     bridge.tell("altitude", 2, lose=True)
     bridge.report()
@@ -145,17 +157,12 @@ async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_heal
 @bus_test
 async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     """Somebody edits what a query has told and puts it: the bridge's own words must not be older than that for ever."""
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
+    bridge, perceiving, heard = await watched(connect, ("altitude", 1))
     person = await connect("operator")
-    bridge.tell("altitude", 1)
-    await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
-    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
     [told] = bridge.percepts.snapshot()
-    key = keys.percepts(FLEET, "uav")
     for ahead in (10**9, 1):
         header = replace(told.header, seq=bridge.percepts.seq + ahead)
-        person.put(key, Perceptions(changes=(replace(told, header=header, parameters=(99,)),)))
+        forge(person, replace(told, header=header, parameters=(99,)))
         await until(lambda: ("came", "altitude", (99,)) in heard, "it is believed")
         health = asyncio.create_task(bridge.report_for_ever())
         await until(lambda: heard[-1] == ("came", "altitude", bridge.now("altitude")), "the bridge is asked")
@@ -174,15 +181,14 @@ async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, cap
 
 @bus_test
 async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(connect: Connect) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
+    bridge, perceiving, heard = await watched(connect)
     person = await connect("operator")
     bridge.tell("link", "up")
     bridge.tell("link", "up", update="remove", key=(0,))
     await until(lambda: len(heard) == 2, "nothing is perceived")
     header = replace(bridge.bus.header("other"), seq=500)
     flood = Perception(header=header, name="flood")
-    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(flood,)))
+    forge(person, flood)
     await until(lambda: heard[-1] == ("came", "flood", ()), "it is believed")
     bridge.report()
     await until(lambda: heard[-1] == ("gone", "flood", ()), "it is believed no more")
@@ -195,14 +201,10 @@ async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(co
 async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
+    bridge, perceiving, heard = await watched(connect, ("altitude", 1))
     person = await connect("operator")
-    bridge.tell("altitude", 1)
-    await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
-    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
     odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))
-    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(odd,)))
+    forge(person, odd)
     await until(lambda: ("gone", "victim", (1,)) in heard, "the bridge is asked, and knows of none")
     assert perceiving.counters["not_of_the_bridge"] == 1
     bridge.tell("altitude", 2)
@@ -215,8 +217,7 @@ async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.client.percept_sync.IN_FLIGHT", 0.0)
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
+    bridge, perceiving, heard = await watched(connect)
     person = await connect("operator")
     for height in range(3):
         bridge.tell("altitude", height)
@@ -224,10 +225,10 @@ async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     [told] = bridge.percepts.snapshot()
     header = replace(told.header, seq=2)
     old = replace(told, header=header, name="victim")
-    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(old,)))
+    forge(person, old)
     await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
     odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
-    person.put(keys.percepts(FLEET, "uav"), Perceptions(changes=(odd,)))
+    forge(person, odd)
     await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
     assert len(heard) == 3
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text
@@ -250,9 +251,7 @@ async def test_equal_digests_ask_for_nothing(connect: Connect) -> None:
 
 @bus_test
 async def test_a_removed_percept_is_told_once_and_events_are_all_told(connect: Connect) -> None:
-    bridge = FakeBridge(await connect("uav1", "bridged"))
-    perceiving, heard = perceive(await connect("uav"))
-    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    bridge, _, heard = await watched(connect)
     bridge.tell("link", "up")
     for index in range(30):
         bridge.tell("hit", index, update="add")
