@@ -15,7 +15,7 @@ import pytest
 import zenoh
 
 from commd.bus.bus import Bus, Query, open_bus
-from commd.bus.errors import AccessDenied, BusClosed, QueryFailed, QueryTimeout
+from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
 from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
@@ -259,6 +259,14 @@ async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
     with pytest.raises(QueryFailed) as failed:
         await backfill.ask_one(ACTION, Action(), ActionStatus, 10)
     assert failed.value.code == code
+
+
+@bus_test
+async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Connect) -> None:
+    first, second = await connect("uav"), await connect("uav")
+    await first.claim("uav")
+    with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
+        await second.claim("uav")
 
 
 def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:

@@ -404,7 +404,7 @@ async def test_a_name_is_had_by_one_alone(
     other: Bus = await connect("planner", daemon)
     ScriptedCommd(await connect("local", "commd"), "planner")
     await other.claim("planner")
-    with pytest.raises(AlreadyRunning, match=rf"serves `planner`.*boot {other.boot}"):
+    with pytest.raises(AlreadyRunning, match="`planner`"):
         async with join("planner", fleet=FLEET, router=endpoint):
             pass
 
