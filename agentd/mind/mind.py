@@ -42,11 +42,11 @@ MOST_FRAMES: Final = 300_000
 _NAMES: Final = {
     terms: "EMPTY FALSE TRUE Expression List Literal Open Rest Var atom deref elements make_list",
     source_annotations: "SELF",
-    order: "distinct ordered sorted_annots",
+    order: "sorted_annots",
     dynamic_formulas: "arithmetic call order same solve univ",
     term_copy: "annots_with_tail detach is_ground resolve resolve_annots with_source",
     unification: "bound_again in_default open_bare open_list open_structure subsets undo unify value",
-    work_limit: "too_much_work",
+    work_limit: "distinct ordered too_much_work",
     plan_terms: "capture",
     formula_failure: "action_said_no constraint_failed test_failed",
     belief_updates: "believe believed change_term disbelieve replace",

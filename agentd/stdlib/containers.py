@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.terms.order import compare, distinct, is_in, ordered, place_in
+from agentd.language.terms.order import compare, is_in, place_in
 from agentd.language.terms.terms import Collection, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, alternatives, unify
+from agentd.mind.beliefs.work_limit import distinct, ordered
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState

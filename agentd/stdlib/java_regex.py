@@ -3,24 +3,18 @@
 Python's expressions mean the same but for few constructs; those that differ are translated or refused. In the new text
 ``$1`` and ``${name}`` are groups, and a backslash takes the next character as it is.
 
-Python's search counts no steps, and may take for ever (``(a+)+$``). So a replacement is the one formula that is limited
-by time.
+A search counts no steps, and may take for ever (``(a+)+$``), so it is limited in time.
 """
 
 from __future__ import annotations
 
 import re
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, Final
 
-from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, TooMuchWork, bounded
+from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, bounded, limited
 from agentd.mind.data.formula_failure import Failed
 
-MATCHES_FOR: Final = 1.0
-"""Seconds of the process's processor time that a replacement may take."""
 _NAMED_GROUP: Final = re.compile(r"\(\?<(?![=!])")
 _POSIX: Final = {
     "Alpha": "a-zA-Z",
@@ -66,32 +60,8 @@ def replace_all(pattern: str, new: str, whole: str) -> str:
         bounded(".replace", size, MOST_CHARACTERS, "characters")
         return text
 
-    with _limited(pattern):
+    with limited(f"a search by '{pattern}'"):
         return compiled(pattern).sub(inserted, whole)
-
-
-@contextmanager
-def _limited(pattern: str) -> Iterator[None]:
-    """End a search that takes too long, by a signal: only the main thread, in which minds run, has those."""
-    over = False
-
-    def end(*_: object) -> None:
-        if over:
-            return
-        raise TooMuchWork("too_much_work", f"the pattern '{pattern}' takes more than {MATCHES_FOR:g} s")
-
-    try:
-        before = signal.signal(signal.SIGVTALRM, end)
-    except ValueError:
-        yield
-        return
-    try:
-        signal.setitimer(signal.ITIMER_VIRTUAL, MATCHES_FOR)
-        yield
-    finally:
-        over = True
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-        signal.signal(signal.SIGVTALRM, before)
 
 
 def _expanded(new: str, match: re.Match[str]) -> str:

@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from agentd.language.terms.format import text
 from agentd.language.terms.numbers import java_int
-from agentd.language.terms.order import distinct, is_in, ordered
+from agentd.language.terms.order import is_in
 from agentd.language.terms.terms import Collection, List, Term, Var, deref, make_list, proper, spans
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
-from agentd.mind.beliefs.work_limit import work
+from agentd.mind.beliefs.work_limit import distinct, limited, ordered, work
 from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
@@ -147,10 +147,17 @@ def _extreme(name: str, place: int, what: str, example: str) -> None:
 _extreme(".min", 0, "least", "gives X = 1")
 _extreme(".max", -1, "greatest", "gives X = 3")
 
+
+def _chosen(members: list[Any], others: list[Any], common: bool) -> list[Any]:
+    """Return the members that others in standard order have in common, or have not."""
+    with limited("comparing members"):
+        return [one for one in members if is_in(others, one) is common]
+
+
 SET_OPERATIONS: Final[dict[str, tuple[Callable[[list[Any], list[Any]], list[Any]], str, str]]] = {
     "union": (lambda a, b: distinct(a + b), "the members of both, each once, in order", "[a,b,c]"),
-    "intersection": (lambda a, b: [x for x in a if is_in(b, x)], "the members that both have", "[a]"),
-    "difference": (lambda a, b: [x for x in a if not is_in(b, x)], "the members of A that B has not", "[b]"),
+    "intersection": (lambda a, b: _chosen(a, b, True), "the members that both have", "[a]"),
+    "difference": (lambda a, b: _chosen(a, b, False), "the members of A that B has not", "[b]"),
 }
 """What is made of two lists in standard order without duplicates, what that is, and what it is of [b,a] and [c,a]."""
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from agentd.language.terms.order import distinct, ordered
 from agentd.language.terms.terms import EMPTY, FALSE, TRUE, Expression, Literal, Term, deref, make_list
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.work_limit import distinct, ordered
 from agentd.mind.data.formula_failure import wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState

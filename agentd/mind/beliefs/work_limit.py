@@ -11,8 +11,12 @@ counted. What the asked program has written itself, in its rules, is compiled an
 
 from __future__ import annotations
 
-from typing import Final, NoReturn, Protocol
+import signal
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, NoReturn, Protocol
 
+from agentd.language.terms import order
 from agentd.language.terms.terms import EMPTY, List, Term, deref
 from agentd.mind.data.formula_failure import Failed
 
@@ -30,6 +34,8 @@ QUESTION_STEPS: Final = 100_000
 """Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
 _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow with the square of their arguments' size."""
+LONGEST: Final = 1.0
+"""Seconds of processor time for work that counts no steps: regular expressions, and the order of terms."""
 MOST_CHARACTERS: Final = 16_000_000
 """Characters of one text that an internal action makes; a message may have a million bytes."""
 MOST_MEMBERS: Final = 1_000_000
@@ -66,6 +72,53 @@ def bounded(action: str, size: int, most: int, what: str) -> None:
     """Fail with ``too_large`` if an ``action`` makes more than ``most`` of ``what`` (characters or members)."""
     if size > most:
         raise Failed("too_large", f"{action} makes {size} {what}, expected at most {most}")
+
+
+_limiting = False
+
+
+@contextmanager
+def limited(what: str) -> Iterator[None]:
+    """Fail what cannot count its steps and may take for ever when it takes `LONGEST` of processor time.
+
+    It may be compared on another machine, or in a replay, with another result: a search or an order that takes so long
+    is a mistake or an attack. It is ended by a signal, so that only what has no effect yet may run in it. Only the main
+    thread, in which minds run, gets signals; in others nothing is limited.
+    """
+    global _limiting
+    if _limiting:
+        yield
+        return
+
+    def end(*_: object) -> None:
+        if _limiting:
+            raise TooMuchWork("too_much_work", f"{what} takes more than {LONGEST:g} s")
+
+    try:
+        before = signal.signal(signal.SIGVTALRM, end)
+    except ValueError:
+        yield
+        return
+    _limiting = True
+    try:
+        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
+        yield
+    finally:
+        _limiting = False
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+def ordered(terms: list[Any]) -> list[Any]:
+    """Return terms in standard order, duplicates kept. Raises TooMuchWork."""
+    with limited("putting terms in order"):
+        return order.ordered(terms)
+
+
+def distinct(terms: Iterable[Any]) -> list[Any]:
+    """Return terms in standard order without duplicates. Raises TooMuchWork."""
+    with limited("putting terms in order"):
+        return order.distinct(terms)
 
 
 class QueryRefused(Failed):

@@ -39,8 +39,8 @@ LARGE = {
         "ok",
         "recursion_too_deep",
     ),
-    "terms of so many parts are not put in order": (
-        f"!s. +!s <- !d(x,60,X); !d(x,60,Y); .sort([X,Y],L). -!s[error(E)] <- .print(E). {DOUBLES}",
+    "terms of so many parts are not compared": (
+        f"!s. +!s <- !d(x,60,X); !d(x,60,Y); if (X < Y) {{ .print(less) }}. -!s[error(E)] <- .print(E). {DOUBLES}",
         "recursion_too_deep",
     ),
     "a sum of so many terms is computed": (
@@ -49,6 +49,12 @@ LARGE = {
     ),
     "a pattern that would be searched for ever fails": (
         f"""!s. +!s <- .replace("{"a" * 50}b", "(a+)+$", "", R). -!s[error(E)] <- .print(E).""",
+        "too_much_work",
+    ),
+    "terms that take long to compare are not put in order": (
+        """!s. +!s <- .findall(X, .range(X,1,50000), A); .findall(X, .range(X,1,50000), B);
+            .findall(f(B,N), .range(N,1,300), L); .findall(f(A,N), .range(N,1,300), K); .concat(K,L,M); .sort(M,_).
+        -!s[error(E)] <- .print(E).""",
         "too_much_work",
     ),
     "a text that grows without end by replacing fails": (
