@@ -111,7 +111,7 @@ class MindViews:
     def view(self, look: Look, now: float) -> MindView:
         """Return the state of the mind itself, at ``now`` in mission seconds; its host adds further fields."""
         mind = self._mind
-        believed, beliefs_left_out = self._beliefs.shown(look, now)
+        beliefs, beliefs_left_out = self._beliefs.shown(look, now)
         intentions, intentions_left_out = intentions_of(mind)
         events, events_left_out = events_of(mind, look.about)
         decisions, failures = decisions_of(mind, look)
@@ -121,8 +121,7 @@ class MindViews:
             cycle=mind.cycle,
             time=now,
             state="reasoning" if mind.ready else "waiting",
-            beliefs=tuple(one.text for one in believed),
-            believed=believed,
+            beliefs=beliefs,
             beliefs_left_out=beliefs_left_out,
             intentions=intentions,
             intentions_left_out=intentions_left_out,

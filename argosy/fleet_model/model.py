@@ -310,8 +310,8 @@ class FleetModel:
             if holds and not done.get(formula):
                 self.reporter(agent, f"done: {formula}", "good")
         member.mind, member.heard, member.silent, member.why_silent = view, self.now(), None, ""
-        if view.believed or not view.beliefs_left_out:
-            member.believed = view.believed
+        if view.beliefs or not view.beliefs_left_out:
+            member.believed = view.beliefs
         if detailed:
             member.detail, member.detailed = view, self.now()
 

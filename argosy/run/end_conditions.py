@@ -115,7 +115,8 @@ class EndConditions:
         for one in self._mission.failed:
             mind = self._model.agents[one.agent].mind
             if mind is not None and mind.failed.get(one.formula, False):
-                believed = next((text for text in mind.beliefs if text.partition("(")[0] == one.functor), one.formula)
+                texts = (belief.text for belief in mind.beliefs)
+                believed = next((text for text in texts if text.partition("(")[0] == one.functor), one.formula)
                 return f"{one.agent} believes {printable(believed.rpartition('[source(')[0] or believed)}"
         return ""
 

@@ -166,7 +166,7 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
         word = "its mind has not answered yet" if agent.mind is None else "not asked for yet"
         return [Row(Text(word, WARN))]
     groups: dict[str, list[Row]] = {}
-    for belief in view.believed:
+    for belief in view.beliefs:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
         sources = f"[{','.join(f'source({source})' for source in belief.sources)}]"  # the heading has them
         row = Row(joined(f"  {belief.text.removesuffix(sources)}", (age, DIM)), indent=4)

@@ -117,7 +117,7 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
     view = memory.view
     if subject.goal == "!":
         return
-    beliefs = [belief for belief in view.believed if subject.is_of(belief.text)]
+    beliefs = [belief for belief in view.beliefs if subject.is_of(belief.text)]
     lines = [Line(_belief(memory, belief)) for belief in beliefs[:MOST_BELIEFS]]
     if len(beliefs) > MOST_BELIEFS:
         lines.append(Line(f"And {count(len(beliefs) - MOST_BELIEFS, 'more belief')} of that name."))
@@ -151,7 +151,8 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
     name = f"{sign}{subject.name}"
     remembered = f"none of the last {count(len(view.decisions), 'decision')}" if view.decisions else "no decision"
     lines.append(Line(f"{remembered[:1].upper()}{remembered[1:]} was about {name}.", 0))
-    if not sign and any(sign_of(use)[0] for _, use, _ in sites) and not any(map(subject.is_of, view.beliefs)):
+    believed = any(subject.is_of(belief.text) for belief in view.beliefs)
+    if not sign and not believed and any(sign_of(use)[0] for _, use, _ in sites):
         lines.append(Line("It is not believed now.", 0))
     if sites:
         for plan, use, place in sites[:MOST_SITES]:
@@ -193,7 +194,7 @@ def names_of(view: MindView) -> list[str]:
     names = {made.name.rpartition("/")[0] for made in view.decisions}
     names |= {parts_of(plan.trigger)[1] for plan in view.plans}
     names |= {sign_of(use)[1].rpartition("/")[0] for plan in view.plans for use in plan.uses}
-    names |= {parts_of(belief)[1] for belief in view.beliefs}
+    names |= {parts_of(belief.text)[1] for belief in view.beliefs}
     names |= {parts_of(action.text)[1] for action in view.actions}
     return sorted(name for name in names if name)
 

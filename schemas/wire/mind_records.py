@@ -217,10 +217,8 @@ class MindView(Record, frozen=True, kw_only=True):
     """`reasoning`: there is something to do; `waiting`: for an input or a time; `paused`: by the operator."""
     paused_for: float | None = None
     """Wall seconds until it continues by itself, if it is paused."""
-    beliefs: tuple[str, ...] = ()
-    """Texts of the beliefs, with annotations."""
-    believed: tuple[BeliefView, ...] = ()
-    """The same beliefs in the same order, with their sources and times."""
+    beliefs: tuple[BeliefView, ...] = ()
+    """The newest of each name first."""
     beliefs_left_out: int = 0
     """Number of beliefs that are not shown."""
     intentions: tuple[IntentionView, ...] = ()

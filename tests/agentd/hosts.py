@@ -103,7 +103,7 @@ class Hosted:
 
     @property
     def beliefs(self) -> tuple[str, ...]:
-        return self.host.viewer.view().beliefs
+        return tuple(one.text for one in self.host.viewer.view().beliefs)
 
     def tell(self, mail: Mail) -> None:
         """Hand it a message that does not come by the bus."""

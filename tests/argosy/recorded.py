@@ -12,7 +12,7 @@ from argosy.processes.resource_usage import Meter
 from argosy.run.run_status import Status
 from schemas.mission.model import load_mission
 from schemas.wire import keys
-from schemas.wire.mind_records import IntentionView, MindView
+from schemas.wire.mind_records import BeliefView, IntentionView, MindView
 from schemas.wire.records import ActionStatus, Header, Health, Order, Perception, State
 from schemas.wire.terms import Term
 
@@ -75,7 +75,8 @@ class Recording:
 
     def fail(self, *beliefs: str) -> None:
         """Play a look into the mind of an agent that has given up."""
-        self.model.mind("uav", MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=beliefs))
+        texts = tuple(BeliefView(text=belief) for belief in beliefs)
+        self.model.mind("uav", MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=texts))
 
     def health(self, name: str, daemon: str, **fields: object) -> None:
         """Play the health of a daemon."""

@@ -11,7 +11,15 @@ import zenoh
 from commd.bus.bus import Bus, Query, open_bus
 from commd.client import Client, join
 from schemas.wire import keys
-from schemas.wire.mind_records import ActivityEvent, MindActivity, MindDecisions, MindInput, MindInputs, MindView
+from schemas.wire.mind_records import (
+    ActivityEvent,
+    BeliefView,
+    MindActivity,
+    MindDecisions,
+    MindInput,
+    MindInputs,
+    MindView,
+)
 from schemas.wire.records import ActionStatus, Health, Mail, Message, Receipt
 from schemas.wire.term_text import write
 from schemas.wire.terms import Atom, Structure
@@ -122,7 +130,7 @@ async def reading_mail(row: Row, world: World) -> None:
         reported: dict[str, set[str]] = {who: set() for who in rights}
 
         async def view(query: Query[MindView]) -> None:
-            query.reply(MindView(agent="a", beliefs=("meet(7)[source(b)]",)), mind)
+            query.reply(MindView(agent="a", beliefs=(BeliefView(text="meet(7)[source(b)]"),)), mind)
 
         async def course(query: Query[MindInputs]) -> None:
             query.reply(MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)), inputs)

@@ -30,7 +30,7 @@ async def answer(bus: Bus, what: str, *names: str) -> Any:
         case "mind", (agent,):
             async for reply in bus.query(keys.mind(bus.fleet, agent), None, MindView, PATIENCE):
                 if reply.record is not None:
-                    return list(reply.record.beliefs)
+                    return [belief.text for belief in reply.record.beliefs]
             return None
         case "alive", ():
             return await bus.tokens(keys.alive(bus.fleet, "*", "*", "*"), PATIENCE)

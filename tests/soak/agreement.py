@@ -89,7 +89,7 @@ def course_of(recording: Path) -> Course:
         views = MindViews(lived.mind)
         for batch in life.batches:
             lived.feed(batch)
-            own = [one.text for one in views.view(EVERYTHING, lived.now).believed if "self" in one.sources]
+            own = [one.text for one in views.view(EVERYTHING, lived.now).beliefs if "self" in one.sources]
             noted |= dict.fromkeys(one.partition("[")[0].partition("(")[0] for one in own)
         course.orders[f"beliefs of {life.agent}"] = tuple(noted)
     return course

@@ -68,7 +68,7 @@ async def done(bus: Bus) -> dict[str, bool]:
     found = dict.fromkeys(wanted, False)
     async for reply in bus.query(keys.mind(bus.fleet, "*"), None, MindView, 3):
         if reply.record is not None and reply.record.agent in wanted:
-            believed = {belief.partition("[")[0] for belief in reply.record.beliefs}
+            believed = {belief.text.partition("[")[0] for belief in reply.record.beliefs}
             found[reply.record.agent] = wanted[reply.record.agent] in believed
     return found
 

@@ -146,7 +146,7 @@ class Mind {
   }
 
   _beliefs(part, mind) {
-    const all = (mind.believed ?? []).filter((one) => this.fits(one.text));
+    const all = (mind.beliefs ?? []).filter((one) => this.fits(one.text));
     if (this.young.getAttribute("aria-pressed") === "true") all.sort((one, other) => (other.since ?? -1) - (one.since ?? -1));
     part.list(all, mind.beliefs_left_out, (one) => one.text, (one) => this._belief(one), (row, one) => {
       const [text, more] = apart(one.text);

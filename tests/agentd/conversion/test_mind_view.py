@@ -63,12 +63,12 @@ def test_a_belief_is_shown_with_its_sources_and_since_when() -> None:
 async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(connect: Connect, tmp_path: Path) -> None:
     bus = await connect()
     first = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
-    await until(lambda: any("seen" in belief for belief in first.host.viewer.view().beliefs), "it believes")
+    await until(lambda: any("seen" in belief.text for belief in first.host.viewer.view().beliefs), "it believes")
     await first.end()
     again = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
     again.tell(Mail("ana", "tell", term("news(1)")))
-    await until(lambda: len(again.host.viewer.view().believed) == 2, "it believes again")
-    old, new = again.host.viewer.view().believed
+    await until(lambda: len(again.host.viewer.view().beliefs) == 2, "it believes again")
+    old, new = again.host.viewer.view().beliefs
     assert (old.text, old.since) == ("seen(1)[source(self)]", None)
     assert new.since is not None
     assert new.since <= again.host.viewer.view().time
@@ -262,7 +262,7 @@ async def test_an_observer_says_in_the_selector_what_it_wants_to_see(connect: Co
     await until(lambda: bob.prints == ["there"], "it has run")
     view, _ = await ask(observer, f"{key}?plans=true;about=a")
     assert view is not None
-    assert list(view.beliefs) == ["a(1)[source(self)]"]
+    assert [one.text for one in view.beliefs] == ["a(1)[source(self)]"]
     assert (view.plans, view.plan_count, view.program, view.state) == ((), 1, "bob.asl", "waiting")
     view, _ = await ask(observer, f"{key}?plans=true")
     assert view is not None

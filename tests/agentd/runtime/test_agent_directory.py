@@ -102,7 +102,7 @@ def run(body: Coroutine[Any, Any, None], seconds: float = 120) -> None:
 
 def beliefs(agent_group: AgentGroup, agent: str) -> list[str]:
     """What an agent believes of who is there, and has noted of it."""
-    return [belief for belief in agent_group.hosts[agent].viewer.view().beliefs if not belief.startswith("kqml")]
+    return [one.text for one in agent_group.hosts[agent].viewer.view().beliefs if not one.text.startswith("kqml")]
 
 
 async def believes(agent_group: AgentGroup, agent: str, *expected: str) -> None:

@@ -229,7 +229,7 @@ async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_so
     agent.host.feed(seen(3))
     await asyncio.sleep(0)
     assert (mind.cycle, len(mind.inputs)) == (cycle, 1), "no turn for it alone"
-    assert [one.text for one in agent.host.viewer.view().believed if one.text.startswith("height")] == [
+    assert [one.text for one in agent.host.viewer.view().beliefs if one.text.startswith("height")] == [
         "height(3)[source(percept)]"
     ]
     agent.host.feed(seen(4))

@@ -29,7 +29,7 @@ def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Pat
     assert shown(mind) == part_of(PAGE, "example"), "`python -m tests.agentd.mind_format_page` rewrites it"
     (ended,) = said
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert ended.stdout.splitlines() == mind["beliefs"]
+    assert ended.stdout.splitlines() == [belief["text"] for belief in mind["beliefs"]]
 
 
 def test_the_example_is_the_record_and_no_more() -> None:

@@ -57,7 +57,7 @@ class Agent:
                 cycle=self.steps,
                 time=self.steps / 10,
                 intentions=(intention,) * 3,
-                believed=beliefs if detailed else (),
+                beliefs=beliefs if detailed else (),
                 plans=plans if detailed else (),
                 mailbox=self.number % 3,
             )

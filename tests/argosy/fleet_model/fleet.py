@@ -57,7 +57,7 @@ class Fleet:
             ),
         )
         beliefs = (BeliefView(text="height(20)", sources=("self",), since=3.0),)
-        view = MindView(agent=agent, intentions=running if stack else (), believed=beliefs, **fields)  # type: ignore[arg-type]
+        view = MindView(agent=agent, intentions=running if stack else (), beliefs=beliefs, **fields)  # type: ignore[arg-type]
         self.model.mind(agent, view)
         return self
 

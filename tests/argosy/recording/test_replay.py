@@ -160,8 +160,8 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(studio:
         await until(seen, "the mind answers")
         await process.end()
     view = views[0]
-    assert {"homeward[source(self)]", "takeoff_altitude(5)[source(self)]"} <= {*view.beliefs}
-    assert "mission_done[source(self)]" not in view.beliefs
+    assert {"homeward[source(self)]", "takeoff_altitude(5)[source(self)]"} <= {one.text for one in view.beliefs}
+    assert "mission_done[source(self)]" not in [one.text for one in view.beliefs]
     assert [one.text for one in view.actions if one.kind == "action"][-1] == "return_to_launch"
     assert view.plans
     assert 45 < view.time < 60

@@ -78,7 +78,7 @@ class Agent:
             program="scout.asl",
             cycle=3,
             intentions=(IntentionView(id=1, state="waiting", stack=("+!lane(2)", "+!search"), at="scout.asl:31"),),
-            believed=(BeliefView(text="height(20)[source(self)]", sources=("self",), since=1.0),),
+            beliefs=(BeliefView(text="height(20)[source(self)]", sources=("self",), since=1.0),),
         )
         bus.serve(keys.mind(FLEET, name), MindView, self._mind)
         bus.serve(keys.control(FLEET, name), MindOrder, self._control)

@@ -81,7 +81,7 @@ async def _mind(query: Query[MindView]) -> None:
     view = MindView(
         agent=AGENT,
         state="waiting",
-        believed=(BeliefView(text=f"a{BAD}", sources=(BAD, "x")),),
+        beliefs=(BeliefView(text=f"a{BAD}", sources=(BAD, "x")),),
         events=(EventView(text=BAD),),
         questions=(QuestionView(id=BAD, receiver=BAD, performative=BAD, content=BAD, asked=0.0),),
         intentions=(

@@ -67,7 +67,7 @@ def thinking() -> Fleet:
                 since=30.0,
             ),
         ),
-        believed=(
+        beliefs=(
             BeliefView(text="victim(3)[source(rescuer1)]", sources=("rescuer1",), since=38.0),
             BeliefView(text="height(20)[source(self)]", sources=("self",), since=0.0),
         ),

@@ -10,6 +10,7 @@ from argosy.why.question import subject_of, taken_apart
 from argosy.why.wording import without_annotations
 from schemas.humanize import span
 from schemas.wire.mind_records import (
+    BeliefView,
     DecisionView,
     DropView,
     FailureView,
@@ -268,7 +269,7 @@ def test_of_a_paused_mind_it_is_said_that_more_may_wait() -> None:
 
 
 def test_of_many_names_ten_are_told() -> None:
-    beliefs = tuple(f"b{number}(1)" for number in range(30))
+    beliefs = tuple(BeliefView(text=f"b{number}(1)") for number in range(30))
     told = explain_view(MindView(agent="a", beliefs=beliefs), "zzzz")
     assert not told.known
     assert told.paragraphs[0].lines[0].text == (
