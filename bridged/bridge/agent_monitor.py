@@ -118,25 +118,26 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
         bus.subscribe(keys.health(bus.fleet, name, "agentd"), Health, word)
     for agent in agents:
         bus.watch(keys.alive(bus.fleet, agent, "*", "*"), token)  # of an agentd, or of a client that is its own daemon
-    lost: set[str] = set()
+    lost: dict[str, str] = {}
     elsewhere: dict[str, str] = {}
     while True:
         now_lost = elsewhere | presence.lost(clock.wall())
         for agent in silence.silent(clock.wall()):
             now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: {hangs}")
         bridge.lease.present = presence.there() - set(now_lost)
-        for agent, why in now_lost.items():
-            if agent not in lost and agent == bridge.lease.answers:
+        for agent, why in now_lost.items():  # a silent one may act, and end then
+            news = agent not in lost or (lost[agent] != why and bridge.orders.lost_agent != agent)
+            if news and agent == bridge.lease.answers:
                 bridge.orders.agent_lost(agent, why, part.steps)
-        for agent in lost - set(now_lost):
+        for agent in lost.keys() - now_lost.keys():
             log.info("agent %s is back", agent)
             if agent == bridge.lease.answers:
                 bridge.orders.agent_back(agent)
-        lost = set(now_lost)
+        lost = now_lost
         gone = bridge.lease.answers in lost
         idle = idleness.look(bridge.lease.present, bridge.orders.unattended, clock.now(), clock.wall(), lost=gone)
         bridge.orders.agents_idle(idle, part.idle_steps, lost=gone)
-        somebody = bool(presence.known() - lost) or not bridge.driver.active
+        somebody = bool(presence.known() - lost.keys()) or not bridge.driver.active
         bridge.driver.speak_for_agent(not gone and somebody)
         changed.clear()
         await wait_at_most(changed, in_step(asyncio.get_running_loop().time(), WATCH_EVERY))

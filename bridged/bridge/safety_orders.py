@@ -162,6 +162,11 @@ class SafetyOrders:
         return self._own.airborne and self._own.heard and not busy and bool(server.lease.answers)
 
     @property
+    def lost_agent(self) -> str:
+        """The agent that was lost last and for which the robot was brought to safety, until an agent takes control."""
+        return "" if self._lost is None else self._lost[0]
+
+    @property
     def _loss(self) -> bool:
         """Whether a sequence for a lost agent is under way."""
         return self._sequence is not None and bool(self._server.lease.closed)

@@ -15,7 +15,7 @@ from schemas.wire import keys
 from schemas.wire.records import AgentHealth
 from schemas.wire.terms import Atom
 from tests.bridged.airfield import present, serving, until
-from tests.bridged.sky import MISSION
+from tests.bridged.sky import GOAL, MISSION
 from tests.support.buses import async_test, subscribed
 
 LOST = "agent other is lost: the bridge brings the robot to safety first"
@@ -64,6 +64,24 @@ async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_
 async def report_agents(bus: Bus) -> None:
     """Publish the health of an agentd that runs the agent `uav`, for ever."""
     await report_health(bus, THIS_MACHINE, Clock(), agents=lambda: {"uav": AgentHealth})
+
+
+@async_test
+async def test_the_robot_of_an_agent_that_is_never_heard_and_acts_is_brought_to_safety_when_it_ends(
+    endpoint: str, tmp_path: Path
+) -> None:
+    mission = MISSION.replace(
+        "    link:", "    agent_silence: 3s\n    on_idle: none\n    on_agent_loss: [hold 5min, rtl]\n    link:"
+    )
+    async with serving(endpoint, tmp_path, client="observer", mission=mission) as (field, _):
+        async with field.client() as uav:  # its agentd runs on a board that this mission does not name
+            await uav.claim("uav")
+            await field.take_off(uav)
+            await field.mode_is("BRAKE")
+            assert (await field.do(uav, "set_mode", "GUIDED")).state == "succeeded"
+            assert (await field.do(uav, "goto", *GOAL)).state == "succeeded"
+            assert field.vehicle.autopilot.mode.name == "GUIDED"
+        await field.mode_is("BRAKE")
 
 
 @async_test

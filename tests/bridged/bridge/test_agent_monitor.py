@@ -81,9 +81,9 @@ async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daem
         subscribe=lambda key, _, word: handlers.update({key: word}),
     )
     robot = SimpleNamespace(agent_silence=5.0, idle_after=10.0)
-    mission = SimpleNamespace(robots={"uav1": robot}, mailboxes={"uav": "pi1"})
+    mission = SimpleNamespace(robots={"uav1": robot}, mailboxes={"uav": "pi1"}, boards={})
     part = SimpleNamespace(name="uav1", agents=("uav",), steps=(), idle_steps=())
-    lease, orders = SimpleNamespace(answers="uav", present=None), Mock(unattended=False)
+    lease, orders = SimpleNamespace(answers="uav", present=None), Mock(unattended=False, lost_agent="uav")
     bridge = SimpleNamespace(lease=lease, orders=orders, driver=Mock(active=True))
     watching = asyncio.create_task(watch_agents(*cast(Any, (bus, mission, part, bridge)), Clock(1.0)))
 

@@ -162,7 +162,7 @@ def _fly(
             left_at = None
         else:
             left_at = flight.now if left_at is None else left_at
-            if flight.now - left_at > flight.wait(*END_SHOWS):
+            if vehicle.heard_at - left_at > flight.wait(*END_SHOWS):  # a HEARTBEAT says so, and none before the start
                 return _broken_off(flight, reached, last, asked)
         if grounded and flight.now > patience:
             reason = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"

@@ -457,6 +457,17 @@ def test_an_acknowledgement_of_an_upload_before_is_not_taken_for_that_of_this_on
     assert [item.z for item in sky.vehicle.autopilot.mission.items] == [15, 20]
 
 
+def test_a_mission_whose_start_no_heartbeat_shows_for_a_while_is_not_said_to_be_broken_off(sky: Sky) -> None:
+    sky.armed()
+    assert sky.do("upload_mission", TOUR).state == "succeeded"
+    sky.we_hear = lambda message: message.get_type() != "HEARTBEAT"
+    heard = sky.begin("start_mission")
+    sky.wait(4.5)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: heard[-1].final, "the end of the mission")
+    assert (heard[-1].state, heard[-1].reason) == ("succeeded", "")
+
+
 def test_auto_is_set_only_on_a_whole_mission_within_the_limits(tmp_path: Path) -> None:
     sky = Sky(tmp_path, mission=LIMITED).flying()
     stored_by_another_station(sky, NEAR, [*FAR[:2], 50])
