@@ -156,7 +156,6 @@ class Look:
         return self.until(held, f"{agent} believes {belief}; it believes {self.mind(agent)}", seconds)
 
     def _ask(self, *question: str) -> Any:
-        assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(question) + "\n")
         self._process.stdin.flush()
         try:
@@ -165,6 +164,5 @@ class Look:
             raise AssertionError(f"no answer to {question} within {LOOK_PATIENCE:g} s") from None
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
         for line in self._process.stdout:
             self._answers.put(line)

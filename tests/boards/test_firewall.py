@@ -212,7 +212,6 @@ def _started(network: Network, place: str, code: str, *arguments: str) -> Iterat
     """Run a program that ends with its standard input; yields its first line."""
     command = [*network.within(place), "timeout", "60", sys.executable, "-c", code, *arguments]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         yield process.stdout.readline()
 
 

@@ -175,7 +175,6 @@ def _listener(network: Network, board: str) -> Iterator[Callable[[], int]]:
         return int(out)
 
     try:
-        assert process.stdout is not None
         assert select.select([process.stdout], [], [], 30)[0], "the listener says nothing"
         assert process.stdout.readline() == "listening\n"
         yield count

@@ -28,7 +28,6 @@ async def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, t
         command = [sys.executable, str(CAMERA), "uav1/victim", endpoint]
         camera = await asyncio.create_subprocess_exec(*command, stdin=asyncio.subprocess.PIPE)
         try:
-            assert camera.stdin is not None
             camera.stdin.write(b"7 -27.6035 -48.5182\n")
             await until(lambda: studio.values("victim") == (7, -27.6035, -48.5182), "the victim is perceived")
             camera.stdin.close()

@@ -62,15 +62,12 @@ async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_re
         act, stop = await ready(studio)
         hold, release = StopOrder(order="hold"), StopOrder(order="release")
         outcome, status = await together(studio, (stop, hold), (act, command(studio, "1")))
-        assert isinstance(outcome, Outcome)
         assert outcome.ok, outcome.reason
-        assert isinstance(status, ActionStatus)
         assert (status.state, status.cause, status.order) == ("refused", "operator", "hold")
         outcome, status = await together(studio, (stop, release), (act, command(studio, "2")))
-        assert isinstance(status, ActionStatus)
         assert status.state == "succeeded", status.reason
         outcomes = await together(studio, (stop, hold), (stop, release))
-        assert [isinstance(one, Outcome) and one.ok for one in outcomes] == [True, True]
+        assert [one.ok for one in outcomes] == [True, True]
         assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded", "the release came last"
         outcomes = await together(studio, (stop, release), (stop, hold))
         assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
@@ -85,9 +82,7 @@ async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by
         change = ManifestChange(set={"actions.cmd_vel.params.ahead.max": 2})
         manifest = keys.manifest(studio.bus.fleet, studio.robot)
         changed, status = await together(studio, (manifest, change), (act, command(studio, "1", 3)))
-        assert isinstance(changed, LiveManifest)
         assert changed.problems == ()
-        assert isinstance(status, ActionStatus)
         assert (status.state, "2" in status.reason) == ("refused", True), status
 
 
@@ -105,6 +100,5 @@ async def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_i
         _, status = await together(
             studio, (keys.cancel(studio.bus.fleet, studio.agent), cancel), (teleport, command(studio, "2"))
         )
-        assert isinstance(status, ActionStatus)
         assert "busy" not in status.reason
         assert (await first).state == "cancelled"

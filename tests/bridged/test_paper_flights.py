@@ -36,7 +36,6 @@ def test_the_papers_mission_is_flown_by_its_manifests_and_percepts_are_told_as_t
     def there() -> bool:
         at, height = sky.belief("global_pos"), sky.belief("altitude")
         assert at is not None
-        assert height is not None
         near = [abs(float(one) - goal) for one, goal in zip(at, (-27.603683, -48.518052), strict=True)]  # type: ignore[arg-type]
         return max(near) <= 1e-5 and abs(float(height[0]) - 40) <= 0.2  # type: ignore[arg-type]
 
@@ -45,7 +44,6 @@ def test_the_papers_mission_is_flown_by_its_manifests_and_percepts_are_told_as_t
     sky.forward(lambda: sky.belief("state") == ("RTL", "True", "False"), "landed and disarmed at home", 200)
     assert sky.belief("home_pos") == (-27.604033, -48.518363)
     battery = sky.belief("battery")
-    assert battery is not None
     assert 0 < float(battery[1]) <= 1, "a share of 1, as in ROS"  # type: ignore[arg-type]
 
 
@@ -188,7 +186,6 @@ def test_a_mission_a_parameter_and_a_raw_command_go_the_ways_of_mavros(full: Sky
     told = full.belief("waypoints")
     assert told is not None
     [items] = told
-    assert isinstance(items, list)
     assert len(items) == 2, "home, and the one point"
     assert items[1] == [16, -27.6038, 15.0]
     full.done("set_parameter", "FENCE_RADIUS", 120.0)

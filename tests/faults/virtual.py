@@ -91,7 +91,6 @@ def reboot(state: Path) -> Row:
     """The autopilot restarts on the way, and the copter falls."""
     row, before = _row("reboot in flight", "`reboot` 2 s into `goto`"), resident()
     sky = BadAir(state).flying(15)
-    assert isinstance(sky, BadAir)
     sky.faults(f"reboot={sky.vehicle.age + 2}")
     ended = sky.perform(row, "goto", *GOAL)
     row.expect(ended.finals[-1].state == "failed" and "reboot" in ended.finals[-1].reason, "the reason is the reboot")
@@ -128,7 +127,6 @@ def link_cut(state: Path) -> Row:
     """Nothing passes for a minute, with an action under way."""
     row, before = _row("link cut for 60 s", "`cut` 2 s into `goto`, for 60 s"), resident()
     sky = BadAir(state).flying(15)
-    assert isinstance(sky, BadAir)
     cut = sky.clock.time + 2
     sky.faults(f"cut={cut}+60")
     ended = sky.perform(row, "goto", *GOAL)

@@ -133,7 +133,6 @@ class Managed:
         self._fed: float | None = None
 
     def _read(self, process: subprocess.Popen[str]) -> None:
-        assert process.stdout is not None
         for line in process.stdout:
             self.lines.append((time.monotonic(), line.rstrip("\n")))
 

@@ -164,7 +164,6 @@ class Stamped(Daemon):
 
     def _read(self) -> None:
         self.stamped: list[tuple[float, str]] = []
-        assert self.process.stdout is not None
         for line in self.process.stdout:
             self.stamped.append((time.time(), line.rstrip("\n")))
             self.lines.append(line.rstrip("\n"))

@@ -66,7 +66,6 @@ def known(action_log: ActionLog, action: str) -> bool:
 
 def final(action_log: ActionLog, action: str) -> ActionStatus | None:
     entry = action_log.find(action)
-    assert entry is not None
     return entry.final
 
 

@@ -142,7 +142,6 @@ def test_what_an_action_was_asked_for_with_is_not_kept_on_disk(desk: Desk) -> No
     assert refused[-1].state == "refused"
     assert desk.action_log.path.stat().st_size < 1000
     kept = desk.action_log.find("x")
-    assert kept is not None
     assert (kept.agent, kept.name, kept.reason) == ("uav", "a0", refused[-1].reason)
 
 

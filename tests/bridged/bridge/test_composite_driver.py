@@ -54,7 +54,6 @@ class Rigged:
 
     def __init__(self, state: Path) -> None:
         file = find_manifest("copter")
-        assert file is not None
         manifest = read_manifest(file.read_text() + ENTRIES, "rigged.toml")
         assert check_manifest(manifest) == []
         self.sky = Sky(state, manifest=manifest)

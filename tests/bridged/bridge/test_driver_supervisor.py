@@ -191,7 +191,6 @@ async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_d
     endpoint: str, sonar: Any, tmp_path: Path
 ) -> None:
     copter = find_manifest("copter")
-    assert copter is not None
     rigged = tmp_path / "rigged.toml"
     rigged.write_text(copter.read_text() + PERCEPT)
     mission = MISSION.replace("copter", str(rigged))

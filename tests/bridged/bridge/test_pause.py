@@ -46,7 +46,6 @@ async def resume(sky: Sky) -> Outcome:
 
 def place(sky: Sky) -> tuple[float, float, float]:
     here = sky.driver.vehicle.position
-    assert here is not None
     return here.latitude, here.longitude, here.altitude
 
 

@@ -145,7 +145,6 @@ async def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatc
         assert waiting.outcome is None
         heard = pond.hear("lamp/set")
         await until(lambda: waiting.over, "the action ends")
-        assert waiting.outcome is not None
         assert waiting.outcome.state == "succeeded", waiting.outcome.reason
         await until(lambda: len(heard) == 1, "the lamp hears it")
 
@@ -264,7 +263,6 @@ async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
         await until(lambda: bool(held), "the query arrives")
         await asyncio.to_thread(pond.robot._session.close)
         await until(lambda: execution.over, "the action ends")
-        assert execution.outcome is not None
         assert execution.outcome.state == "failed"
 
 

@@ -87,7 +87,6 @@ def test_any_manifest_written_as_toml_reads_as_an_equal_one(manifest: Manifest) 
 @pytest.mark.parametrize("name", shipped_names("manifests", ".toml"))
 def test_a_shipped_manifest_says_where_its_schema_is_fits_it_and_survives_writing(name: str) -> None:
     path = shipped("manifests", f"{name}.toml")
-    assert path is not None
     text = path.read_text(encoding="utf-8")
     assert text.startswith(f"#:schema ./{FILE}\n")
     VALIDATOR.validate(tomllib.loads(text))
@@ -97,7 +96,6 @@ def test_a_shipped_manifest_says_where_its_schema_is_fits_it_and_survives_writin
 
 def test_the_shipped_schema_is_current() -> None:
     path = shipped("manifests", FILE)
-    assert path is not None
     assert path.read_text(encoding="utf-8") == schema_text(), "write it anew: argosy manifest schema"
 
 

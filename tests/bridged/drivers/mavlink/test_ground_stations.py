@@ -78,7 +78,6 @@ class MavProxy:
             self._lines.put(line)
 
     def say(self, command: str) -> None:
-        assert self.process.stdin is not None
         self.process.stdin.write(command + "\n")
 
     def until(self, pattern: str, seconds: float = 90.0, ask: str | None = None) -> re.Match[str]:
@@ -166,7 +165,6 @@ async def test_a_rebooted_copter_speaks_from_another_port() -> None:
 def test_the_simulator_ends_within_a_second_when_it_is_told_to(link: str, number: signal.Signals) -> None:
     def ending() -> float:
         with copter(link.format(port=free_port())) as process:
-            assert process.stderr is not None
             assert "simulated copter 1 on" in process.stderr.readline()
             asked = time.monotonic()
             process.send_signal(number)
@@ -181,7 +179,6 @@ def test_a_link_that_cannot_be_opened_is_one_clear_line_and_exit_code_2() -> Non
         taken.bind(("127.0.0.1", 0))
         link = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
         with copter(link) as process:
-            assert process.stderr is not None
             complaint = process.stderr.read()
             assert process.wait(timeout=30) == 2
     assert complaint == f"bridged simulate: error: link {link} cannot be opened: address already in use\n"

@@ -34,7 +34,6 @@ class Told:
 
     def _take(self, reading: Reading) -> None:
         assert reading.source == "LINK"
-        assert reading.fields is not None
         self.states.append(reading.fields["state"])
 
     def look(self, now: float, heard_at: float = -1e9, patience: float = 5.0) -> list[object]:
@@ -165,7 +164,6 @@ async def opened(text: str) -> tuple[Link, list[bool]]:
 def socket_of(link: Link) -> UdpSocket:
     """What the event loop tells of errors of the link's socket now."""
     assert isinstance(link._endpoint, endpoint.Supervised)
-    assert link._endpoint._present is not None
     found = link._endpoint._present.close.__self__  # type: ignore[attr-defined]
     assert isinstance(found, UdpSocket)
     return found

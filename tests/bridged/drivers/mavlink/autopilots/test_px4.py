@@ -45,20 +45,16 @@ def station(sky: Sky, main: int, sub: int = 0) -> None:
 
 def mode(sky: Sky) -> str:
     state = sky.belief("state")
-    assert state is not None
     return str(state[0])
 
 
 def altitude(sky: Sky) -> float:
     found = sky.belief("altitude")
-    assert found is not None
-    assert isinstance(found[0], float)
     return found[0]
 
 
 def speed(sky: Sky) -> float:
     found = sky.belief("velocity")
-    assert found is not None
     return math.hypot(*found)  # type: ignore[arg-type]
 
 
@@ -179,7 +175,6 @@ def test_it_flies_a_circle_around_a_place_until_a_target_ends_it(tmp_path: Path)
     sky.done("orbit", GOAL[0], GOAL[1], 20, 20, 4)
     sky.wait(25)
     found = sky.driver.vehicle.position
-    assert found is not None
     assert found.distance(Place(GOAL[0], GOAL[1], 20)) == pytest.approx(20, abs=3)
     assert (mode(sky), sky.belief("override")) == ("GUIDED", None)
     sky.done("goto", *GOAL)

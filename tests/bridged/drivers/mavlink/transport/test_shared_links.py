@@ -40,7 +40,6 @@ async def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_u
         await until(lambda: all(ride.count("GLOBAL_POSITION_INT") for ride in rides), "every vehicle is heard")
         for ride, altitude in zip(rides, (10, 20, 30), strict=True):
             [fields_of] = [one.fields for one in ride.readings if one.source == "GLOBAL_POSITION_INT"]
-            assert fields_of is not None
             assert fields_of["relative_alt"] == altitude * 1000
         await until(lambda: all(vehicle.kinds() >= {"COMMAND_LONG"} for vehicle in vehicles), "all are answered")
         for vehicle, ids in zip(vehicles, ((1, 191), (255, 190), (3, 77)), strict=True):
@@ -74,8 +73,6 @@ async def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_fr
         await until(lambda: "COMMAND_LONG" in autopilot.kinds(1, 191), "the autopilot is asked for streams")
         camera.listen()
         shared = ride.driver.link_client.link
-        assert shared is not None
-        assert shared.link is not None
         counters = shared.link.counters
         before, read = len(camera.heard), counters.packets
         for number in range(20):
@@ -101,7 +98,6 @@ async def test_a_vehicle_that_connects_again_is_commanded_before_its_next_heartb
         await reader.read(1)
         before.close()
         home = ride.driver.link_client.address.peer
-        assert home is not None
         await until(lambda: home.closed, "the connection has ended")
         reader, again = await asyncio.open_connection("127.0.0.1", port)
         again.write(encoder.pack(place()))
