@@ -51,6 +51,10 @@ ANSWERS = ("COMMAND_ACK", "MESSAGE_INTERVAL", "MISSION_ACK", "MISSION_COUNT", "M
 PERIODIC = ("POSITION_TARGET_GLOBAL_INT",)
 """Streams of which the index holds one sample."""
 
+STATES = ("HEARTBEAT", "EXTENDED_SYS_STATE")
+NEW_STATES = (*STATES, "CURRENT_MODE", "MISSION_CURRENT", "MISSION_ITEM_REACHED", "ORBIT_EXECUTION_STATUS")
+"""Kinds of messages that come again and again: the index holds those that tell something new."""
+
 UNASKED_PARAMETERS = (
     "INS_", "BARO", "STAT_", "EK3_", "MOT_THST_HOVER", "ARSPD_OFFSET", "SIM_PIN_MASK", "RELAY", "CAM1_", "CAM2_",
 )  # fmt: skip
@@ -104,7 +108,7 @@ class Playback:
     def recorded(self, system: int) -> list[tuple[float, tuple[object, ...] | None]]:
         """All that is recorded of one vehicle, whatever exchange it stands in."""
         return [
-            (self.seconds(entry["t_us"]) + reply["dt_ms"] / 1e3, self.facts(reply, entry["sent"]))
+            (self.seconds(entry["t_us"]) + reply["dt_ms"] / 1e3, self.facts(reply))
             for entry in self.entries
             if (entry.get("sysid") or 1) == system
             for reply in entry["replies"]
@@ -128,9 +132,9 @@ class Playback:
         """Streams of which the index does not hold every message."""
         return (*PERIODIC, "HOME_POSITION", "GPS_GLOBAL_ORIGIN") if self.new else PERIODIC
 
-    def facts(self, record: Record, sent: list[Record]) -> tuple[object, ...] | None:
+    def facts(self, record: Record) -> tuple[object, ...] | None:
         """What counts of a reply."""
-        return new_facts(record, sent) if self.new else facts(record, sent)
+        return facts(record, self.new)
 
 
 @cache
@@ -285,24 +289,11 @@ def _packets(name: str) -> list[tuple[int, dialect.MAVLink_message, bool]]:
 
 
 def _note_changes(said: list[Said], *, new: bool = False) -> None:
-    """Marks the HEARTBEATs and EXTENDED_SYS_STATEs that tell something new, as the index does."""
-    last: dict[str, Any] = {"HEARTBEAT": (0, False, False)}
+    """Marks the messages that tell a state which is not the one before, as the index does."""
+    last: dict[str, Any] = {"HEARTBEAT": ("HEARTBEAT", 0, False, *[False] * new)}
     for item in said:
-        message, kind = item.message, item.message.get_type()
-        state: Any = None
-        if kind == "HEARTBEAT":
-            state = (message.custom_mode, bool(message.base_mode & 128), new and message.system_status)
-        elif kind == "EXTENDED_SYS_STATE":
-            state = message.landed_state
-        elif new and kind == "CURRENT_MODE":
-            state = (message.custom_mode, message.intended_custom_mode)
-        elif new and kind == "MISSION_CURRENT":
-            state = (message.seq, message.total, message.mission_state)
-        elif new and kind == "ORBIT_EXECUTION_STATUS":
-            state = message.radius
-        elif new and kind == "MISSION_ITEM_REACHED":
-            state = message.seq
-        if state is not None and last.get(kind) != state:
+        kind = item.message.get_type()
+        if kind in (NEW_STATES if new else STATES) and last.get(kind) != (state := facts(record_of(item), new)):
             last[kind], item.note = state, "changed"
 
 
@@ -312,78 +303,52 @@ def _heard(message: dialect.MAVLink_message, source: tuple[int, int]) -> dialect
     return read
 
 
-def facts(record: Record, sent: list[Record]) -> tuple[object, ...] | None:
+FACTS: dict[str, tuple[str, ...]] = {
+    "COMMAND_ACK": ("command", "result", "target_system", "target_component"),
+    "HEARTBEAT": ("custom_mode", "armed"),
+    "EXTENDED_SYS_STATE": ("landed_state",),
+    "STATUSTEXT": ("severity", "text"),
+    "PARAM_VALUE": ("param_id", "param_value", "param_type", "param_index"),
+    "MESSAGE_INTERVAL": ("message_id", "interval_us"),
+    "MISSION_REQUEST": ("seq",),
+    "MISSION_ITEM_REACHED": ("seq",),
+    "MISSION_COUNT": ("count",),
+    "MISSION_ACK": ("type",),
+    "MISSION_ITEM_INT": ("seq", "frame", "command", "x", "y", "z"),
+    "AUTOPILOT_VERSION": ("flight_sw_version",),
+    **dict.fromkeys(("HOME_POSITION", "GPS_GLOBAL_ORIGIN", "POSITION_TARGET_GLOBAL_INT"), ()),
+}
+"""The fields that count of a recorded reply; other kinds are not compared."""
+
+NEW_FACTS = FACTS | {
+    "HEARTBEAT": ("custom_mode", "armed", "system_status"),
+    "CURRENT_MODE": ("custom_mode", "intended_custom_mode"),
+    "MISSION_CURRENT": ("seq", "total", "mission_state"),
+    "PARAM_VALUE": ("param_id", "param_value", "param_type"),
+    "PARAM_ERROR": ("param_id", "error"),
+    "MISSION_REQUEST_INT": ("seq", "mission_type"),
+    "PROTOCOL_VERSION": ("version", "min_version", "max_version"),
+    "AVAILABLE_MODES": ("number_modes", "mode_index", "standard_mode", "custom_mode", "properties", "mode_name"),
+    "ORBIT_EXECUTION_STATUS": ("radius",),
+}
+"""The same for the recordings of several autopilots."""
+
+
+def facts(record: Record, new: bool) -> tuple[object, ...] | None:
     """What counts of a recorded reply; None if it is not compared."""
-    kind = record["msg"]
-    match kind:
-        case "COMMAND_ACK":
-            return kind, record["command"], record["result"], record["target_system"], record["target_component"]
-        case "HEARTBEAT":
-            return kind, record["custom_mode"], record["armed"]
-        case "EXTENDED_SYS_STATE":
-            return kind, record["landed_state"]
-        case "STATUSTEXT":
-            return kind, record["severity"], _without_digits(record["text"])
-        case "PARAM_VALUE":
-            name = record["param_id"]
-            if name.startswith(UNASKED_PARAMETERS):
-                return None
-            return kind, name, record["param_value"], record["param_type"], record["param_index"]
-        case "MESSAGE_INTERVAL":
-            return kind, record["message_id"], record["interval_us"]
-        case "MISSION_REQUEST" | "MISSION_ITEM_REACHED":
-            return kind, record["seq"]
-        case "MISSION_COUNT":
-            return kind, record["count"]
-        case "MISSION_ACK":
-            return kind, record["type"]
-        case "MISSION_ITEM_INT":
-            place = (record["seq"], record["frame"], record["command"], record["x"], record["y"])
-            return kind, *place, round(record["z"], 1)
-        case "AUTOPILOT_VERSION":
-            return kind, record["flight_sw_version"]
-        case "HOME_POSITION" | "GPS_GLOBAL_ORIGIN" | "POSITION_TARGET_GLOBAL_INT":
-            return (kind,)
-    return None
-
-
-def new_facts(record: Record, sent: list[Record]) -> tuple[object, ...] | None:
-    """What counts of a reply in the recordings of several autopilots."""
-    kind = record["msg"]
-    match kind:
-        case "HEARTBEAT":
-            return kind, record["custom_mode"], record["armed"], record["system_status"]
-        case "CURRENT_MODE":
-            return kind, record["custom_mode"], record["intended_custom_mode"]
-        case "MISSION_CURRENT":
-            return kind, record["seq"], record["total"], record["mission_state"]
-        case "STATUSTEXT":
-            text = record["text"]
-            return (
-                None if text.startswith("[logger]") else (kind, record["severity"], re.sub(r"-?\d+(\.\d+)?", "#", text))
-            )
-        case "PARAM_VALUE":
-            if record["param_id"].startswith(UNASKED_PARAMETERS):
-                return None
-            value = record.get("int32_by_bytes", record["param_value"])
-            return kind, record["param_id"], value, record["param_type"]
-        case "PARAM_ERROR":
-            return kind, record["param_id"], record["error"]
-        case "MISSION_REQUEST_INT":
-            return kind, record["seq"], record["mission_type"]
-        case "PROTOCOL_VERSION":
-            return kind, record["version"], record["min_version"], record["max_version"]
-        case "AVAILABLE_MODES":
-            fields = ("number_modes", "mode_index", "standard_mode", "custom_mode", "properties", "mode_name")
-            return kind, *(record[name] for name in fields)
-        case "ORBIT_EXECUTION_STATUS":
-            return kind, record["radius"]
-    return facts(record, sent)
-
-
-def _without_digits(text: str) -> str:
-    """Speeds and altitudes measured differ in their last digits."""
-    return re.sub(r"\d+\.\d+", "#", text)
+    kind, fields = record["msg"], (NEW_FACTS if new else FACTS).get(record["msg"])
+    if fields is None or record.get("param_id", "").startswith(UNASKED_PARAMETERS):
+        return None
+    if new and record.get("text", "").startswith("[logger]"):
+        return None
+    found = {name: record[name] for name in fields}
+    if kind == "STATUSTEXT":  # what is measured differs in its last digits
+        found["text"] = re.sub(r"-?\d+(\.\d+)?" if new else r"\d+\.\d+", "#", record["text"])
+    if kind == "MISSION_ITEM_INT":
+        found["z"] = round(record["z"], 1)
+    if kind == "PARAM_VALUE" and new:
+        found["param_value"] = record.get("int32_by_bytes", record["param_value"])
+    return kind, *found.values()
 
 
 def record_of(said: Said) -> Record:
@@ -418,12 +383,12 @@ def differences(playback: Playback, entry: Record) -> list[str]:
     def slack(at: float) -> float:
         return (LATE_S + LATE_SHARE * (at - begin) * scale) / scale
 
-    candidates = [(item, playback.facts(record_of(item), entry["sent"])) for item in said if _tells(item, playback.new)]
+    candidates = [(item, playback.facts(record_of(item))) for item in said if _tells(item, playback.new)]
     early = playback.before(entry)
     wanted = [
         (
             reply["dt_ms"] / 1e3 + (early if number < _restart(entry) else begin),
-            playback.facts(reply, entry["sent"]),
+            playback.facts(reply),
             reply,
         )
         for number, reply in enumerate(entry["replies"])
@@ -471,8 +436,7 @@ def differences(playback: Playback, entry: Record) -> list[str]:
 
 
 def _tells(item: Said, new: bool) -> bool:
-    states = ("CURRENT_MODE", "MISSION_CURRENT", "MISSION_ITEM_REACHED", "ORBIT_EXECUTION_STATUS") if new else ()
-    return item.note == "changed" or item.message.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE", *states)
+    return item.note == "changed" or item.message.get_type() not in (NEW_STATES if new else STATES)
 
 
 def _mode_at_end(playback: Playback, entry: Record) -> list[str]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import time
-from pathlib import Path
 from typing import TypeVar
 
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, LiveManifest, ManifestChange, Outcome, Record, StopOrder
-from tests.bridged.studio import Studio, in_the_studio
-from tests.support.buses import async_test, served, until
+from tests.bridged.studio import Studio, studio_test
+from tests.support.buses import served, until
 
 R = TypeVar("R", bound=Record)
 BUSY = 0.5
@@ -54,51 +53,42 @@ async def ready(studio: Studio) -> tuple[str, str]:
     return act, stop
 
 
-@async_test
-async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_begins(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
-        act, stop = await ready(studio)
-        hold, release = StopOrder(order="hold"), StopOrder(order="release")
-        outcome, status = await together(studio, (stop, hold), (act, command(studio, "1")))
-        assert outcome.ok, outcome.reason
-        assert (status.state, status.cause, status.order) == ("refused", "operator", "hold")
-        outcome, status = await together(studio, (stop, release), (act, command(studio, "2")))
-        assert status.state == "succeeded", status.reason
-        outcomes = await together(studio, (stop, hold), (stop, release))
-        assert [one.ok for one in outcomes] == [True, True]
-        assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded", "the release came last"
-        outcomes = await together(studio, (stop, release), (stop, hold))
-        assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
+@studio_test
+async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_begins(studio: Studio) -> None:
+    act, stop = await ready(studio)
+    hold, release = StopOrder(order="hold"), StopOrder(order="release")
+    outcome, status = await together(studio, (stop, hold), (act, command(studio, "1")))
+    assert outcome.ok, outcome.reason
+    assert (status.state, status.cause, status.order) == ("refused", "operator", "hold")
+    outcome, status = await together(studio, (stop, release), (act, command(studio, "2")))
+    assert status.state == "succeeded", status.reason
+    outcomes = await together(studio, (stop, hold), (stop, release))
+    assert [one.ok for one in outcomes] == [True, True]
+    assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded", "the release came last"
+    outcomes = await together(studio, (stop, release), (stop, hold))
+    assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
 
 
-@async_test
-async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_new_one(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
-        act, _ = await ready(studio)
-        change = ManifestChange(set={"actions.cmd_vel.params.ahead.max": 2})
-        manifest = keys.manifest(studio.bus.fleet, studio.robot)
-        changed, status = await together(studio, (manifest, change), (act, command(studio, "1", 3)))
-        assert changed.problems == ()
-        assert (status.state, "2" in status.reason) == ("refused", True), status
+@studio_test
+async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_new_one(studio: Studio) -> None:
+    act, _ = await ready(studio)
+    change = ManifestChange(set={"actions.cmd_vel.params.ahead.max": 2})
+    manifest = keys.manifest(studio.bus.fleet, studio.robot)
+    changed, status = await together(studio, (manifest, change), (act, command(studio, "1", 3)))
+    assert changed.problems == ()
+    assert (status.state, "2" in status.reason) == ("refused", True), status
 
 
-@async_test
-async def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_running(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
-        await ready(studio)
-        studio.leave.set()
-        await until(lambda: not studio.values("pose"), "the turtle does not answer any more")
-        teleport = keys.action(studio.bus.fleet, studio.agent, "teleport")
-        first = asyncio.create_task(asked(studio, teleport, command(studio, "1"), ActionStatus))
-        cancel = Cancel(header=studio.bus.header("cancel", studio.agent), id=f"{studio.agent}:busy:1")
-        _, status = await together(
-            studio, (keys.cancel(studio.bus.fleet, studio.agent), cancel), (teleport, command(studio, "2"))
-        )
-        assert "busy" not in status.reason
-        assert (await first).state == "cancelled"
+@studio_test
+async def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_running(studio: Studio) -> None:
+    await ready(studio)
+    studio.leave.set()
+    await until(lambda: not studio.values("pose"), "the turtle does not answer any more")
+    teleport = keys.action(studio.bus.fleet, studio.agent, "teleport")
+    first = asyncio.create_task(asked(studio, teleport, command(studio, "1"), ActionStatus))
+    cancel = Cancel(header=studio.bus.header("cancel", studio.agent), id=f"{studio.agent}:busy:1")
+    _, status = await together(
+        studio, (keys.cancel(studio.bus.fleet, studio.agent), cancel), (teleport, command(studio, "2"))
+    )
+    assert "busy" not in status.reason
+    assert (await first).state == "cancelled"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol
 
@@ -72,6 +72,21 @@ def run_by(run: Callable[..., None], *given: str, needs: Sequence[str] = ()) -> 
         return called
 
     return decorate
+
+
+def lends(
+    *given: str, by: Callable[..., AbstractAsyncContextManager[Any]], needs: Sequence[str] = ()
+) -> Callable[[Test], Callable[..., None]]:
+    """Make a decorator of async tests that are given what `by(needs...)` yields, one thing or several."""
+
+    def run(body: Test, *values: object) -> None:
+        async def whole() -> None:
+            async with by(*values) as lent:
+                await body(*(lent if len(given) > 1 else (lent,)))
+
+        in_a_loop(whole)
+
+    return run_by(run, *given, needs=needs)
 
 
 def in_a_loop(body: Test) -> None:

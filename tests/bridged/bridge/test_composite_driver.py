@@ -17,7 +17,7 @@ from schemas.manifest.loader import find_manifest, read_manifest
 from schemas.wire.records import ManifestChange
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
-from tests.support.buses import async_test
+from tests.support.buses import async_test, lends
 
 GRIPPER = """
 import time
@@ -106,53 +106,52 @@ def test_a_driver_that_fails_to_take_the_old_manifest_back_keeps_no_other_from_i
     assert "manifest_mixed" not in [note.code for note in bridge.notes()]
 
 
-@async_test
-async def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(site: Path) -> None:
-    async with rigged(site) as rig:
-        sky = rig.sky
-        await rig.until(lambda: sky.belief("holds") == (True,), "the gripper's percept")
-        await rig.until(lambda: sky.belief("altitude") is not None, "the copter's percept")
-        counters = sky.bridge.health().counters
-        assert counters["messages"] > 0
-        assert counters["calls"] > 0
+rig_test = lends("rig", by=rigged, needs=("site",))
 
 
-@async_test
-async def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(site: Path) -> None:
-    async with rigged(site) as rig:
-        sky = rig.sky
-        sky.flying(10)
-        going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
-        await rig.until(lambda: going[-1].state == "running" and any(one.feedback for one in reeling), "both run")
-        assert any(one.feedback.get("to_go") == 5 for one in reeling)
-        sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
-        assert {(one[-1].state, one[-1].cause, one[-1].order) for one in (going, reeling)} == {
-            ("failed", "operator", "rtl")
-        }
-        await rig.until(lambda: sky.belief("holds") == (False,), "the generator is closed")
-        await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
+@rig_test
+async def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(rig: Rigged) -> None:
+    sky = rig.sky
+    await rig.until(lambda: sky.belief("holds") == (True,), "the gripper's percept")
+    await rig.until(lambda: sky.belief("altitude") is not None, "the copter's percept")
+    counters = sky.bridge.health().counters
+    assert counters["messages"] > 0
+    assert counters["calls"] > 0
 
 
-@async_test
-async def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
-    async with rigged(site) as rig:
-        sky = rig.sky
-        first = sky.begin("reel", 5)
-        await rig.until(lambda: bool(first) and first[-1].state == "running", "it runs")
-        second = sky.begin("reel", 6)
-        assert second[-1].state == "refused"
-        assert "`gripper.reel` has not returned from its last call" in second[-1].reason
-        status = sky.begin("set_mode", "GUIDED")
-        await rig.until(lambda: status[-1].final, "the copter's action")
-        assert status[-1].state == "succeeded"
+@rig_test
+async def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(rig: Rigged) -> None:
+    sky = rig.sky
+    sky.flying(10)
+    going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
+    await rig.until(lambda: going[-1].state == "running" and any(one.feedback for one in reeling), "both run")
+    assert any(one.feedback.get("to_go") == 5 for one in reeling)
+    sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
+    assert {(one[-1].state, one[-1].cause, one[-1].order) for one in (going, reeling)} == {
+        ("failed", "operator", "rtl")
+    }
+    await rig.until(lambda: sky.belief("holds") == (False,), "the generator is closed")
+    await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
 
 
-@async_test
-async def test_figures_of_one_name_of_two_drivers_are_added(site: Path) -> None:
-    async with rigged(site) as rig:
-        rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
-        await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
-        assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
+@rig_test
+async def test_what_one_driver_refuses_the_other_still_does(rig: Rigged) -> None:
+    sky = rig.sky
+    first = sky.begin("reel", 5)
+    await rig.until(lambda: bool(first) and first[-1].state == "running", "it runs")
+    second = sky.begin("reel", 6)
+    assert second[-1].state == "refused"
+    assert "`gripper.reel` has not returned from its last call" in second[-1].reason
+    status = sky.begin("set_mode", "GUIDED")
+    await rig.until(lambda: status[-1].final, "the copter's action")
+    assert status[-1].state == "succeeded"
+
+
+@rig_test
+async def test_figures_of_one_name_of_two_drivers_are_added(rig: Rigged) -> None:
+    rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
+    await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
+    assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
 
 
 @async_test

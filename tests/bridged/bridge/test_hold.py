@@ -24,7 +24,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.mission.model import read_mission
 from schemas.wire.records import Action, ActionStatus, ManifestChange
 from schemas.wire.terms import Term
-from tests.support.buses import async_test, session, until
+from tests.support.buses import async_test, lends, session, until
 
 MANIFEST = """
 [robot]
@@ -121,31 +121,30 @@ async def with_a_turtle(endpoint: str, state: Path) -> AsyncIterator[Turtle]:
             await turtle.end()
 
 
-@async_test
-async def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        pen, going = await turtle.ask("a", "pen", True), await turtle.ask("a", "goto", 1.0)
-        turtle.bridge.action_server.cancel("a", going[-1].id)
-        await until(lambda: turtle.stops == 1, "it is told to stop")
-        assert going[-1].state == "cancelled"
-        turtle.bridge.step()
-        assert not pen[-1].final
-        await until(lambda: not turtle.bridge.driver.active, "it holds")
-        assert turtle.notes() == {}
+turtle_test = lends("turtle", by=with_a_turtle, needs=("endpoint", "tmp_path"))
 
 
-@async_test
-async def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoint: str, tmp_path: Path) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        turtle.hears.close()
-        going = await turtle.ask("a", "goto", 1.0)
-        status = turtle.bridge.action_server.cancel("a", going[-1].id)
-        assert status.reason == "cancelled by a; hold is not confirmed yet"
-        await until(lambda: "may_be_moving" in turtle.notes(), "the failure is told")
-        assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody subscribes to t/cmd")
-        assert turtle.bridge.driver.active, "it is not left alone"
+@turtle_test
+async def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(turtle: Turtle) -> None:
+    pen, going = await turtle.ask("a", "pen", True), await turtle.ask("a", "goto", 1.0)
+    turtle.bridge.action_server.cancel("a", going[-1].id)
+    await until(lambda: turtle.stops == 1, "it is told to stop")
+    assert going[-1].state == "cancelled"
+    turtle.bridge.step()
+    assert not pen[-1].final
+    await until(lambda: not turtle.bridge.driver.active, "it holds")
+    assert turtle.notes() == {}
+
+
+@turtle_test
+async def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(turtle: Turtle) -> None:
+    turtle.hears.close()
+    going = await turtle.ask("a", "goto", 1.0)
+    status = turtle.bridge.action_server.cancel("a", going[-1].id)
+    assert status.reason == "cancelled by a; hold is not confirmed yet"
+    await until(lambda: "may_be_moving" in turtle.notes(), "the failure is told")
+    assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody subscribes to t/cmd")
+    assert turtle.bridge.driver.active, "it is not left alone"
 
 
 @async_test
@@ -163,60 +162,48 @@ async def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
         )
 
 
-@async_test
-async def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitly(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        entry = turtle.bridge.live.manifest.actions["goto"]
-        going = turtle.bridge.driver.perform("goto", entry, {"x": 1.0})
-        turtle.bridge.driver.stop(going, Outcome("failed", "lease taken by b"), hold=False)
-        turtle.bridge.driver.hold(going, "lease taken by b")
-        await until(lambda: turtle.stops == 1, "it is told to stop")
+@turtle_test
+async def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitly(turtle: Turtle) -> None:
+    entry = turtle.bridge.live.manifest.actions["goto"]
+    going = turtle.bridge.driver.perform("goto", entry, {"x": 1.0})
+    turtle.bridge.driver.stop(going, Outcome("failed", "lease taken by b"), hold=False)
+    turtle.bridge.driver.hold(going, "lease taken by b")
+    await until(lambda: turtle.stops == 1, "it is told to stop")
 
 
-@async_test
-async def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_ends(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        moving = await turtle.ask("a", "cmd", 1.0)
-        await until(lambda: moving[-1].state == "succeeded", "it moves")
-        await turtle.end()
-        turtle.begin()
-        assert turtle.bridge.lease.answers == "a"
-        assert turtle.bridge.driver.active
-        left = await turtle.bridge.orders.shut_down("rtl")
-        assert (left.state, left.order) == ("ordered", "hold")
-        await until(lambda: turtle.stops == 1, "it is told to stop")
-        assert not turtle.bridge.driver.active
+@turtle_test
+async def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_ends(turtle: Turtle) -> None:
+    moving = await turtle.ask("a", "cmd", 1.0)
+    await until(lambda: moving[-1].state == "succeeded", "it moves")
+    await turtle.end()
+    turtle.begin()
+    assert turtle.bridge.lease.answers == "a"
+    assert turtle.bridge.driver.active
+    left = await turtle.bridge.orders.shut_down("rtl")
+    assert (left.state, left.order) == ("ordered", "hold")
+    await until(lambda: turtle.stops == 1, "it is told to stop")
+    assert not turtle.bridge.driver.active
 
 
-@async_test
-async def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        driver = turtle.bridge.driver.own
-        assert isinstance(driver, ZenohDriver)
-        await until(lambda: driver.heard, "somebody listens")
-        left = await turtle.bridge.orders.shut_down("rtl")
-        assert (left.state, left.text) == ("disarmed", "left as it is")
+@turtle_test
+async def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(turtle: Turtle) -> None:
+    driver = turtle.bridge.driver.own
+    assert isinstance(driver, ZenohDriver)
+    await until(lambda: driver.heard, "somebody listens")
+    left = await turtle.bridge.orders.shut_down("rtl")
+    assert (left.state, left.text) == ("disarmed", "left as it is")
 
 
-@async_test
-async def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_be_moving(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        moving = await turtle.ask("a", "cmd", 1.0)
-        await until(lambda: moving[-1].state == "succeeded", "it moves")
-        change = ManifestChange(remove=("orders.hold",))
-        said = "orders.hold: the robot may be moving, and this order ends it; stop it first"
-        assert turtle.bridge.live.change(change) == [said]
-        stopped = turtle.bridge.action_server.order("hold", by_operator("hold"), block=False, insist=True)
-        await until(lambda: stopped.over and not turtle.bridge.driver.active, "it holds")
-        assert turtle.bridge.live.change(change) == []
+@turtle_test
+async def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_be_moving(turtle: Turtle) -> None:
+    moving = await turtle.ask("a", "cmd", 1.0)
+    await until(lambda: moving[-1].state == "succeeded", "it moves")
+    change = ManifestChange(remove=("orders.hold",))
+    said = "orders.hold: the robot may be moving, and this order ends it; stop it first"
+    assert turtle.bridge.live.change(change) == [said]
+    stopped = turtle.bridge.action_server.order("hold", by_operator("hold"), block=False, insist=True)
+    await until(lambda: stopped.over and not turtle.bridge.driver.active, "it holds")
+    assert turtle.bridge.live.change(change) == []
 
 
 def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_path: Path) -> None:
@@ -230,13 +217,10 @@ def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_
     assert any(one.startswith("on_shutdown: the robot has no order `hold`") for one in problems), problems
 
 
-@async_test
-async def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(
-    endpoint: str, tmp_path: Path
-) -> None:
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        going = await turtle.ask("a", "goto", 1.0)
-        pen = await turtle.ask("b", "pen", True)
-        assert (going[-1].state, going[-1].reason) == ("failed", "lease taken by b")
-        await until(lambda: turtle.stops == 1, "it is told to stop")
-        assert not pen[-1].final
+@turtle_test
+async def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(turtle: Turtle) -> None:
+    going = await turtle.ask("a", "goto", 1.0)
+    pen = await turtle.ask("b", "pen", True)
+    assert (going[-1].state, going[-1].reason) == ("failed", "lease taken by b")
+    await until(lambda: turtle.stops == 1, "it is told to stop")
+    assert not pen[-1].final

@@ -384,28 +384,17 @@ async def test_an_order_that_could_not_be_heard_is_not_given_to_a_vehicle_that_i
     assert mode_of(sky) == "GUIDED"
 
 
+@pytest.mark.parametrize("mode", [LAND, LOITER], ids=["a safer motion", "LOITER"])
 @async_test
-async def test_a_restarted_bridge_leaves_a_safer_motion_alone_that_a_pilot_has_begun_meanwhile(
-    sky: Sky, tmp_path: Path
+async def test_a_restarted_bridge_leaves_a_pilot_what_was_begun_under_the_operators_hold(
+    sky: Sky, tmp_path: Path, mode: int
 ) -> None:
     await ordered(sky, "hold")
-    take_over(sky, LAND)
-    again = restarted(sky, tmp_path)
-    await passing(again, 3)
-    assert mode_of(again) == "LAND"
-    assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
-
-
-@async_test
-async def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over_under_the_operators_hold(
-    sky: Sky, tmp_path: Path
-) -> None:
-    await ordered(sky, "hold")
-    take_over(sky)
+    take_over(sky, mode)
     await passing(sky, 2)
-    again = restarted(sky, tmp_path)
+    taken, again = mode_of(sky), restarted(sky, tmp_path)
     await passing(again, 10)
-    assert mode_of(again) == "LOITER"
+    assert mode_of(again) == taken != "BRAKE"
     assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
 

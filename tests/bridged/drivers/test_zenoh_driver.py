@@ -22,8 +22,10 @@ from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, Subscription
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 from tests.bridged.sky import end_of
-from tests.support.buses import async_test
+from tests.support.buses import async_test, lends
 from tests.support.notes import identities
+
+pond_test = lends("pond", by=in_a_pond, needs=("endpoint",))
 
 
 @pytest.fixture(autouse=True)
@@ -48,15 +50,14 @@ def fields(pond: Pond) -> list[object]:
         (msgspec.msgpack.encode({"on": [1.5, "x"]}), "application/msgpack", {"on": [1.5, "x"]}),
     ],
 )
-@async_test
+@pond_test
 async def test_a_sample_gives_the_fields_of_its_payload(
-    endpoint: str, payload: bytes, encoding: str, said: object
+    pond: Pond, payload: bytes, encoding: str, said: object
 ) -> None:
-    async with in_a_pond(endpoint) as pond:
-        await pond.publish("lamp/state", payload, encoding=encoding)
-        await until(lambda: bool(pond.readings), "the sample is read")
-        assert fields(pond) == [said]
-        assert pond.readings[0].source == "lamp/state"
+    await pond.publish("lamp/state", payload, encoding=encoding)
+    await until(lambda: bool(pond.readings), "the sample is read")
+    assert fields(pond) == [said]
+    assert pond.readings[0].source == "lamp/state"
 
 
 @async_test
@@ -76,39 +77,34 @@ async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: st
         )
 
 
-@async_test
-async def test_a_deleted_key_says_that_its_percepts_hold_no_longer(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        await pond.publish("lamp/state", b'{"on": true}')
-        await until(lambda: bool(pond.readings), "the sample is read")
-        pond.robot._session.delete("lamp/state")
-        await until(lambda: len(pond.readings) == 2, "the deletion is read")
-        assert fields(pond)[-1] is None
+@pond_test
+async def test_a_deleted_key_says_that_its_percepts_hold_no_longer(pond: Pond) -> None:
+    await pond.publish("lamp/state", b'{"on": true}')
+    await until(lambda: bool(pond.readings), "the sample is read")
+    pond.robot._session.delete("lamp/state")
+    await until(lambda: len(pond.readings) == 2, "the deletion is read")
+    assert fields(pond)[-1] is None
 
 
-@async_test
-async def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        bad = [b"{", b"\xff\xfe", b"[" * 60_000, b'{"on": NaN}']
-        await pond.publish("lamp/state", *bad, b'{"on": true}')
-        await until(lambda: bool(pond.readings), "the good sample is read")
-        await pond.publish("lamp/state", b"\x00", encoding="application/cdr")
-        await until(lambda: pond.driver.counters()["samples_unreadable"] == 5, "the bad ones are counted")
-        assert fields(pond) == [{"on": True}]
-        (note,) = pond.driver.notes()
-        assert (note.identity, note.value) == (("samples_unreadable", "lamp/state"), 5)
-        assert len(note.text) < 400
+@pond_test
+async def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(pond: Pond) -> None:
+    bad = [b"{", b"\xff\xfe", b"[" * 60_000, b'{"on": NaN}']
+    await pond.publish("lamp/state", *bad, b'{"on": true}')
+    await until(lambda: bool(pond.readings), "the good sample is read")
+    await pond.publish("lamp/state", b"\x00", encoding="application/cdr")
+    await until(lambda: pond.driver.counters()["samples_unreadable"] == 5, "the bad ones are counted")
+    assert fields(pond) == [{"on": True}]
+    (note,) = pond.driver.notes()
+    assert (note.identity, note.value) == (("samples_unreadable", "lamp/state"), 5)
+    assert len(note.text) < 400
 
 
-@async_test
-async def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
-        await until(lambda: bool(pond.readings), "the small sample is read")
-        assert fields(pond) == [{"data": 1}]
-        assert [(note.identity, note.value) for note in pond.driver.notes()] == [
-            (("samples_too_large", "lamp/state"), 1)
-        ]
+@pond_test
+async def test_a_payload_that_is_too_large_is_not_taken_in(pond: Pond) -> None:
+    await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
+    await until(lambda: bool(pond.readings), "the small sample is read")
+    assert fields(pond) == [{"data": 1}]
+    assert [(note.identity, note.value) for note in pond.driver.notes()] == [(("samples_too_large", "lamp/state"), 1)]
 
 
 @async_test
@@ -125,28 +121,26 @@ async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest
         assert pond.driver.silence < 5
 
 
-@async_test
-async def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        heard = pond.hear("lamp/set")
-        assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
-        await until(lambda: bool(heard), "the lamp hears it")
-        assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
-        assert heard[0].encoding == "application/json"
+@pond_test
+async def test_a_put_reaches_who_listens_nested_as_the_paths_say(pond: Pond) -> None:
+    heard = pond.hear("lamp/set")
+    assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+    await until(lambda: bool(heard), "the lamp hears it")
+    assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
+    assert heard[0].encoding == "application/json"
 
 
-@async_test
-async def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    async with in_a_pond(endpoint) as pond:
-        outcome = await pond.do("set_light", on=True, colour="red")
-        assert (outcome.state, outcome.reason) == ("failed", "nobody subscribes to lamp/set")
-        monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
-        waiting = pond.begin("set_light", on=True, colour="red")
-        assert waiting.outcome is None
-        heard = pond.hear("lamp/set")
-        await until(lambda: waiting.over, "the action ends")
-        assert waiting.outcome.state == "succeeded", waiting.outcome.reason
-        await until(lambda: len(heard) == 1, "the lamp hears it")
+@pond_test
+async def test_nobody_listens_until_a_listener_appears(pond: Pond, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = await pond.do("set_light", on=True, colour="red")
+    assert (outcome.state, outcome.reason) == ("failed", "nobody subscribes to lamp/set")
+    monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
+    waiting = pond.begin("set_light", on=True, colour="red")
+    assert waiting.outcome is None
+    heard = pond.hear("lamp/set")
+    await until(lambda: waiting.over, "the action ends")
+    assert waiting.outcome.state == "succeeded", waiting.outcome.reason
+    await until(lambda: len(heard) == 1, "the lamp hears it")
 
 
 @async_test
@@ -163,18 +157,17 @@ async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge
         assert fields(pond) == [{"on": False}]
 
 
-@async_test
-async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        subscription = pond.robot.raw.subscribe("lamp/text", lambda _: None)
-        await served(pond.robot, "lamp/text")
-        late = pond.robot.raw.querier("lamp/text")
-        assert [reply async for reply in late.ask(b"", "")] == []
-        for text in ("one", "two"):
-            assert (await pond.do("tell", text=text)).state == "succeeded"
-        replies = [json.loads(reply.payload) async for reply in late.ask(b"", "")]
-        assert replies == [{"text": "two"}]
-        subscription.close()
+@pond_test
+async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(pond: Pond) -> None:
+    subscription = pond.robot.raw.subscribe("lamp/text", lambda _: None)
+    await served(pond.robot, "lamp/text")
+    late = pond.robot.raw.querier("lamp/text")
+    assert [reply async for reply in late.ask(b"", "")] == []
+    for text in ("one", "two"):
+        assert (await pond.do("tell", text=text)).state == "succeeded"
+    replies = [json.loads(reply.payload) async for reply in late.ask(b"", "")]
+    assert replies == [{"text": "two"}]
+    subscription.close()
 
 
 @pytest.mark.parametrize(
@@ -193,77 +186,71 @@ async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoi
         (None, False, "failed", "lamp/blink ended without a reply"),
     ],
 )
-@async_test
+@pond_test
 async def test_a_service_says_how_it_went(
-    endpoint: str, reply: bytes | None, error: bool, state: str, reason: str
+    pond: Pond, reply: bytes | None, error: bool, state: str, reason: str
 ) -> None:
-    async with in_a_pond(endpoint) as pond:
-        asked = pond.serve("lamp/blink", reply, error=error)
-        assert end_of(await pond.do("blink", times=3)) == (state, reason)
-        assert [json.loads(payload) for payload in asked] == [{"times": 3}]
+    asked = pond.serve("lamp/blink", reply, error=error)
+    assert end_of(await pond.do("blink", times=3)) == (state, reason)
+    assert [json.loads(payload) for payload in asked] == [{"times": 3}]
 
 
-@async_test
-async def test_a_reply_that_cannot_be_read_is_no_success(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        pond.serve("lamp/blink", b"{")
-        outcome = await pond.do("blink", times=3)
-        assert outcome.state == "failed"
-        assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
+@pond_test
+async def test_a_reply_that_cannot_be_read_is_no_success(pond: Pond) -> None:
+    pond.serve("lamp/blink", b"{")
+    outcome = await pond.do("blink", times=3)
+    assert outcome.state == "failed"
+    assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
 
 
-@async_test
-async def test_of_several_replies_one_refusal_decides(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        pond.serve("lamp/blink", b'{"success": true}')
-        pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
-        outcome = await pond.do("blink", times=3)
-        assert outcome.reason == "lamp/blink: the second lamp is broken"
+@pond_test
+async def test_of_several_replies_one_refusal_decides(pond: Pond) -> None:
+    pond.serve("lamp/blink", b'{"success": true}')
+    pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
+    outcome = await pond.do("blink", times=3)
+    assert outcome.reason == "lamp/blink: the second lamp is broken"
 
 
-@async_test
-async def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        held: list[zenoh.Query] = []
+@pond_test
+async def test_a_service_that_replies_and_does_not_end_has_replied(pond: Pond) -> None:
+    held: list[zenoh.Query] = []
 
-        def hold(query: zenoh.Query) -> None:
-            query.reply("lamp/blink", b'{"success": true}')
-            held.append(query)
+    def hold(query: zenoh.Query) -> None:
+        query.reply("lamp/blink", b'{"success": true}')
+        held.append(query)
 
-        pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(hold, indirect=False))
-        assert (await pond.do("blink", times=3)).state == "succeeded"
-        held[0].drop()
-
-
-@async_test
-async def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        held = pond.hold("lamp/blink")
-        execution = pond.begin("blink", times=3)
-        await until(lambda: bool(held), "the query arrives")
-        assert execution.waits_for == "the reply of lamp/blink"
-        pond.driver.stop(execution, Outcome("timed_out", "not done"), hold=False)
-        assert execution.outcome == Outcome("timed_out", "not done")
-        with held[0]:
-            held[0].reply("lamp/blink", b'{"success": true}')
-        again = pond.begin("blink", times=4)
-        await until(lambda: len(held) == 2, "the next query arrives")
-        with held[1]:
-            held[1].reply("lamp/blink", b'{"success": true}')
-        await until(lambda: again.over, "the next action ends")
-        assert again.outcome == Outcome("succeeded")
-        assert execution.outcome == Outcome("timed_out", "not done")
+    pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(hold, indirect=False))
+    assert (await pond.do("blink", times=3)).state == "succeeded"
+    held[0].drop()
 
 
-@async_test
-async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        held = pond.hold("lamp/blink")
-        execution = pond.begin("blink", times=3)
-        await until(lambda: bool(held), "the query arrives")
-        await asyncio.to_thread(pond.robot._session.close)
-        await until(lambda: execution.over, "the action ends")
-        assert execution.outcome.state == "failed"
+@pond_test
+async def test_a_query_ends_when_its_action_is_stopped(pond: Pond) -> None:
+    held = pond.hold("lamp/blink")
+    execution = pond.begin("blink", times=3)
+    await until(lambda: bool(held), "the query arrives")
+    assert execution.waits_for == "the reply of lamp/blink"
+    pond.driver.stop(execution, Outcome("timed_out", "not done"), hold=False)
+    assert execution.outcome == Outcome("timed_out", "not done")
+    with held[0]:
+        held[0].reply("lamp/blink", b'{"success": true}')
+    again = pond.begin("blink", times=4)
+    await until(lambda: len(held) == 2, "the next query arrives")
+    with held[1]:
+        held[1].reply("lamp/blink", b'{"success": true}')
+    await until(lambda: again.over, "the next action ends")
+    assert again.outcome == Outcome("succeeded")
+    assert execution.outcome == Outcome("timed_out", "not done")
+
+
+@pond_test
+async def test_a_service_that_dies_fails_the_action(pond: Pond) -> None:
+    held = pond.hold("lamp/blink")
+    execution = pond.begin("blink", times=3)
+    await until(lambda: bool(held), "the query arrives")
+    await asyncio.to_thread(pond.robot._session.close)
+    await until(lambda: execution.over, "the action ends")
+    assert execution.outcome.state == "failed"
 
 
 @async_test
@@ -280,24 +267,23 @@ async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
         assert pond.readings[0].source == "lamp/state"
 
 
-@async_test
-async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        await pond.publish("lamp/state", b"-1")
-        await until(lambda: bool(pond.readings), "the first is read")
-        publisher = pond.robot.raw.publisher("lamp/state")
-        await until(lambda: publisher.matching, "the bridge listens")
-        for number in range(2 * BACKLOG):
-            publisher.put(b"%d" % number, "application/json")
-        subscription = pond.driver._sources.by_name["lamp/state"].subscription
-        assert subscription is not None
-        end = time.monotonic() + 10
-        while subscription.dropped < BACKLOG and time.monotonic() < end:
-            time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
-        await until(lambda: len(pond.readings) == 1 + BACKLOG, "what was kept is read")
-        assert fields(pond)[1:] == [{"data": number} for number in range(BACKLOG, 2 * BACKLOG)]
-        assert pond.driver.counters()["samples_dropped"] == BACKLOG
-        assert pond.driver._bus.counters["dropped"] == BACKLOG
+@pond_test
+async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(pond: Pond) -> None:
+    await pond.publish("lamp/state", b"-1")
+    await until(lambda: bool(pond.readings), "the first is read")
+    publisher = pond.robot.raw.publisher("lamp/state")
+    await until(lambda: publisher.matching, "the bridge listens")
+    for number in range(2 * BACKLOG):
+        publisher.put(b"%d" % number, "application/json")
+    subscription = pond.driver._sources.by_name["lamp/state"].subscription
+    assert subscription is not None
+    end = time.monotonic() + 10
+    while subscription.dropped < BACKLOG and time.monotonic() < end:
+        time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
+    await until(lambda: len(pond.readings) == 1 + BACKLOG, "what was kept is read")
+    assert fields(pond)[1:] == [{"data": number} for number in range(BACKLOG, 2 * BACKLOG)]
+    assert pond.driver.counters()["samples_dropped"] == BACKLOG
+    assert pond.driver._bus.counters["dropped"] == BACKLOG
 
 
 @async_test
@@ -334,29 +320,27 @@ async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> N
         assert list(pond.driver._sources.by_name) == ["lamp/state"]
 
 
-@async_test
-async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        held = pond.hold("lamp/blink")
-        execution = pond.begin("blink", times=3)
-        await until(lambda: bool(held), "the query arrives")
-        pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.blink]")[0], "lamp.toml"))
-        with held.pop() as query:
-            query.reply("lamp/blink", b'{"success": true}')
-        del query
-        await until(lambda: execution.over, "the action ends")
-        assert execution.outcome == Outcome("succeeded")
+@pond_test
+async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(pond: Pond) -> None:
+    held = pond.hold("lamp/blink")
+    execution = pond.begin("blink", times=3)
+    await until(lambda: bool(held), "the query arrives")
+    pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.blink]")[0], "lamp.toml"))
+    with held.pop() as query:
+        query.reply("lamp/blink", b'{"success": true}')
+    del query
+    await until(lambda: execution.over, "the action ends")
+    assert execution.outcome == Outcome("succeeded")
 
 
-@async_test
-async def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        told, asked = pond.begin("tell", text="x"), pond.begin("blink", times=1)
-        await asyncio.sleep(0)
-        pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.tell]")[0], "lamp.toml"))
-        await until(lambda: told.over and asked.over, "both end")
-        assert told.outcome == Outcome("failed", "nobody subscribes to lamp/text")
-        assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
+@pond_test
+async def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(pond: Pond) -> None:
+    told, asked = pond.begin("tell", text="x"), pond.begin("blink", times=1)
+    await asyncio.sleep(0)
+    pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.tell]")[0], "lamp.toml"))
+    await until(lambda: told.over and asked.over, "both end")
+    assert told.outcome == Outcome("failed", "nobody subscribes to lamp/text")
+    assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
 
 
 @async_test
@@ -389,21 +373,20 @@ async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endp
         assert pond.driver.counters()["samples"] == 1
 
 
-@async_test
-async def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
-    async with in_a_pond(endpoint) as pond:
-        held = pond.hold("lamp/blink")
-        execution = pond.begin("blink", times=3)
-        await until(lambda: bool(held), "the query arrives")
-        with held.pop() as query:
-            for _ in range(REPLIES + 5):
-                query.reply("lamp/blink", b"")
-            end = time.monotonic() + 10
-            while pond.driver._bus.counters["dropped"] < 5 and time.monotonic() < end:
-                time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
-        del query
-        await until(lambda: execution.over, "the action ends")
-        assert pond.driver._bus.counters["dropped"] == 5
+@pond_test
+async def test_replies_that_are_too_many_to_wait_are_counted(pond: Pond) -> None:
+    held = pond.hold("lamp/blink")
+    execution = pond.begin("blink", times=3)
+    await until(lambda: bool(held), "the query arrives")
+    with held.pop() as query:
+        for _ in range(REPLIES + 5):
+            query.reply("lamp/blink", b"")
+        end = time.monotonic() + 10
+        while pond.driver._bus.counters["dropped"] < 5 and time.monotonic() < end:
+            time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
+    del query
+    await until(lambda: execution.over, "the action ends")
+    assert pond.driver._bus.counters["dropped"] == 5
 
 
 @async_test

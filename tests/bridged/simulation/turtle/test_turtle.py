@@ -20,7 +20,7 @@ from schemas.mission.model import load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import ActionStatus, Cancel, Outcome, StopOrder
 from tests.bridged.sky import end_of
-from tests.bridged.studio import MISSIONS, in_the_studio
+from tests.bridged.studio import MISSIONS, Studio, in_the_studio, studio_test
 from tests.support.buses import async_test, served, subscribed, until
 from tests.support.notes import identities
 from tests.support.processes import running
@@ -108,64 +108,60 @@ def test_it_is_not_teleported_out_of_its_field() -> None:
     assert turtle == Turtle()
 
 
-@async_test
-async def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: Path) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
-        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
-        x, y, _ = studio.values("pose")
-        assert (await studio.do("cmd_vel", 1.5, 0, 0)).state == "succeeded"
-        await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
-        assert studio.values("pose")[1] == y
-        assert (await studio.do("set_pen", 255, 0, 0, 2, True)).state == "succeeded"
-        assert studio.turtle.pen == Pen(255, 0, 0, 2, True)
-        assert (await studio.do("teleport", 2, 3, 0.5)).state == "succeeded"
-        await until(lambda: studio.values("pose") == (2, 3, 0.5), "it is perceived there")
-        status = await studio.do("teleport", 20, 3, 0.5)
-        assert status.state == "failed"
-        assert status.reason == "turtle1/teleport_absolute: x: 20 is outside the field, 0..11.11"
-        assert (await studio.do("set_pen", 256, 0, 0, 2, True)).state == "refused"
-        assert (await studio.do("reset")).state == "succeeded"
-        assert (studio.turtle.x, studio.turtle.pen) == (FIELD / 2, Pen())
+@studio_test
+async def test_an_agent_drives_it_and_perceives_where_it_is(studio: Studio) -> None:
+    await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+    x, y, _ = studio.values("pose")
+    assert (await studio.do("cmd_vel", 1.5, 0, 0)).state == "succeeded"
+    await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
+    assert studio.values("pose")[1] == y
+    assert (await studio.do("set_pen", 255, 0, 0, 2, True)).state == "succeeded"
+    assert studio.turtle.pen == Pen(255, 0, 0, 2, True)
+    assert (await studio.do("teleport", 2, 3, 0.5)).state == "succeeded"
+    await until(lambda: studio.values("pose") == (2, 3, 0.5), "it is perceived there")
+    status = await studio.do("teleport", 20, 3, 0.5)
+    assert status.state == "failed"
+    assert status.reason == "turtle1/teleport_absolute: x: 20 is outside the field, 0..11.11"
+    assert (await studio.do("set_pen", 256, 0, 0, 2, True)).state == "refused"
+    assert (await studio.do("reset")).state == "succeeded"
+    assert (studio.turtle.x, studio.turtle.pen) == (FIELD / 2, Pen())
 
 
-@async_test
-async def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(endpoint: str, tmp_path: Path) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
+@studio_test
+async def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(studio: Studio) -> None:
+    async def order(what: str) -> Outcome | None:
+        stop, ask = keys.stop(studio.bus.fleet, "turtle"), StopOrder(order=what)  # type: ignore[arg-type]
+        (reply,) = [one async for one in studio.bus.query(stop, ask, Outcome, 10)]
+        return reply.record
 
-        async def order(what: str) -> Outcome | None:
-            stop, ask = keys.stop(studio.bus.fleet, "turtle"), StopOrder(order=what)  # type: ignore[arg-type]
-            (reply,) = [one async for one in studio.bus.query(stop, ask, Outcome, 10)]
-            return reply.record
-
-        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
-        assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
-        await until(lambda: studio.turtle.linear[0] == 1, "it moves")
-        assert await order("pause") == Outcome(ok=True)
-        await until(lambda: studio.turtle.linear == (0, 0), "it stands")
-        asked = asyncio.create_task(studio.do("cmd_vel", 2, 0, 0))
-        await until(lambda: bool(studio.values("paused")), "it is perceived to be paused")
-        assert studio.turtle.linear == (0, 0)
-        assert await order("continue") == Outcome(ok=True)
-        assert (await asked).state == "succeeded"
-        await until(lambda: studio.turtle.linear[0] == 2, "it moves again")
+    await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+    assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
+    await until(lambda: studio.turtle.linear[0] == 1, "it moves")
+    assert await order("pause") == Outcome(ok=True)
+    await until(lambda: studio.turtle.linear == (0, 0), "it stands")
+    asked = asyncio.create_task(studio.do("cmd_vel", 2, 0, 0))
+    await until(lambda: bool(studio.values("paused")), "it is perceived to be paused")
+    assert studio.turtle.linear == (0, 0)
+    assert await order("continue") == Outcome(ok=True)
+    assert (await asked).state == "succeeded"
+    await until(lambda: studio.turtle.linear[0] == 2, "it moves again")
 
 
-@async_test
-async def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint: str, tmp_path: Path) -> None:
-    async with in_the_studio(endpoint, tmp_path) as studio:
-        await until(lambda: bool(studio.values("pose")), "the pose is perceived")
-        assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
-        await until(lambda: studio.turtle.linear[0] == 1, "it moves")
-        stop = keys.stop(studio.bus.fleet, "turtle")
-        (reply,) = [one async for one in studio.bus.query(stop, StopOrder(order="hold"), Outcome, 10)]
-        assert reply.record.ok
-        await until(lambda: studio.turtle.linear == (0, 0), "it stands")
-        assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator"
-        assert [one async for one in studio.bus.query(stop, StopOrder(order="release"), Outcome, 10)]
-        studio.leave.set()
-        await until(lambda: not studio.values("pose"), "the pose is gone")
-        assert end_of(await studio.do("cmd_vel", 1, 0, 0)) == ("failed", "nobody subscribes to turtle1/cmd_vel")
-        assert end_of(await studio.do("clear")) == ("failed", "nobody serves turtle1/clear")
+@studio_test
+async def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(studio: Studio) -> None:
+    await until(lambda: bool(studio.values("pose")), "the pose is perceived")
+    assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
+    await until(lambda: studio.turtle.linear[0] == 1, "it moves")
+    stop = keys.stop(studio.bus.fleet, "turtle")
+    (reply,) = [one async for one in studio.bus.query(stop, StopOrder(order="hold"), Outcome, 10)]
+    assert reply.record.ok
+    await until(lambda: studio.turtle.linear == (0, 0), "it stands")
+    assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator"
+    assert [one async for one in studio.bus.query(stop, StopOrder(order="release"), Outcome, 10)]
+    studio.leave.set()
+    await until(lambda: not studio.values("pose"), "the pose is gone")
+    assert end_of(await studio.do("cmd_vel", 1, 0, 0)) == ("failed", "nobody subscribes to turtle1/cmd_vel")
+    assert end_of(await studio.do("clear")) == ("failed", "nobody serves turtle1/clear")
 
 
 SLOW = """
