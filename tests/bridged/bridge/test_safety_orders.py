@@ -738,3 +738,13 @@ def test_a_manifest_that_a_driver_fails_to_take_is_not_in_effect_anywhere(
     (problem,) = live.change(ManifestChange(set={"percepts.altitude.rate": 3}))
     assert problem.startswith("driver `mavlink`: adopt raised KeyError")
     assert (live.version, driver.orders) == (1, orders)
+
+
+def test_a_vehicle_that_boots_in_flight_and_goes_on_armed_is_still_its_agents(sky: Sky) -> None:
+    sky.we_hear = lambda message: message.get_type() != "HEARTBEAT" or message.system_status == dialect.MAV_STATE_BOOT
+    sky.downlink.append(dialect.MAVLink_heartbeat_message(2, 3, 81, 4, dialect.MAV_STATE_BOOT, 3))  # not armed
+    sky.wait(1)
+    sky.we_hear = lambda message: True
+    sky.wait(2)
+    assert sky.vehicle.autopilot.flight.airborne
+    assert sky.bridge.lease.answers == "uav", "if it is lost, somebody has to act"

@@ -181,7 +181,8 @@ class Vehicle:
                 if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
                     self._rebooted()
                 self.base_mode, self.system_status = message.base_mode, message.system_status
-                self.armed = bool(message.base_mode & _ARMED)
+                booting = self.system_status == dialect.MAV_STATE_BOOT  # by a watchdog in flight: it may go on armed
+                self.armed = bool(message.base_mode & _ARMED) or (self.armed and booting)
                 critical = self.system_status == dialect.MAV_STATE_CRITICAL
                 if not critical and now > self.held_by_failsafe_at + CRITICAL_WITHIN:
                     self.held_by_failsafe_at = -math.inf
