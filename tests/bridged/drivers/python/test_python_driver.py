@@ -21,7 +21,7 @@ from schemas.wire.records import Note
 from tests.bridged.plugins import install
 from tests.bridged.sky import end_of
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
-from tests.support.buses import async_test, until
+from tests.support.buses import async_test, lends, until
 from tests.support.notes import identities
 from tests.support.processes import running
 
@@ -132,25 +132,30 @@ def robot(*entries: str, orders: str = "") -> str:
     return "\n".join(['[robot]\ndriver = "python"', orders, *map(textwrap.dedent, entries)])
 
 
+tools_test = lends(
+    "workshop",
+    by=lambda gpio, tmp_path: in_the_workshop(Workshop(tmp_path, checked(TOOLS))),
+    needs=("gpio", "tmp_path"),
+)
+
+
 def driver_of(workshop: Workshop) -> PythonDriver:
     driver = workshop.bridge.driver.own
     assert isinstance(driver, PythonDriver)
     return driver
 
 
-@pytest.mark.usefixtures("gpio")
-@async_test
-async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_path: Path) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        await workshop.perceives("range", 150)
-        await workshop.perceives("where", 2.5, True)
-        await until(lambda: any(count > 3 for count, *_ in workshop.present("count")), "it counts")
-        assert workshop.present("count")[0][1] == 8
-        sys.modules["my_gpio"].state["sonar"] = 2
-        await workshop.perceives("range", 200)
-        sys.modules["my_gpio"].state["sonar"] = None  # there is no echo: the function knows it, and says so
-        await workshop.perceives("range")
-        assert workshop.bridge.health().counters["calls"] > 5
+@tools_test
+async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(workshop: Workshop) -> None:
+    await workshop.perceives("range", 150)
+    await workshop.perceives("where", 2.5, True)
+    await until(lambda: any(count > 3 for count, *_ in workshop.present("count")), "it counts")
+    assert workshop.present("count")[0][1] == 8
+    sys.modules["my_gpio"].state["sonar"] = 2
+    await workshop.perceives("range", 200)
+    sys.modules["my_gpio"].state["sonar"] = None  # there is no echo: the function knows it, and says so
+    await workshop.perceives("range")
+    assert workshop.bridge.health().counters["calls"] > 5
 
 
 @pytest.mark.parametrize(
@@ -165,57 +170,53 @@ async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(
         (10.5, "failed", "enough"),
     ],
 )
-@async_test
+@tools_test
 async def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
-    gpio: Callable[[], dict[str, object]], tmp_path: Path, height: float, state: str, reason: str
+    workshop: Workshop, gpio: Callable[[], dict[str, object]], height: float, state: str, reason: str
 ) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        assert end_of(await workshop.do("drop", height)) == (state, reason)
-        assert gpio()["dropped"] == [(height, "buoy")]
-        assert (await workshop.do("drop", 1)).state == "succeeded"
+    assert end_of(await workshop.do("drop", height)) == (state, reason)
+    assert gpio()["dropped"] == [(height, "buoy")]
+    assert (await workshop.do("drop", 1)).state == "succeeded"
 
 
-@async_test
+@tools_test
 async def test_fields_give_an_argument_its_constant_and_orders_are_actions(
-    gpio: Callable[[], dict[str, object]], tmp_path: Path
+    workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        assert (await workshop.do("led", True)).state == "succeeded"
-        assert gpio()["led"] == (True, 17)
-        outcome = await workshop.bridge.orders.operator("hold")
-        assert outcome.state == "succeeded"
-        assert gpio()["led"] == (False, 17)
+    assert (await workshop.do("led", True)).state == "succeeded"
+    assert gpio()["led"] == (True, 17)
+    outcome = await workshop.bridge.orders.operator("hold")
+    assert outcome.state == "succeeded"
+    assert gpio()["led"] == (False, 17)
 
 
-@async_test
+@tools_test
 async def test_a_generator_tells_its_progress_and_returns_its_result(
-    gpio: Callable[[], dict[str, object]], tmp_path: Path
+    workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        heard = workshop.begin("climb", 60)
-        await until(lambda: any(one.feedback for one in heard), "feedback")
-        assert set(next(one.feedback for one in heard if one.feedback)) == {"to_go"}
-        await until(lambda: heard[-1].final, "the end")
-        assert (heard[-1].state, heard[-1].reason) == ("failed", "the rope ended")
-        assert (await workshop.do("climb", 3)).state == "succeeded"
-        assert gpio()["closed"] == [60, 3]
+    heard = workshop.begin("climb", 60)
+    await until(lambda: any(one.feedback for one in heard), "feedback")
+    assert set(next(one.feedback for one in heard if one.feedback)) == {"to_go"}
+    await until(lambda: heard[-1].final, "the end")
+    assert (heard[-1].state, heard[-1].reason) == ("failed", "the rope ended")
+    assert (await workshop.do("climb", 3)).state == "succeeded"
+    assert gpio()["closed"] == [60, 3]
 
 
-@async_test
+@tools_test
 async def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
-    gpio: Callable[[], dict[str, object]], tmp_path: Path
+    workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        heard = workshop.begin("climb", 1000)
-        await until(lambda: bool(heard) and heard[-1].state == "running", "it runs")
-        assert workshop.cancel().state == "cancelled"
-        await until(lambda: gpio()["closed"] == [1000], "it is closed")
-        await until(
-            lambda: not driver_of(workshop).refuses(workshop.bridge.action_server._manifest.actions["climb"]), "free"
-        )
-        assert gpio()["led"] == (False, 17)  # the manifest's hold
-        assert (await workshop.do("climb", 2)).state == "succeeded"
-        assert workshop.bridge.health().counters["calls_late"] == 1
+    heard = workshop.begin("climb", 1000)
+    await until(lambda: bool(heard) and heard[-1].state == "running", "it runs")
+    assert workshop.cancel().state == "cancelled"
+    await until(lambda: gpio()["closed"] == [1000], "it is closed")
+    await until(
+        lambda: not driver_of(workshop).refuses(workshop.bridge.action_server._manifest.actions["climb"]), "free"
+    )
+    assert gpio()["led"] == (False, 17)  # the manifest's hold
+    assert (await workshop.do("climb", 2)).state == "succeeded"
+    assert workshop.bridge.health().counters["calls_late"] == 1
 
 
 @async_test
@@ -418,19 +419,17 @@ def test_a_plug_in_without_a_twin_is_told_when_it_is_to_be_simulated(
         Workshop(tmp_path, checked(robot(READS)), simulated=True)
 
 
-@pytest.mark.usefixtures("gpio")
-@async_test
-async def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path) -> None:
-    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
-        await workshop.perceives("range", 150)
-        other = TOOLS.replace("rate = 50\nttl", "rate = 100\nttl").replace("[percepts.where]", "[percepts.position]")
-        changed = read_manifest(other, "bench.toml")
-        workshop.bridge.driver.adopt(changed)
-        calls = workshop.bridge.health().counters["calls"]
-        await until(lambda: workshop.bridge.health().counters["calls"] > calls + 10, "it goes on")
-        assert workshop.present("range") == [(150,)]
-        with pytest.raises(Findings, match="offers no `sonnar`"):
-            workshop.bridge.driver.adopt(read_manifest(TOOLS.replace("gpio.sonar", "gpio.sonnar"), "bench.toml"))
+@tools_test
+async def test_another_manifest_is_taken_over_without_losing_a_percept(workshop: Workshop) -> None:
+    await workshop.perceives("range", 150)
+    other = TOOLS.replace("rate = 50\nttl", "rate = 100\nttl").replace("[percepts.where]", "[percepts.position]")
+    changed = read_manifest(other, "bench.toml")
+    workshop.bridge.driver.adopt(changed)
+    calls = workshop.bridge.health().counters["calls"]
+    await until(lambda: workshop.bridge.health().counters["calls"] > calls + 10, "it goes on")
+    assert workshop.present("range") == [(150,)]
+    with pytest.raises(Findings, match="offers no `sonnar`"):
+        workshop.bridge.driver.adopt(read_manifest(TOOLS.replace("gpio.sonar", "gpio.sonnar"), "bench.toml"))
 
 
 def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(

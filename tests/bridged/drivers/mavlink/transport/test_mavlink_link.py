@@ -280,6 +280,22 @@ async def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed()
 
 
 @async_test
+async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
+    port = free_port()
+    vehicle = Ear()
+    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
+    with socket.create_connection(("127.0.0.1", port)) as deaf:
+        deaf.send(Encoder(255, 1).pack(heartbeat()))
+        await until(lambda: bool(vehicle.heard), "the client is known")
+        text = dialect.MAVLink_statustext_message(6, b"x" * 50)
+        async with asyncio.timeout(240):
+            while not listening.counters.dropped:
+                listening.send(text)
+                await asyncio.sleep(0)
+    await listening.close()
+
+
+@async_test
 async def test_an_error_in_the_handler_does_not_end_the_link() -> None:
     port, seen, complaints = free_port(), [], []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
@@ -88,8 +89,9 @@ def test_a_mission_of_jumps_alone_ends() -> None:
     assert current(station).mission_state == dialect.MISSION_STATE_COMPLETE
 
 
-def test_loitering_takes_its_time() -> None:
-    station = flying(TAKEOFF, Item(19, (8, 0, 0, 0)), waypoint(10.0))
+@pytest.mark.parametrize("command", [19, 93], ids=["NAV_LOITER_TIME", "NAV_DELAY"])
+def test_loitering_takes_its_time(command: int) -> None:
+    station = flying(TAKEOFF, Item(command, (8, 0, 0, 0)), waypoint(10.0))
     station.until(lambda: 1 in reached(station), "takeoff")
     took = station.until(lambda: 2 in reached(station), "loiter time")
     assert 7.5 < took < 10.0
@@ -121,7 +123,7 @@ def test_a_mission_is_cleared_and_auto_is_then_refused(station: Station) -> None
     assert offer(station, [TAKEOFF, waypoint(5.0)]) == ACCEPTED
     assert [one.type for one in station.say(CLEAR(1, 1)) if one.get_type() == "MISSION_ACK"] == [ACCEPTED]
     assert station.say(dialect.MAVLink_mission_request_list_message(1, 1))[0].count == 1
-    assert station.command(176, 1, Mode.AUTO) == FAILED
+    assert station.command(176, 1, Mode.AUTO) == station.command(300) == FAILED
 
 
 def test_a_command_that_the_vehicle_does_not_know_ends_the_upload(station: Station) -> None:

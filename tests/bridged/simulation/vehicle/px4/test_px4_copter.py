@@ -143,6 +143,17 @@ def test_a_reposition_out_of_the_fence_is_acknowledged_and_refused_by_a_text(fly
     assert flying.at.north < 1
 
 
+def test_it_circles_a_place_by_a_command_and_holds_when_that_is_wanted(flying: AttendedVehicle) -> None:
+    assert flying.place(ORBIT, Vector(0, 0, 10), 12, 3, 0, NAN) == ACCEPTED
+    flying.wait(15.0)
+    assert flying.autopilot.mode is Mode.ORBIT
+    assert flying.at.flat() == pytest.approx(12, abs=1.5)
+    assert {"ORBIT_EXECUTION_STATUS"} <= flying.kinds()
+    assert flying.command(SET_MODE, 1, 4, 3) == ACCEPTED
+    flying.wait(6.0)
+    assert flying.speed < 0.2
+
+
 def test_a_change_of_the_altitude_is_taken_in_hold_alone(flying: AttendedVehicle) -> None:
     assert flying.command(186, HOME.alt + 14) == ACCEPTED
     flying.until(lambda: abs(flying.at.up - 14) < 0.5, "altitude")
