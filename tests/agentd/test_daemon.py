@@ -24,9 +24,9 @@ from commd.process.systemd import Unit
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from tests.agentd.daemons import TWO, daemons, mission
-from tests.agentd.hosts import host_on
+from tests.agentd.hosts import Board, board_test
 from tests.agentd.minds import mind_of
-from tests.support.buses import Connect, bus_test, until, virtual_test
+from tests.support.buses import until, virtual_test
 from tests.support.processes import running
 from tests.support.promises import kept
 
@@ -176,9 +176,9 @@ def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: lis
     assert mind.cycle == cycles
 
 
-@bus_test
+@board_test
 async def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_together(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shares: dict[str, int] = {}
 
@@ -188,12 +188,11 @@ async def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_
 
     monkeypatch.setattr(agent_host, "reason", noted)
 
-    bus = await connect("a")
-    agents = [await host_on(bus, name, "!g. +!g <- !!g.", tmp_path) for name in ("a", "b", "c")]
-    idle = await host_on(bus, "idle", "!g. +!g.", tmp_path)
+    bus = await board.connect("a")
+    agents = [await board.host(name, "!g. +!g <- !!g.", bus=bus) for name in ("a", "b", "c")]
+    await board.host("idle", "!g. +!g.", bus=bus)
     await until(lambda: [shares.get(name) for name in "abc"] == [3, 3, 3], "three share a slice, and not the idle one")
     for one in agents[1:]:
         await one.end()
     await until(lambda: shares["a"] == 1, "who is alone has all of it")
     await agents[0].end()
-    await idle.end()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.agentd.hosts import host_on
-from tests.support.buses import Connect, bus_test, until
+from tests.agentd.hosts import Board, board_test
+from tests.support.buses import until
 
 
 @pytest.mark.parametrize(
@@ -20,18 +18,16 @@ from tests.support.buses import Connect, bus_test, until
         '.print(begun); .at("now +600 s", {+!later})',
     ],
 )
-@bus_test
-async def test_an_agent_whose_intention_waits_is_not_idle(connect: Connect, tmp_path: Path, body: str) -> None:
-    agent = await host_on(await connect("a"), "a", f"!go. +!go <- {body}. +!later.", tmp_path, others=("other",))
+@board_test
+async def test_an_agent_whose_intention_waits_is_not_idle(board: Board, body: str) -> None:
+    agent = await board.host("a", f"!go. +!go <- {body}. +!later.", others=("other",))
     await until(lambda: "begun" in agent.prints, "the intention waits")
     assert agent.host.health().idle is False
-    await agent.end()
 
 
 @pytest.mark.parametrize("program", ["!go. +!go <- .wait(go, 10, _); .print(done).", "!go. +!go <- .print(done); no."])
-@bus_test
-async def test_an_agent_whose_plans_have_ended_is_idle(connect: Connect, tmp_path: Path, program: str) -> None:
-    agent = await host_on(await connect("a"), "a", program, tmp_path)
+@board_test
+async def test_an_agent_whose_plans_have_ended_is_idle(board: Board, program: str) -> None:
+    agent = await board.host("a", program)
     await until(lambda: agent.host.health().idle, "it has nothing in mind")
     assert "done" in agent.prints
-    await agent.end()

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,6 +15,7 @@ import psutil
 import pytest
 
 from tests.support.forked import Forked
+from tests.support.processes import poll
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 DOUBLES = Path(__file__).with_name("doubles.py")
@@ -60,11 +60,7 @@ class Running:
 
     def until_true(self, condition: Callable[[], bool], wish: str, seconds: float = 60) -> None:
         """Wait until something holds of a run that goes on."""
-        end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, f"not {wish}: {self.stdout}{self.stderr}"
-            assert self.process.poll() is None, f"ended before {wish}: {self.stdout}{self.stderr}"
-            time.sleep(0.05)
+        poll(condition, wish, seconds, said=lambda: self.stdout + self.stderr, process=self.process)
 
     def remember(self) -> None:
         """Note the processes that it has now, by kind."""

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tests.support.processes import ROOT
+from tests.support.processes import ROOT, poll
 
 _CGROUPS = Path("/sys/fs/cgroup")
 _BOOT = Path(__file__).with_name("boot.sh")
@@ -76,12 +76,7 @@ class Machine:
 
     def until(self, condition: Callable[[], bool], wish: str, seconds: float = PATIENCE) -> float:
         """Wait until something holds there. Returns the seconds that it took."""
-        begin = time.monotonic()
-        while not condition():
-            if time.monotonic() - begin > seconds:
-                raise AssertionError(f"not within {seconds:g} s: {wish}\n{self.journal()}")
-            time.sleep(0.05)
-        return time.monotonic() - begin
+        return poll(condition, wish, seconds, said=self.journal)
 
     def journal(self, *options: str) -> str:
         """Return what its services have said."""

@@ -19,6 +19,27 @@ PATIENCE = 90.0
 """Wall seconds for what a process is to say, and for its end."""
 
 
+def poll(
+    condition: Callable[[], object],
+    wish: str,
+    seconds: float = PATIENCE,
+    *,
+    said: Callable[[], str] = str,
+    process: subprocess.Popen[Any] | None = None,
+) -> float:
+    """Wait until something holds; returns the wall seconds that it took.
+
+    After a bound, or when `process` has ended before, it fails with the wish and what was `said` by then.
+    """
+    begun = time.monotonic()
+    while not condition():
+        ended, took = None if process is None else process.poll(), time.monotonic() - begun
+        if ended is not None or took > seconds:
+            raise AssertionError(f"not within {took:.1f} s: {wish}; exit {ended}; it said:\n{said()}")
+        time.sleep(0.02)
+    return time.monotonic() - begun
+
+
 class Daemon:
     """A running process and the lines that it has said."""
 
@@ -63,12 +84,7 @@ class Daemon:
 
     def until(self, condition: Callable[[str], bool], wish: str, seconds: float = PATIENCE) -> None:
         """Wait until what it said fulfils a condition."""
-        end = time.monotonic() + seconds
-        while not condition(self.text):
-            ended = self.process.poll()
-            if ended is not None or time.monotonic() > end:
-                raise AssertionError(f"{wish}; exit {ended}; it said:\n{self.text}")
-            time.sleep(0.02)
+        poll(lambda: condition(self.text), wish, seconds, said=lambda: self.text, process=self.process)
 
     def says(self, words: str, seconds: float = PATIENCE) -> None:
         """Wait until it has said `words`."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,9 +25,9 @@ from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed
 from schemas.wire import keys
 from schemas.wire.mind_records import BeliefView, MindView, WaitView
-from tests.agentd.hosts import host_on
+from tests.agentd.hosts import Board, board_test
 from tests.agentd.minds import World, mind_of, term
-from tests.support.buses import Connect, bus_test, served, until
+from tests.support.buses import served, until
 
 
 def shown(world: World, look: Look | None = None) -> list[BeliefView]:
@@ -59,20 +58,19 @@ def test_a_belief_is_shown_with_its_sources_and_since_when() -> None:
     ], "a source that joins later does not make a belief younger"
 
 
-@bus_test
-async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(connect: Connect, tmp_path: Path) -> None:
-    bus = await connect()
-    first = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
+@board_test
+async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(board: Board) -> None:
+    bus = await board.connect()
+    first = await board.host("bob", "!go. +!go <- +seen(1).", bus=bus)
     await until(lambda: any("seen" in belief.text for belief in first.host.viewer.view().beliefs), "it believes")
     await first.end()
-    again = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
+    again = await board.host("bob", "!go. +!go <- +seen(1).", bus=bus)
     again.tell(Mail("ana", "tell", term("news(1)")))
     await until(lambda: len(again.host.viewer.view().beliefs) == 2, "it believes again")
     old, new = again.host.viewer.view().beliefs
     assert (old.text, old.since) == ("seen(1)[source(self)]", None)
     assert new.since is not None
     assert new.since <= again.host.viewer.view().time
-    await again.end()
 
 
 def test_a_mind_that_is_not_kept_tells_the_age_of_what_came_between_two_looks() -> None:
@@ -253,10 +251,10 @@ async def ask(bus: Bus, selector: str) -> tuple[MindView | None, str]:
         return None, str(failed)
 
 
-@bus_test
-async def test_an_observer_says_in_the_selector_what_it_wants_to_see(connect: Connect, tmp_path: Path) -> None:
-    agents, observer = await connect("board1"), await connect("eyes")
-    bob = await host_on(agents, "bob", "a(1). b(2). !go. +!go <- .print(there).", tmp_path)
+@board_test
+async def test_an_observer_says_in_the_selector_what_it_wants_to_see(board: Board) -> None:
+    agents, observer = await board.connect("board1"), await board.connect("eyes")
+    bob = await board.host("bob", "a(1). b(2). !go. +!go <- .print(there).", bus=agents)
     key = keys.mind("test", "bob")
     await served(observer, key)
     await until(lambda: bob.prints == ["there"], "it has run")
@@ -271,13 +269,12 @@ async def test_an_observer_says_in_the_selector_what_it_wants_to_see(connect: Co
     assert await ask(observer, f"{key}?last=many") == (None, "last=many: expected a number from 0 to 200")
     again, _ = await ask(observer, f"{key}?plans=true")
     assert again is not None
-    await bob.end()
 
 
-@bus_test
-async def test_whoever_asks_all_the_time_is_shown_the_same_look_again(connect: Connect, tmp_path: Path) -> None:
-    agents, observer = await connect("board1"), await connect("eyes")
-    bob = await host_on(agents, "bob", "a(1).", tmp_path)
+@board_test
+async def test_whoever_asks_all_the_time_is_shown_the_same_look_again(board: Board) -> None:
+    agents, observer = await board.connect("board1"), await board.connect("eyes")
+    await board.host("bob", "a(1).", bus=agents)
     key = keys.mind("test", "bob")
     await served(observer, key)
     numbers = []
@@ -289,7 +286,6 @@ async def test_whoever_asks_all_the_time_is_shown_the_same_look_again(connect: C
     looks = len(set(numbers))
     assert looks <= (time.monotonic() - began) / 0.2 + 2
     assert looks < 100
-    await bob.end()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,9 +15,9 @@ from agentd.mind.data.inputs import PerceptReplaced, SignalRaised
 from agentd.runtime.mind_runner import BELIEVED_WITHIN, LagEstimator, MindRunner
 from commd.bus.bus import Bus
 from schemas.wire.records import Perception
-from tests.agentd.hosts import host_on
+from tests.agentd.hosts import Board, board_test
 from tests.agentd.minds import World, mind_of
-from tests.support.buses import Connect, bus_test, until, virtual_test
+from tests.support.buses import until, virtual_test
 
 
 class Turns:
@@ -164,9 +163,9 @@ WAITS = """
 """
 
 
-@bus_test
-async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connect: Connect, tmp_path: Path) -> None:
-    agent = await host_on(await connect("a"), "a", WAITS, tmp_path)
+@board_test
+async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(board: Board) -> None:
+    agent = await board.host("a", WAITS)
     await until(lambda: "waits" in agent.prints, "the atomic plan waits")
     for number in range(3):
         agent.host.feed(SignalRaised.named("news", number))
@@ -174,7 +173,6 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connec
     agent.host.health()
     await asyncio.sleep(0.05)
     assert agent.host.health().lag == 0
-    await agent.end()
 
 
 @virtual_test
@@ -215,11 +213,9 @@ def seen(number: int) -> PerceptReplaced:
     return PerceptReplaced(Literal(signature("height", 1), (float(number),)))
 
 
-@bus_test
-async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_somebody_looks(
-    connect: Connect, tmp_path: Path
-) -> None:
-    agent = await host_on(await connect("a"), "a", "!begin. +!begin <- .print(begun). +mode(M) <- .print(M).", tmp_path)
+@board_test
+async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_somebody_looks(board: Board) -> None:
+    agent = await board.host("a", "!begin. +!begin <- .print(begun). +mode(M) <- .print(M).")
     mind = agent.host._mind
     await until(lambda: "begun" in agent.prints and not mind.ready, "the mind rests")
     for number in (1, 2):
@@ -238,4 +234,3 @@ async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_so
     agent.host.feed(PerceptReplaced(Literal(signature("mode", 1), (atom("rtl"),))))
     await until(lambda: "rtl" in agent.prints, "a plan runs")
     assert not mind.inputs
-    await agent.end()

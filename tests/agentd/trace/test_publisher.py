@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import time
-from collections.abc import AsyncIterator
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from agentd.trace.publisher import Channel, TraceSubscribers
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from tests.agentd.daemons import mission
-from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.hosts import Board, Hosted, board_test
 from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder
 from tests.agentd.runtime.test_agent_group import KID, ONE
@@ -38,14 +37,9 @@ count(0).
 """
 
 
-@asynccontextmanager
-async def traced(connect: Connect, folder: Path) -> AsyncIterator[tuple[Hosted, Bus]]:
+async def traced(board: Board) -> tuple[Hosted, Bus]:
     """An agent that greets, and the bus of an observer."""
-    agent = await host_on(await connect("uav"), "uav", GREETS, folder, others=("ann",))
-    try:
-        yield agent, await connect("recorder", "tool")
-    finally:
-        await agent.end()
+    return await board.host("uav", GREETS, others=("ann",)), await board.connect("recorder", "tool")
 
 
 def hello(number: int) -> Mail:
@@ -60,116 +54,114 @@ async def greeted(agent: Hosted, *numbers: int) -> None:
     await until(lambda: len(agent.prints) >= min(20, before + len(numbers)), "it has heard of each")
 
 
-@bus_test
-async def test_who_begins_to_record_late_gets_everything_since_birth(connect: Connect, tmp_path: Path) -> None:
-    async with traced(connect, tmp_path) as (agent, bus):
-        await greeted(agent, 1, 5)
-        late = Recorder(bus, "uav")
-        assert await late.catch_up() == ""
-        assert list(late.batches) == list(range(len(late.batches)))
-        await greeted(agent, 2, 6)
-        await late.until_cycle(agent.host._mind.cycle)
-        assert [batch.number for batch in late.inputs] == list(range(len(late.batches)))
-        kinds = {item.kind for batch in late.inputs for item in batch.inputs}
-        assert {"Mail", "TimeRead", "NamesRead"} <= kinds
-        result = replay(late.inputs, late.decided)
-        assert result.agrees, result.difference
-        assert result.proven >= result.batches - 1 > 0
-        edited = compare(late.inputs, program=GREETS.replace("X > 3", "X > 1"))
-        assert edited.difference is not None
-        assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
+@board_test
+async def test_who_begins_to_record_late_gets_everything_since_birth(board: Board) -> None:
+    agent, bus = await traced(board)
+    await greeted(agent, 1, 5)
+    late = Recorder(bus, "uav")
+    assert await late.catch_up() == ""
+    assert list(late.batches) == list(range(len(late.batches)))
+    await greeted(agent, 2, 6)
+    await late.until_cycle(agent.host._mind.cycle)
+    assert [batch.number for batch in late.inputs] == list(range(len(late.batches)))
+    kinds = {item.kind for batch in late.inputs for item in batch.inputs}
+    assert {"Mail", "TimeRead", "NamesRead"} <= kinds
+    result = replay(late.inputs, late.decided)
+    assert result.agrees, result.difference
+    assert result.proven >= result.batches - 1 > 0
+    edited = compare(late.inputs, program=GREETS.replace("X > 3", "X > 1"))
+    assert edited.difference is not None
+    assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
 
 
-@bus_test
+@board_test
 async def test_once_the_beginning_is_dropped_who_is_late_is_warned_and_nothing_is_kept(
-    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tracings, "MOST_BYTES", 20 * courses.INPUT_BYTES)
     monkeypatch.setattr(courses, "BATCH_BYTES", 10 * courses.INPUT_BYTES)
-    async with traced(connect, tmp_path) as (agent, bus):
-        course = agent.host._tracing.inputs
-        await until(lambda: not course.on, "the beginning is dropped")
-        await greeted(agent, 1, 2)
-        assert agent.host._mind.on_input is None  # no input is published any more
-        assert course.dropped > 10
-        assert agent.host.health().counters["trace_dropped"] == course.dropped
-        late = Recorder(bus, "uav")
-        assert "the inputs since the agent's start exceed the limit" in await late.catch_up()
-        await until(lambda: len(late.batches) > 1, "what goes in is published from now on")
-        assert min(late.batches) > 0
-        with pytest.raises(CannotReplay, match="its initial is missing"):
-            replay(late.inputs)
+    agent, bus = await traced(board)
+    course = agent.host._tracing.inputs
+    await until(lambda: not course.on, "the beginning is dropped")
+    await greeted(agent, 1, 2)
+    assert agent.host._mind.on_input is None  # no input is published any more
+    assert course.dropped > 10
+    assert agent.host.health().counters["trace_dropped"] == course.dropped
+    late = Recorder(bus, "uav")
+    assert "the inputs since the agent's start exceed the limit" in await late.catch_up()
+    await until(lambda: len(late.batches) > 1, "what goes in is published from now on")
+    assert min(late.batches) > 0
+    with pytest.raises(CannotReplay, match="its initial is missing"):
+        replay(late.inputs)
 
 
-@bus_test
+@board_test
 async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is_lost(
-    connect: Connect, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: Board, endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with traced(connect, tmp_path) as (agent, bus):
-        course = agent.host._tracing.inputs
-        async with session(endpoint, "first", "tool") as once:
-            first = Recorder(once, "uav", "inputs")
-            await until(lambda: len(first.batches) > 1, "what goes in is published")
-        await until(lambda: not course.listened, "nobody listens any more")
-        async with session(endpoint, "second", "tool") as once:
-            second = Recorder(once, "uav", "inputs")
-            assert await second.catch_up() == ""
-            assert replay(second.inputs).agrees
-        await until(lambda: not course.listened, "nobody listens any more")
-        course.drop()
-        number = course._open.number
-        third = Recorder(bus, "uav", "inputs")
-        await until(lambda: bool(third.batches), "what goes in is published again")
-        assert min(third.batches) == number + 1
+    agent, bus = await traced(board)
+    course = agent.host._tracing.inputs
+    async with session(endpoint, "first", "tool") as once:
+        first = Recorder(once, "uav", "inputs")
+        await until(lambda: len(first.batches) > 1, "what goes in is published")
+    await until(lambda: not course.listened, "nobody listens any more")
+    async with session(endpoint, "second", "tool") as once:
+        second = Recorder(once, "uav", "inputs")
+        assert await second.catch_up() == ""
+        assert replay(second.inputs).agrees
+    await until(lambda: not course.listened, "nobody listens any more")
+    course.drop()
+    number = course._open.number
+    third = Recorder(bus, "uav", "inputs")
+    await until(lambda: bool(third.batches), "what goes in is published again")
+    assert min(third.batches) == number + 1
 
 
-@bus_test
-async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect: Connect, tmp_path: Path) -> None:
-    async with traced(connect, tmp_path) as (agent, bus):
-        activity = Recorder(bus, "uav", "activity")
-        await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
-        assert not agent.host._tracing.inputs.listened
-        agent.tell(hello(7))
-        agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
-        agent.tell(
-            Mail(
-                "mail",
-                "signal",
-                term('undelivered(bob, tell, here(1), "not_sendable")[detail("too long")]'),
-                "undelivered.mid3.uav.9",
-            )
+@board_test
+async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(board: Board) -> None:
+    agent, bus = await traced(board)
+    activity = Recorder(bus, "uav", "activity")
+    await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
+    assert not agent.host._tracing.inputs.listened
+    agent.tell(hello(7))
+    agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
+    agent.tell(
+        Mail(
+            "mail",
+            "signal",
+            term('undelivered(bob, tell, here(1), "not_sendable")[detail("too long")]'),
+            "undelivered.mid3.uav.9",
         )
-        agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
-        agent.host._ordered("goal !fly(3)")
-        await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is published")
-        found = {one.kind: one for one in activity.activity if one.other != "ann" or "hello" in one.text}
-        life = agent.host._tracing.agent_boot
-        assert found["received"].text == "hello(7)"
-        assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
-        assert (found["sent"].text, found["sent"].other, found["sent"].performative) == ("hello(7)", "ann", "tell")
-        assert found["sent"].id.startswith("mid")
-        assert found["sent"].id.endswith(f".uav.{life}")
-        assert found["action"].text == "takeoff(5)"
-        assert found["outcome"].id == found["action"].id
-        assert (found["outcome"].state, found["outcome"].reason) == ("refused", "agent uav has no robot to do takeoff")
-        told = found["undelivered"]
-        assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too long")
-        assert found["operator"].text == "goal !fly(3)"
-        prints = [one.text for one in activity.activity if one.kind == "print"]
-        assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]
-        assert {one.state for one in activity.activity if one.kind == "log"} <= {"error", "warning"}
-        actions = [(one.kind, one.text or one.state) for one in agent.host.viewer.view().actions]
-        assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
+    )
+    agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
+    agent.host._ordered("goal !fly(3)")
+    await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is published")
+    found = {one.kind: one for one in activity.activity if one.other != "ann" or "hello" in one.text}
+    life = agent.host._tracing.agent_boot
+    assert found["received"].text == "hello(7)"
+    assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
+    assert (found["sent"].text, found["sent"].other, found["sent"].performative) == ("hello(7)", "ann", "tell")
+    assert found["sent"].id.startswith("mid")
+    assert found["sent"].id.endswith(f".uav.{life}")
+    assert found["action"].text == "takeoff(5)"
+    assert found["outcome"].id == found["action"].id
+    assert (found["outcome"].state, found["outcome"].reason) == ("refused", "agent uav has no robot to do takeoff")
+    told = found["undelivered"]
+    assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too long")
+    assert found["operator"].text == "goal !fly(3)"
+    prints = [one.text for one in activity.activity if one.kind == "print"]
+    assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]
+    assert {one.state for one in activity.activity if one.kind == "log"} <= {"error", "warning"}
+    actions = [(one.kind, one.text or one.state) for one in agent.host.viewer.view().actions]
+    assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
 
 
-@bus_test
-async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(
-    connect: Connect, tmp_path: Path
-) -> None:
-    bus, other = await connect("uav"), await connect("recorder", "tool")
+@board_test
+async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(board: Board) -> None:
+    bus, other = await board.connect("uav"), await board.connect("recorder", "tool")
     activity = Recorder(other, "uav", "activity")
     asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
-    agent = await host_on(bus, "uav", asks, tmp_path, others=("ann",))
+    agent = await board.host("uav", asks, bus=bus, others=("ann",))
     await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
     agent.tell(Mail("ann", "tell", term("go"), "mid1.ann.1"))
     await until(lambda: any(one.kind == "sent" for one in activity.activity), "it has asked")
@@ -178,15 +170,14 @@ async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(
     await until(lambda: any(one.text == "height(9)" for one in activity.activity), "it has the answer")
     answer = next(one for one in activity.activity if one.kind == "received" and one.text == "height(9)")
     assert answer.in_reply_to == sent.id
-    await agent.end()
 
 
-@bus_test
-async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(connect: Connect, tmp_path: Path) -> None:
-    bus, other = await connect("uav"), await connect("recorder", "tool")
+@board_test
+async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(board: Board) -> None:
+    bus, other = await board.connect("uav"), await board.connect("recorder", "tool")
     flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
     recorder = Recorder(other, "uav", "decisions", "activity")
-    agent = await host_on(bus, "uav", flood, tmp_path)
+    agent = await board.host("uav", flood, bus=bus)
     tracing = agent.host._tracing
     await until(lambda: tracing.activity.listened and "decisions" in tracing._heard, "somebody listens")
     agent.tell(Mail("ann", "tell", term("go"), "m1"))
@@ -204,15 +195,15 @@ async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(connect: Conne
     assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
 
 
-@bus_test
-async def test_who_asks_for_everything_there_is_does_not_get_whole_lives(connect: Connect, tmp_path: Path) -> None:
-    async with traced(connect, tmp_path) as (_, bus):
-        got: list[str] = []
-        for key in (f"argosy/{bus.fleet}/**", f"argosy/{bus.fleet}/*/trace/inputs"):
-            replies = await asyncio.to_thread(lambda key=key: list(bus._session.get(key, timeout=5.0)))  # type: ignore[misc]
-            got.append(" ".join(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
-        assert "trace" not in got[0]
-        assert got[1].startswith(keys.trace(bus.fleet, "uav", "inputs"))
+@board_test
+async def test_who_asks_for_everything_there_is_does_not_get_whole_lives(board: Board) -> None:
+    _, bus = await traced(board)
+    got: list[str] = []
+    for key in (f"argosy/{bus.fleet}/**", f"argosy/{bus.fleet}/*/trace/inputs"):
+        replies = await asyncio.to_thread(lambda key=key: list(bus._session.get(key, timeout=5.0)))  # type: ignore[misc]
+        got.append(" ".join(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
+    assert "trace" not in got[0]
+    assert got[1].startswith(keys.trace(bus.fleet, "uav", "inputs"))
 
 
 # --- further lives ---
@@ -243,13 +234,13 @@ async def lives_on(agent: Hosted, number: int) -> None:
 
 
 @pytest.mark.parametrize("back", ["", BACK], ids=["goes on", "decides itself"])
-@bus_test
-async def test_each_life_of_an_agent_that_is_kept_lives_again(connect: Connect, tmp_path: Path, back: str) -> None:
+@board_test
+async def test_each_life_of_an_agent_that_is_kept_lives_again(board: Board, back: str) -> None:
     lives: list[Recorder] = []
     for number in range(3):
-        bus, other = await connect("uav"), await connect("recorder", "tool")
+        bus, other = await board.connect("uav"), await board.connect("recorder", "tool")
         recorder = Recorder(other, "uav", "inputs")
-        agent = await host_on(bus, "uav", KEPT + back, tmp_path, others=("ann",))
+        agent = await board.host("uav", KEPT + back, bus=bus, others=("ann",))
         await lives_on(agent, number)
         await recorder.catch_up()
         await (agent.die() if number == 0 else agent.end())

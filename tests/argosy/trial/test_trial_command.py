@@ -20,6 +20,7 @@ from argosy.trial.faults import Fault, Kill
 from argosy.trial.report import Comparison, Trial, page, text
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
+from tests.support.processes import poll
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 SINGLE, RESCUE = str(MISSIONS / "single_uav.yaml"), str(MISSIONS / "search_and_rescue.yaml")
@@ -279,9 +280,8 @@ def test_a_worker_or_a_run_that_is_killed_fails_its_seed_alone() -> None:
         worker.kill()
         assert next(runs).why == "died: killed by SIGKILL"
         (worker,) = set(psutil.Process().children()) - others
-        while not (run := worker.children()):
-            time.sleep(0.01)
-        run[0].send_signal(signal.SIGSEGV)
+        poll(worker.children, "the worker has begun a run")
+        worker.children()[0].send_signal(signal.SIGSEGV)
         assert next(runs).why == "died: killed by SIGSEGV"
         assert next(runs).success
 
@@ -290,11 +290,9 @@ def test_ctrl_c_ends_all_processes_and_reports_what_is_done() -> None:
     command = [sys.executable, "-m", "argosy", "trial", SINGLE, "--runs", "500", "--faults", "none", "--jobs", "2"]
     trial = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
-        started, until = [], time.monotonic() + 30
-        while len(started) < 3 and time.monotonic() < until:  # two workers, and a run
-            started = psutil.Process(trial.pid).children(recursive=True)
-            time.sleep(0.05)
-        assert len(started) >= 3
+        of = psutil.Process(trial.pid)
+        poll(lambda: len(of.children(recursive=True)) >= 3, "two workers and a run have begun")
+        started = of.children(recursive=True)
         os.killpg(trial.pid, signal.SIGINT)  # as a terminal does: to all of them
         printed, errors = trial.communicate(timeout=20)
     finally:

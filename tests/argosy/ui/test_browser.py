@@ -51,7 +51,6 @@ timeout: 60min
 speed: 8
 inject: true
 """
-EVIL = "<img src=x onerror=\"document.title='hacked'\"><script>document.title='hacked'</script>"
 
 
 @pytest.fixture
@@ -152,13 +151,6 @@ async def _orders_to_a_mind(seen: Seen) -> None:
     await seen.page.fill("#act-goal", "visit((")
     await seen.page.click("button[type=submit][data-do=goal]")
     await seen.shows(".acts .bad", "NOT done")
-    await seen.page.fill("#act-belief", f"wind({_quoted(EVIL)})")
-    await seen.page.click("button[type=submit][data-do=belief]")
-    await seen.shows(".event.is-print", "the wind is <img")
-    await seen.page.click("#tab-mind")
-    await seen.shows("#pane-mind", "<img src=x")
-    assert await seen.page.locator("#pane-mind img, .events img, main script").count() == 0
-    assert "hacked" not in await seen.page.title()
     await seen.page.click("#tab-act")
     await seen.page.click("button[data-do=pause]")
     await seen.shows(".row[data-agent=scout] .state", "paused")
@@ -181,10 +173,6 @@ async def _stop(seen: Seen) -> None:
     await seen.page.mouse.down()  # until it is done: one long press
     await seen.shows(".outcome.good", "release all: confirmed by it")
     await seen.page.mouse.up()
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace('"', '\\"') + '"'
 
 
 @async_test

@@ -269,37 +269,6 @@ async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Co
         await second.claim("uav")
 
 
-def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as clients:
-
-            def client() -> Any:
-                return open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
-
-            opening = asyncio.create_task(clients.enter_async_context(client()))
-            await asyncio.sleep(0.3)
-            assert not opening.done()
-            states: list[bool] = []
-            async with router(endpoint):
-                bus = await asyncio.wait_for(opening, 120)
-                await until(lambda: bus.router_up, "what was sent arrives")
-                bus.on_router(states.append)
-            await until(lambda: not bus.router_up, "what was sent arrives")
-            async with router(endpoint) as again:
-                await until(lambda: bus.router_up, "what was sent arrives")
-                got: list[Perception] = []
-                again.subscribe("argosy/**", Perception, lambda key, record: got.append(record))
-                await subscribed(bus, "argosy/test/uav/percept/a")
-                bus.put("argosy/test/uav/percept/a", Perception(name="a"))
-                await until(lambda: len(got) == 1, "what was sent arrives")
-            assert states[:2] == [False, True]
-
-    def router(at: str) -> Any:
-        return open_bus(at, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
-
-
 @pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
 @async_test
 async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_start(
@@ -418,26 +387,6 @@ async def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to
     with pytest.raises(BusClosed, match=r"does not show the token of `uav` within 0\.1 s") as caught:
         await bus.claim("uav")
     assert not isinstance(caught.value, AccessDenied)
-
-
-@bus_test
-async def test_a_session_knows_while_somebody_listens(connect: Connect) -> None:
-    speaker, first, second = await connect(), await connect(), await connect()
-    said: list[bool] = []
-    first.raw.subscribe("argosy/test/**", lambda sample: None)
-    await subscribed(speaker, "argosy/test/uav/trace/activity")
-    withdraw = speaker.listened("argosy/test/uav/trace/activity", said.append)
-    await until(lambda: said == [True], "who listened before is noticed")
-    subscription = second.raw.subscribe("argosy/test/uav/trace/*", lambda sample: None)
-    await first.close()
-    subscription.close()
-    await until(lambda: said == [True, False], "it is noticed that the last one is gone")
-    third = await connect()
-    third.raw.subscribe("argosy/test/uav/trace/activity", lambda sample: None)
-    await until(lambda: said == [True, False, True], "who comes back is noticed")
-    withdraw()
-    await third.close()
-    assert said == [True, False, True]
 
 
 @bus_test
