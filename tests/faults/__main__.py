@@ -7,6 +7,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+import pytest
+
 from tests.docs.pages import with_part
 from tests.faults.mail import MAIL_INPUT
 from tests.faults.mail_files import AS_ROOT, MAIL_FILES
@@ -33,7 +35,8 @@ def main() -> int:
         print("rows that need a file system of their own need root", file=sys.stderr)
         return 2
     for make in (*FLOWN, *MAIL_INPUT, *MAIL_FILES, *POISON, *AS_ROOT):
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+            patch.setenv("XDG_STATE_HOME", f"{folder}/state_home")  # else an earlier run's agents go on
             rows.append(make(Path(folder)))
         row = rows[-1]
         print(f"{row.fault}: {'; '.join(row.wrong()) or 'holds'}", flush=True)
