@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias, TypeVar
 
 import zenoh
@@ -15,6 +15,7 @@ from commd.bus.session import session_config
 from commd.bus.tls import Tls
 from schemas.wire import keys
 from schemas.wire.records import Health, Mail, Mailboxes, Message, Perception, Record
+from tests.soak.report import Judged
 from tests.support.buses import until
 from tests.support.processes import Daemon
 from tests.support.secured import FLEET, Secured
@@ -27,23 +28,14 @@ R = TypeVar("R", bound=Record)
 
 
 @dataclass
-class Row:
-    """One attack."""
+class Row(Judged):
+    """One attack: it was refused, can be seen, and what is allowed was not refused."""
 
     attack: str
     tried: str
     """How, by whom."""
     refused: str
     """By whom, and how."""
-    seen: list[str] = field(default_factory=list)
-    """Where it can be seen, as it was."""
-    problems: list[str] = field(default_factory=list)
-    """What is not as it must be; empty = it was refused, and what is allowed was not."""
-
-    def expect(self, holds: object, wish: str) -> None:
-        """Note a wish that is not fulfilled."""
-        if not holds:
-            self.problems.append(f"not so: {wish}")
 
 
 class World:

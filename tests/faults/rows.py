@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from schemas.wire.records import ActionStatus
-from tests.soak.report import table
+from tests.soak.report import Judged, table
 
 
 @dataclass(frozen=True)
@@ -44,24 +44,15 @@ class Ended:
 
 
 @dataclass
-class Row:
+class Row(Judged):
     """One fault."""
 
     fault: str
     injected: str
     """How, and with what."""
     ended: list[Ended] = field(default_factory=list)
-    seen: list[str] = field(default_factory=list)
-    """What else was seen, with figures."""
     bound: str = ""
     """What the memory was held to."""
-    problems: list[str] = field(default_factory=list)
-    """What is not as it must be; empty = the row holds."""
-
-    def expect(self, holds: object, wish: str) -> None:
-        """Note a wish that is not fulfilled."""
-        if not holds:
-            self.problems.append(f"not so: {wish}")
 
     def wrong(self) -> list[str]:
         """Everything that is not as it must be."""

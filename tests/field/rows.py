@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from tests.soak.report import Judged
 from tests.soak.report import table as markdown
 
 MARGIN = 2.0
@@ -34,15 +35,12 @@ class Figure:
 
 
 @dataclass
-class Row:
+class Row(Judged):
     """One fault."""
 
     fault: str
     injected: str
     figures: list[Figure] = field(default_factory=list)
-    seen: list[str] = field(default_factory=list)
-    """What else was seen."""
-    problems: list[str] = field(default_factory=list)
 
     def figure(self, what: str, measured: float | None, declared: float | None = None, why: str = "") -> None:
         """Note a figure; one that is missing, or far from what was declared, is a problem."""
@@ -52,11 +50,6 @@ class Row:
         self.figures.append(Figure(what, measured, declared, why))
         if declared is not None and not declared - EARLY <= measured <= declared + MARGIN:
             self.problems.append(f"{what} after {measured:.1f} s, declared {declared:g} s ({why})")
-
-    def expect(self, holds: object, wish: str) -> None:
-        """Note a wish that is not fulfilled."""
-        if not holds:
-            self.problems.append(f"not so: {wish}")
 
 
 Maker = Callable[[Path], Row]

@@ -7,6 +7,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +16,21 @@ from benchmarks.results import processor
 
 ROOT = Path(__file__).parents[2]
 REPORT = ROOT / "docs/measurements/soak.md"
+
+
+@dataclass(kw_only=True)
+class Judged:
+    """A row of a table of measurements, and whether it is as it must be."""
+
+    seen: list[str] = field(default_factory=list)
+    """What was seen, with figures."""
+    problems: list[str] = field(default_factory=list)
+    """What is not as it must be; empty = the row holds."""
+
+    def expect(self, holds: object, wish: str) -> None:
+        """Note a wish that is not fulfilled."""
+        if not holds:
+            self.problems.append(f"not so: {wish}")
 
 
 def write_section(title: str, lines: list[str], report: Path = REPORT) -> None:
