@@ -26,7 +26,6 @@ from tests.bridged.airfield import (
     Airfield,
     all_present,
     on_the_airfield,
-    present,
     restored,
     serving,
     until,
@@ -180,13 +179,13 @@ async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(e
         await until(lambda: bool(digests) and copy.needs_repair(digests[-1]), "health tells what is missing")
         assert not [one for one in copy.present() if one.name == "state"]
         losing = False
-        async with asyncio.timeout(120):
-            states: list[object] = []
-            while not states:  # the vehicle may not have told its state before
-                if copy.restore([one.record for one in await present(bus) if one.record]) is not None:
-                    states = [one.parameters for one in copy.present() if one.name == "state"]
-                await asyncio.sleep(0.02)
-        assert states == [("STABILIZE", True, False)]
+
+        async def states() -> list[object]:  # the vehicle may not have told its state before
+            await restored(copy, bus)
+            return [one.parameters for one in copy.present() if one.name == "state"]
+
+        await until(states, "its state")
+        assert await states() == [("STABILIZE", True, False)]
         assert not copy.needs_repair()
         await field.leave()
 
@@ -323,12 +322,12 @@ async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_fli
                 await asyncio.sleep(2)
                 router = Daemon("commd", "serve", str(file), "--router", endpoint)
                 await until(lambda: bus.router_up, "the router is back")
-                async with asyncio.timeout(240):
-                    while True:
-                        heard = await field.ask(bus, "goto", id=action, attempt=2)
-                        if heard and heard[-1].final:
-                            break
-                        await asyncio.sleep(0.1)
+
+                async def ended() -> bool:
+                    heard[:] = await field.ask(bus, "goto", id=action, attempt=2)
+                    return bool(heard) and heard[-1].final
+
+                await until(ended, "the action ends", 240)
                 assert heard[-1].state == "succeeded", heard[-1].reason
                 await field.leave()
         finally:

@@ -8,31 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from argosy.trial.event_loop import VirtualLoop
 from tests.bridged.sky import Sky
+from tests.support.buses import virtual_test
 
 
 @pytest.mark.parametrize(("armed", "expected"), [(False, 10), (True, 40)])
-def test_a_robot_without_actions_and_held_back_percepts_is_stepped_seldom(
+@virtual_test
+async def test_a_robot_without_actions_and_held_back_percepts_is_stepped_seldom(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool, expected: int
 ) -> None:
-    async def steps_in_ten_seconds() -> int:
-        sky = Sky(tmp_path)
-        sky.driver.vehicle.armed = armed
-        step, seen = sky.bridge.step, list[float]()
+    sky = Sky(tmp_path)
+    sky.driver.vehicle.armed = armed
+    step, seen = sky.bridge.step, list[float]()
 
-        def counted() -> float:
-            seen.append(step())
-            return seen[-1]
+    def counted() -> float:
+        seen.append(step())
+        return seen[-1]
 
-        monkeypatch.setattr(sky.bridge, "step", counted)
-        with suppress(TimeoutError):
-            async with asyncio.timeout(9.99):
-                await sky.bridge._pass_time()
-        return len(seen)
-
-    loop = VirtualLoop()
-    try:
-        assert loop.run_until_complete(steps_in_ten_seconds()) == expected
-    finally:
-        loop.close()
+    monkeypatch.setattr(sky.bridge, "step", counted)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(9.99):
+            await sky.bridge._pass_time()
+    assert len(seen) == expected

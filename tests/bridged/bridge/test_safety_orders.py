@@ -337,7 +337,6 @@ async def test_an_order_that_is_not_confirmed_in_time_is_given_again(sky: Sky, m
     sky.we_hear = lambda message: True
     await passing(sky, 1)
     assert sky.bridge.driver.own.heard
-    await asyncio.sleep(0.4)  # the patience is wall time
     assert (await asked).state == "timed_out"
     await heard_again(sky, monkeypatch)
     assert mode_of(sky) == "RTL"
