@@ -10,6 +10,7 @@ from tests.attacks.admission import ADMISSION
 from tests.attacks.links import LINKS
 from tests.attacks.mail import MAIL
 from tests.attacks.messages import MESSAGES
+from tests.attacks.programs import PROGRAMS
 from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
@@ -34,7 +35,7 @@ def main() -> int:
     with Secured(TEXT) as fleet:
         world = World(fleet)
         world.begin()
-        for attack in (*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *TEXT_AND_FILES):
+        for attack in (*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *PROGRAMS, *TEXT_AND_FILES):
             began = time.monotonic()
             rows.append(asyncio.run(asyncio.wait_for(attack(world), 240)))
             row = rows[-1]

@@ -18,6 +18,7 @@ from tests.attacks.admission import ADMISSION
 from tests.attacks.links import LINKS
 from tests.attacks.mail import MAIL
 from tests.attacks.messages import MESSAGES
+from tests.attacks.programs import PROGRAMS
 from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
@@ -37,7 +38,7 @@ def world() -> Iterator[World]:
 
 @pytest.mark.parametrize(
     "attack",
-    [*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *TEXT_AND_FILES],
+    [*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *PROGRAMS, *TEXT_AND_FILES],
     ids=lambda attack: str(attack.__name__),
 )
 def test_it_is_refused_and_what_is_allowed_is_not(world: World, attack: Attack) -> None:

@@ -8,8 +8,10 @@ import re
 import socket
 import stat
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
@@ -21,6 +23,8 @@ SHOWN = 60.0
 """Seconds that a command has to show what it shows, and to end."""
 REFUSED = 20.0
 """Seconds in which a program that is no file is refused; most of it is the start of Python."""
+SILENT = 600
+"""Connections that a test may hold by the usual limit of open files."""
 MALFORMED = (
     b"\x00\x01\x02\r\n\r\n",
     b"GET / HTTP/9.9\r\n\r\n",
@@ -195,8 +199,7 @@ async def malformed_http(row: Row, world: World) -> None:
     keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
     page = world.fleet.run("argosy", "ui", *keys)
     try:
-        await asyncio.to_thread(page.says, "open http://", SHOWN)
-        address = urlsplit(next(line for line in page.lines if line.startswith("open "))[5:])
+        address = await _address(page)
         for sent in MALFORMED:
             answer = await asyncio.to_thread(_answer, address.port or 0, sent)
             row.expect(not answer or re.match(rb"HTTP/1\.\d 4", answer), f"{sent[:20]!r} is refused: {answer[:60]!r}")
@@ -209,6 +212,87 @@ async def malformed_http(row: Row, world: World) -> None:
         row.seen.append(f"`{counted[-1].removeprefix('argosy ui: ')}`")
     finally:
         page.kill()
+
+
+@attack(
+    "silent connections to the page",
+    f"{SILENT} connections to `argosy ui` of an operator that say nothing, or half of a request; then the operator "
+    "opens the page",
+    "`argosy ui`: of more than 400 connections without the page's cookie the oldest is closed",
+)
+async def silent_connections(row: Row, world: World) -> None:
+    """Hold connections to the page of an operator."""
+    keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
+    page = world.fleet.run("argosy", "ui", *keys)
+    with ExitStack() as held:
+        held.callback(page.kill)
+        address = await _address(page)
+        port = address.port or 0
+        silent = [held.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(SILENT)]
+        for number, one in enumerate(silent):
+            with suppress(OSError):  # it is closed already
+                one.send(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" if number % 2 else b"")
+        began = time.monotonic()
+        token = f"GET /?{address.query} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
+        answer = await asyncio.to_thread(_answer, port, token, False)
+        seconds = time.monotonic() - began
+        row.expect(answer.startswith(b"HTTP/1.1 303"), f"its operator is let in: {answer[:60]!r}")
+        closed = sum(_is_closed(one) for one in silent)
+        row.expect(closed, "the oldest were closed")
+        row.expect(not re.search(r"defect|Traceback", page.text), page.text)
+    row.seen.append(f"the operator has the page after {seconds:.1f} s; {closed} of {SILENT} silent connections closed")
+
+
+async def _address(page: Daemon) -> SplitResult:
+    """Return the address that `argosy ui` prints."""
+    await asyncio.to_thread(page.says, "open http://", SHOWN)
+    return urlsplit(next(line for line in page.lines if line.startswith("open "))[5:])
+
+
+def _is_closed(link: socket.socket) -> bool:
+    link.settimeout(0.0)
+    try:
+        return link.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+@attack(
+    "a folder that another user has made first",
+    "without XDG_RUNTIME_DIR, the folder in which runs leave their routers is there before, open to all, with links "
+    "to a file of the user where `argosy run` writes",
+    "`argosy run` and all commands: a folder that is not the user's alone is not used",
+)
+async def prepared_folder(row: Row, world: World) -> None:
+    """Prepare the folder of a user's runs, with links."""
+    around = world.fleet.folder / "tmp"
+    folder = around / f"argosy-{os.getuid()}"
+    folder.mkdir(parents=True)
+    folder.chmod(0o777)
+    mine = around / "mission.yaml"
+    mine.write_text("mission: m\nagents:\n  a: {program: a.asl}\n")
+    (around / "a.asl").write_text("!a. +!a <- .stopMAS.\n")
+    for link in (*(f"{pid}.json" for pid in range(1, 5000)), "tcp_127_0_0_1_7447.starting"):
+        (folder / link).symlink_to(mine)
+    with _environment(XDG_RUNTIME_DIR=str(around)):
+        _, text, _ = await asyncio.to_thread(_ended, ("argosy", "run", str(mine)), around)
+    row.expect(mine.read_text().startswith("mission: m"), "the user's file is as it was")
+    warned = [line for line in text.splitlines() if "must name the router" in line]
+    row.expect(warned, f"it is warned of, not {text[-500:]}")
+    row.seen += [f"`{line.replace(str(around), '/tmp')}`" for line in warned[:1]]
+
+
+@contextmanager
+def _environment(**variables: str) -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _answer(port: int, sent: bytes, ends: bool = True) -> bytes:
@@ -241,4 +325,6 @@ TEXT_AND_FILES: tuple[Attack, ...] = (
     values_that_double,
     programs_that_are_no_files,
     malformed_http,
+    silent_connections,
+    prepared_folder,
 )

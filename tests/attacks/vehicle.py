@@ -18,6 +18,7 @@ from tests.support.ports import free_port
 
 GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129 | 8, 4, 4, 3)
 """Of an armed copter that takes targets."""
+CAMERA = dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3)
 
 
 @attack(
@@ -67,6 +68,36 @@ async def telemetry_from_elsewhere(row: Row, world: World) -> None:
 
 
 @attack(
+    "messages in a camera's name from a second port",
+    "HEARTBEATs, an acknowledgement and CAMERA_IMAGE_CAPTURED of 1/100 at the bridge's `udpin` port, from another port "
+    "than the camera's, during a `take_picture`; no signing",
+    "the bridge: a part of a vehicle is at one address at a time",
+)
+async def pictures_from_elsewhere(row: Row, world: World) -> None:
+    """Somebody on the network of a vehicle says in its camera's name that a picture was taken."""
+    port = free_port()
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        vehicle = Speaker(port)
+        camera, forger = Speaker(port, component=100), Speaker(port, component=100)
+        vehicle.say(GUIDED, place(5.0))
+        camera.say(CAMERA)
+        await until(lambda: ride.driver.flight.present([100]), "the camera is heard")
+        action = ride.driver.perform("take_picture", COPTER.actions["take_picture"], {"camera": 0})
+        await until(lambda: _asked(camera), "the camera is asked")
+        shot = dialect.MAVLink_camera_image_captured_message(0, 0, 1, 0, 0, 0, 0, [0, 0, 0, 1], 7, 1, b"forged")
+        forged = (CAMERA, dialect.MAVLink_command_ack_message(dialect.MAV_CMD_IMAGE_START_CAPTURE, 0), shot)
+        forger.say(*forged)
+        await until(lambda: ride.driver.counters()["foreign_packets"] == len(forged), "what is forged is counted")
+        row.expect(not action.over, f"no picture is called taken: {action.outcome}")
+        row.expect(not forger.listen(), "nothing that is for the camera goes to the forger")
+        reported = _reported(ride, "foreign_packets")
+        before = ride.driver.counters()["messages"]
+        camera.say(CAMERA)
+        await until(lambda: ride.driver.counters()["messages"] == before, "the camera itself is heard")
+    row.seen.append(f"`take_picture` goes on; health, `foreign_packets`: `{reported.text if reported else ''}`")
+
+
+@attack(
     "signed packets of before a restart of the bridge",
     "5 HEARTBEATs of an armed vehicle, rightly signed, are taken; then sent again, from another port, to a bridge "
     "with the state folder that was left in order, and to one with that of the middle of the work, as of kill -9",
@@ -110,4 +141,8 @@ def _reported(ride: Ride, code: str) -> Note | None:
     return next((note for note in ride.driver.notes() if note.code == code), None)
 
 
-VEHICLE: tuple[Attack, ...] = (telemetry_from_elsewhere, signed_packets_again)
+def _asked(camera: Speaker) -> bool:
+    return any(getattr(one, "target_component", 0) == 100 for one in camera.listen())
+
+
+VEHICLE: tuple[Attack, ...] = (telemetry_from_elsewhere, pictures_from_elsewhere, signed_packets_again)
