@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import cycle
 from typing import Any, Literal, cast, get_args
 
 from bridged.bridge.action_log import ActionLog
@@ -451,12 +452,16 @@ class SafetyOrders:
             if self._own.overridden:
                 break
             await self._clock.sleep(step.pause)
-        for order in self._others(steps[-1].order) if steps else ():
+        last = steps[-1].order if steps else "hold"
+        for order in cycle((*self._others(last), last)):  # it may hear us again, also long after we do
             if outcome.state == "succeeded" or not self._driver.active or self._own.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
             log.error("robot=%s %s %s is ordered instead", self._robot, said, order)
             outcome = await self._until_heard(order, why)
+            if order == "hold" != last:  # it is not home yet
+                outcome = replace(outcome, state="failed")
+            await self._clock.sleep(AGAIN)
         if mode := self._own.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             if self._driver.under_way in COMING:

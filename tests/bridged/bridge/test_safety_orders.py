@@ -747,3 +747,14 @@ def test_a_vehicle_that_boots_in_flight_and_goes_on_armed_is_still_its_agents(sk
     sky.wait(2)
     assert sky.vehicle.autopilot.flight.airborne
     assert sky.bridge.lease.answers == "uav", "if it is lost, somebody has to act"
+
+
+@async_test
+async def test_a_vehicle_that_does_not_hear_us_for_minutes_is_brought_home_when_it_does(sky: Sky) -> None:
+    sky.hears_us = lambda message: False
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 120)
+    assert mode_of(sky) == "GUIDED"
+    sky.hears_us = lambda message: True
+    await passing(sky, 30)
+    assert mode_of(sky) in ("RTL", "LAND")
