@@ -263,7 +263,7 @@ async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent
     await until(lambda: any(saving.delivered for saving in agent.disk.savings), "it is forgotten")
     await agent.end()
     again = await board.host("a", program, others=("c",))
-    await asyncio.sleep(0.3)
+    await until(lambda: any(saving.mind for saving in again.disk.savings), "it goes on")
     assert (again.prints, sum(desk.batches)) == ([], 1)
 
 

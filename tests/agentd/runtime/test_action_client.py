@@ -122,7 +122,7 @@ async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(board: Board) 
     await until(lambda: any(saving.ended for saving in agent.disk.savings), "it is forgotten in the end")
     await agent.end()
     again = await a_life(board, FLIES)
-    await asyncio.sleep(0.3)
+    await until(lambda: any(saving.mind for saving in again.disk.savings), "it goes on")
     assert (again.prints, len(bridge.asked)) == ([], 1)
 
 

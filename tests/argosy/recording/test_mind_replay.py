@@ -207,49 +207,29 @@ def born(**fields: object) -> Change:
 
 FINAL = without(lambda batch: batch.final)
 PROVES: dict[str, tuple[Change, dict[str, bool], int, list[str]]] = {
-    "a batch is missing": (
-        without(lambda batch: batch.number == 2),
-        {},
-        1,
-        ["buyer: the same for ", "but not all of it is proved:\n  batch 2 of its inputs is missing\n"],
-    ),
-    "it ended before the agent": (
-        FINAL,
-        {"stays": True},
-        0,
-        ["buyer: agrees as far as the recording goes: ", "  note: the recording ends before the agent does\n"],
-    ),
-    "it ended before the agent, and a batch is missing": (
-        without(lambda batch: batch.number == 1),
-        {"stays": True},
-        1,
-        ["batch 1 of its inputs is missing"],
-    ),
-    "it ended as the next life began": (
-        FINAL,
-        {"again": True},
-        1,
-        ["its end is not in the recording: it was killed"],
-    ),
-    "it began too late": (
-        without(lambda batch: batch.number == 0),
-        {},
-        1,
-        ["buyer: nothing can be proved\n  its start is missing, with batch 0 of its inputs: begin to record sooner\n"],
-    ),
-    "nobody listened": (
-        lambda batch: msgspec.structs.replace(batch, digest="", decided=0),
-        {},
-        1,
-        ["its decisions had no subscriber in "],
-    ),
-    "it could not be recorded": (
-        born(unknown="it is a clone"),
-        {},
-        1,
-        ["buyer: nothing can be proved\n", "it is a clone"],
-    ),
-}
+    "a batch is missing": (without(lambda batch: batch.number == 2), {}, 1, [
+        "buyer: the same for ", "but not all of it is proved:\n  batch 2 of its inputs is missing\n",
+    ]),
+    "it ended before the agent": (FINAL, {"stays": True}, 0, [
+        "buyer: agrees as far as the recording goes: ", "  note: the recording ends before the agent does\n",
+    ]),
+    "it ended sooner, and a batch is missing": (without(lambda batch: batch.number == 1), {"stays": True}, 1, [
+        "batch 1 of its inputs is missing",
+    ]),
+    "it ended as the next life began": (FINAL, {"again": True}, 1, [
+        "its end is not in the recording: it was killed",
+    ]),
+    "it began too late": (without(lambda batch: batch.number == 0), {}, 1, [
+        "buyer: nothing can be proved\n  its start is missing, with batch 0 of its inputs: begin to record sooner\n",
+    ]),
+    "nobody listened": (lambda batch: msgspec.structs.replace(batch, digest="", decided=0), {}, 1, [
+        "its decisions had no subscriber in ",
+    ]),
+    "it could not be recorded": (born(unknown="it is a clone"), {}, 1, [
+        "buyer: nothing can be proved\n", "it is a clone",
+    ]),
+}  # fmt: skip
+"""What is changed in a recording, how else, the exit code of its replay, and what that says."""
 
 
 @pytest.mark.parametrize("what", PROVES)

@@ -82,7 +82,18 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
     asyncio.run(everything())
 
 
-field_test = run_by(lambda body, free_port: in_the_field(free_port(), body), "field", needs=("free_port",))
+def field_test_with(**limits: float) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
+    """Return the decorator of tests in the field of a gateway that has these limits."""
+
+    def run(body: Any, free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch) -> None:
+        for name, value in limits.items():
+            monkeypatch.setattr(f"commd.gateway.gateway.{name}", value)
+        in_the_field(free_port(), body)
+
+    return run_by(run, "field", needs=("free_port", "monkeypatch"))
+
+
+field_test = field_test_with()
 
 
 def message(content: Term, receiver: str = "old1", identity: str = "m1", **more: Any) -> Message:
@@ -211,47 +222,35 @@ def test_a_host_that_floods_is_held_to_the_rate_of_its_nodes() -> None:
     assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * module.RATE
 
 
-def test_what_exceeds_the_rate_is_dropped_unread_and_counted(
-    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+@field_test_with(BURST=2.0, RATE=0.0)
+async def test_what_exceeds_the_rate_is_dropped_unread_and_counted(field: Field) -> None:
+    for number in range(10):
+        field.say(f"<m{number},old1,tell,uav,{number}>")
+    await field.counted("in", 10)
+    assert field.gateway.counters["gateway_dropped"] == 8
+    assert field.gateway.health().drops == 8
+
+
+@field_test_with(QUEUE=5, BATCH=1)
+async def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
+    field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.gateway.gateway.BURST", 2.0)
-    monkeypatch.setattr("commd.gateway.gateway.RATE", 0.0)
+    taking = asyncio.Event()
+    take = field.post.take
 
-    async def body(field: Field) -> None:
-        for number in range(10):
-            field.say(f"<m{number},old1,tell,uav,{number}>")
-        await field.counted("in", 10)
-        assert field.gateway.counters["gateway_dropped"] == 8
-        assert field.gateway.health().drops == 8
+    async def slowly(messages: Any) -> Any:
+        await taking.wait()
+        return await take(messages)
 
-    in_the_field(free_port(), body)
-
-
-def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
-    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.gateway.gateway.QUEUE", 5)
-    monkeypatch.setattr("commd.gateway.gateway.BATCH", 1)
-
-    async def body(field: Field) -> None:
-        taking = asyncio.Event()
-        take = field.post.take
-
-        async def slowly(messages: Any) -> Any:
-            await taking.wait()
-            return await take(messages)
-
-        monkeypatch.setattr(field.post, "take", slowly)
-        for number in range(20):
-            field.say(f"<m{number},old1,tell,uav,{number}>")
-            await field.counted("in", number + 1)
-        assert field.gateway.counters["gateway_dropped"] == 14  # one is being taken, five wait
-        taking.set()
-        await until(lambda: len(field.post.taken) == 6, "those that waited are taken")
-        field.say("<m6,old1,tell,uav,6>")  # dropped before, so no repetition
-        await until(lambda: len(field.post.taken) == 7, "what was dropped may be said again")
-
-    in_the_field(free_port(), body)
+    monkeypatch.setattr(field.post, "take", slowly)
+    for number in range(20):
+        field.say(f"<m{number},old1,tell,uav,{number}>")
+        await field.counted("in", number + 1)
+    assert field.gateway.counters["gateway_dropped"] == 14  # one is being taken, five wait
+    taking.set()
+    await until(lambda: len(field.post.taken) == 6, "those that waited are taken")
+    field.say("<m6,old1,tell,uav,6>")  # dropped before, so no repetition
+    await until(lambda: len(field.post.taken) == 7, "what was dropped may be said again")
 
 
 @field_test
@@ -272,47 +271,39 @@ async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
     await until(lambda: len(field.post.taken) == 1, "the next one is taken")
 
 
-def test_what_a_full_disk_does_not_take_waits_until_it_does(
-    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+@field_test_with(DISK_RETRY=0.05)
+async def test_what_a_full_disk_does_not_take_waits_until_it_does(
+    field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.gateway.gateway.DISK_RETRY", 0.05)
+    take, failures = field.post.take, 3
 
-    async def body(field: Field) -> None:
-        take, failures = field.post.take, 3
+    async def fails_for_a_while(messages: Any) -> Any:
+        nonlocal failures
+        failures -= 1
+        if failures >= 0:
+            raise StoreFailed("disk is full")
+        return await take(messages)
 
-        async def fails_for_a_while(messages: Any) -> Any:
-            nonlocal failures
-            failures -= 1
-            if failures >= 0:
-                raise StoreFailed("disk is full")
-            return await take(messages)
-
-        monkeypatch.setattr(field.post, "take", fails_for_a_while)
-        field.say("<mid1,old1,tell,uav,a>")
-        await until(lambda: len(field.post.taken) == 1, "it is taken in the end")
-        assert field.one.heard == []
-        assert failures == -1
-
-    in_the_field(free_port(), body)
+    monkeypatch.setattr(field.post, "take", fails_for_a_while)
+    field.say("<mid1,old1,tell,uav,a>")
+    await until(lambda: len(field.post.taken) == 1, "it is taken in the end")
+    assert field.one.heard == []
+    assert failures == -1
 
 
-def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
-    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@field_test_with(SEEK_EVERY=0.1)
+async def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
+    field: Field, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("commd.gateway.gateway.SEEK_EVERY", 0.1)
-
-    async def body(field: Field) -> None:
-        node = field.gateway.nodes["old1"]
-        address, node.at, node.address = field.one.address, None, "no-such-host.invalid:9000"
-        assert await field.post.deliver["old1"]((message(1),)) is None
-        told = "node old1 at no-such-host.invalid:9000 is not found"
-        await until(lambda: told in caplog.text, "it is said")
-        node.address = address.replace("127.0.0.1", "localhost")
-        await until(lambda: node.at is not None, "it is found")
-        assert await field.post.deliver["old1"]((message(1),)) is not None
-        await until(lambda: len(field.one.heard) == 1, "it is sent then")
-
-    in_the_field(free_port(), body)
+    node = field.gateway.nodes["old1"]
+    address, node.at, node.address = field.one.address, None, "no-such-host.invalid:9000"
+    assert await field.post.deliver["old1"]((message(1),)) is None
+    told = "node old1 at no-such-host.invalid:9000 is not found"
+    await until(lambda: told in caplog.text, "it is said")
+    node.address = address.replace("127.0.0.1", "localhost")
+    await until(lambda: node.at is not None, "it is found")
+    assert await field.post.deliver["old1"]((message(1),)) is not None
+    await until(lambda: len(field.one.heard) == 1, "it is sent then")
 
 
 @field_test
