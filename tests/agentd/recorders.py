@@ -7,8 +7,6 @@ from schemas.wire import keys
 from schemas.wire.mind_records import ActivityEvent, DecisionView, MindActivity, MindDecisions, MindInputs
 from tests.support.buses import until
 
-PATIENCE = 90.0
-
 
 class Recorder:
     """Everything that one agent tells of its course, from now on."""

@@ -170,13 +170,6 @@ async def test_an_old_node_and_a_program_talk_across_commd(
         await node.close()
 
 
-AGENT = """
-+?battery(B)[source(Who)] <- B = 80.
-+victim(X)[source(Who)] <- .send(Who, tell, [thanks, X]); .send(Who, tell, "%s").
-+undelivered(Who, _, _, Why)[source(mail), detail(More)] <- .print("undelivered to ", Who, ": ", Why, ", ", More).
-""" % ("x" * 1100)
-
-
 @contextlib.asynccontextmanager
 async def near_and_distant(
     mission: str, endpoint: str, state: Path, free_port: Callable[[], int], degraded: str

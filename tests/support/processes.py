@@ -117,11 +117,3 @@ def running(
         yield daemon
     finally:
         daemon.kill()
-
-
-def pss(pid: int) -> float:
-    """Return the proportional set size of a process in MB."""
-    for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-        if line.startswith("Pss:"):
-            return int(line.split()[1]) / 1024
-    raise AssertionError(f"no Pss of {pid}")

@@ -39,10 +39,6 @@ class Relay:
         self.cuts += self._open.is_set()
         self._open.clear()
 
-    def mend(self) -> None:
-        """Let pass what comes, and what has waited."""
-        self._open.set()
-
     def reset(self) -> None:
         """End the connections there are, as a reset does; new ones pass."""
         for writer in self._writers:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from argparse import Namespace
-from collections.abc import AsyncIterator, Callable, Collection, Coroutine
+from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -94,10 +94,6 @@ class Boards:
 @pytest.fixture
 def boards(tmp_path: Path, free_port: Callable[[], int]) -> Boards:
     return Boards(tmp_path, free_port)
-
-
-def run(body: Coroutine[Any, Any, None], seconds: float = 120) -> None:
-    asyncio.run(asyncio.wait_for(body, seconds))
 
 
 def beliefs(agent_group: AgentGroup, agent: str) -> list[str]:

@@ -32,7 +32,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, run_by, served, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, on_a_bus, run_by, served, session, until
 
 NOT_DONE = receive_mail.ProgramInbox.NOT_DONE
 
@@ -88,13 +88,11 @@ async def test_a_program_learns_who_is_there(connect: Connect, endpoint: str) ->
 
 
 @pytest.mark.parametrize("speed", [0, -1, 101, float("nan")])
-def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: float) -> None:
-    async def body() -> None:
+@async_test
+async def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: float) -> None:
+    with pytest.raises(NotJoined, match=f"speed: expected more than 0 and at most 100, got {speed}"):
         async with join("planner", fleet=FLEET, router="tcp/127.0.0.1:1", speed=speed, patience=0.1):
             pass
-
-    with pytest.raises(NotJoined, match=f"speed: expected more than 0 and at most 100, got {speed}"):
-        asyncio.run(body())
 
 
 @planner_test
@@ -379,20 +377,15 @@ async def test_a_program_that_is_not_let_in_is_told_why(connect: Connect, endpoi
             pass
 
 
-def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
-    async def everything(connect: Connect) -> None:
+@async_test
+async def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
+    async with session(endpoint, "board", "commd", router=True):
         with pytest.raises(NotJoined, match=r"join: commd of board `local`, fleet `test`: nobody answers \(0.5 s\)"):
             async with join("planner", fleet=FLEET, router=endpoint, patience=0.5):
                 pass
-
-    on_a_bus(endpoint, everything)
-
-    async def alone() -> None:
-        with pytest.raises(NotJoined, match="no router at"):
-            async with join("planner", fleet=FLEET, router=endpoint, patience=0.5):
-                pass
-
-    asyncio.run(alone())
+    with pytest.raises(NotJoined, match="no router at"):
+        async with join("planner", fleet=FLEET, router=endpoint, patience=0.5):
+            pass
 
 
 @pytest.mark.parametrize("daemon", ["client", "agentd"])

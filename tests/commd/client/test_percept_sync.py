@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import AbstractAsyncContextManager
-from typing import Any, Literal
+from contextlib import AsyncExitStack
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from commd.bus.bus import Bus, Query, open_bus
+from commd.bus.bus import Bus, Query
 from commd.client.percept_sync import PerceptSync
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Health, Perception, Perceptions
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, on_a_bus, session, subscribed, under_way, until
 from tests.support.promises import kept
 
 
@@ -306,34 +306,26 @@ async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> Non
     assert len(perceiving.percepts) == 1
 
 
-def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
+@async_test
+async def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
-
-    def bus(name: str, daemon: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
-        return open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
-
-    async def everything() -> None:
-        async with (
-            bus("board", "commd", "router") as router,
-            bus("uav1", "bridged") as ours,
-            bus("uav", "agentd") as agent,
-        ):
+    async with AsyncExitStack() as router:
+        await router.enter_async_context(session(endpoint, "board", "commd", router=True))
+        async with session(endpoint, "uav1", "bridged") as ours, session(endpoint, "uav") as agent:
             bridge = FakeBridge(ours)
             bridge.tell("altitude", 5)
             await ours.claim("uav1")
             perceiving, heard = perceive(agent)
             watch = BridgePresence(agent, "uav1", perceiving.doubt, perceiving.forget)
-            health = asyncio.create_task(bridge.report_for_ever())
-            await until(lambda: watch.up and len(heard) == 1, "the percept is there")
-            await router.close()
-            await until(lambda: watch.gone and heard[-1] == ("gone", "altitude", (5,)), "what may be wrong is gone")
-            async with bus("board", "commd", "router"):
-                await until(lambda: watch.up and heard[-1] == ("came", "altitude", (5,)), "all is back with the router")
-            health.cancel()
-
-    asyncio.run(everything())
+            async with under_way(bridge.report_for_ever()):
+                await until(lambda: watch.up and len(heard) == 1, "the percept is there")
+                await router.aclose()
+                await until(lambda: watch.gone and heard[-1] == ("gone", "altitude", (5,)), "what may be wrong is gone")
+                async with session(endpoint, "board", "commd", router=True):
+                    back = ("came", "altitude", (5,))
+                    await until(lambda: watch.up and heard[-1] == back, "all is back with the router")
 
 
 @bus_test
