@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from pathlib import Path
 
 import pytest
@@ -75,26 +74,6 @@ def test_a_real_robot_is_not_hurried(tmp_path: Path) -> None:
 def test_a_robot_that_there_is_not_is_told_with_those_there_are(tmp_path: Path) -> None:
     [problem] = problems(MISSION, tmp_path, robot="uav7")
     assert problem.endswith("error: there is no robot `uav7`, there is uav1")
-
-
-def test_a_port_that_is_taken_ends_the_daemon_with_one_line(tmp_path: Path, endpoint: str) -> None:
-    file = tmp_path / "m.yaml"
-    file.write_text(MISSION)
-    (tmp_path / "uav.asl").write_text("")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", 0))
-        link = f"udpin:127.0.0.1:{other.getsockname()[1]}"
-        with (
-            running("commd", "serve", str(file), "--router", endpoint),
-            running(
-                *("bridged", "serve", str(file), "uav1", "--router", endpoint),
-                *("--link", link, "--state", str(tmp_path), "--speed", "1"),
-            ) as daemon,
-        ):
-            assert daemon.ends() == 1
-            assert "Traceback" not in daemon.text
-            assert [line for line in daemon.lines if line.startswith(("ERROR", "error"))] != []
-            assert link in daemon.text
 
 
 def test_a_wrong_file_ends_the_daemon_with_exit_2_and_one_line(tmp_path: Path) -> None:

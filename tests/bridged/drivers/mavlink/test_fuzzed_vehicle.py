@@ -72,17 +72,3 @@ def test_absurd_messages_end_every_action_once_and_raise_nothing(
         assert heard[-1].reason or heard[-1].state == "succeeded"
         assert len(sky.bridge.percepts.sets["uav"]) < 300
         sky.bridge.action_log.close()
-
-
-@settings(max_examples=some_of(100, 2), deadline=None)
-@given(st.lists(st.binary(max_size=120), max_size=20))
-def test_noise_between_packets_never_stops_the_driver(noise: list[bytes]) -> None:
-    with tempfile.TemporaryDirectory() as state:
-        sky = Sky(Path(state))
-        framer = Framer(WireCounters())
-        for lump in noise:
-            for message in framer.feed(lump, datagram=True):
-                sky.driver.receive(message)
-            sky.step()
-        sky.forward(lambda: sky.belief("state"), "a heartbeat is heard", 10)
-        sky.bridge.action_log.close()

@@ -334,24 +334,6 @@ def test_a_bridge_whose_function_never_returns_serves_on_and_can_end(
         assert "Traceback" not in bridge.text
 
 
-def test_a_simulated_bridge_whose_plug_in_has_no_twin_ends_with_the_line_of_its_manifest(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, endpoint: str
-) -> None:
-    install(monkeypatch, tmp_path, {"my_never": NEVER}, {"argosy.python": {"never": "my_never"}})
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    (tmp_path / "bench.toml").write_text(robot('[percepts.a]\nsource = "never.read"'))
-    (tmp_path / "smith.asl").write_text("")
-    mission = tmp_path / "workshop.yaml"
-    mission.write_text(MISSION)
-    arguments = ("bench", "--router", endpoint, "--state", str(tmp_path), "--simulated")
-    with (
-        running("commd", "serve", str(mission), "--router", endpoint),
-        running("bridged", "serve", str(mission), *arguments) as bridge,
-    ):
-        assert bridge.ends(20) == 2
-        assert "bench.toml:5: error: percepts.a.source: the plug-in `never` cannot be simulated: " in bridge.text
-
-
 @pytest.mark.usefixtures("gpio")
 def test_what_a_manifest_names_and_no_plug_in_offers_is_told_at_its_line_with_what_there_is(tmp_path: Path) -> None:
     offered = "button, climb, count, drop, flaky, flood, led, sonar, stuck, stuck_once, where"

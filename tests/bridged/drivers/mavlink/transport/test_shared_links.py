@@ -64,32 +64,6 @@ async def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_o
 
 
 @async_test
-async def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_from_elsewhere() -> None:
-    port = free_port()
-    async with riding(link(port, 1)) as [ride]:
-        autopilot, camera = Speaker(port), Speaker(port, component=100)
-        camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
-        autopilot.say(BEAT)
-        await until(lambda: "COMMAND_LONG" in autopilot.kinds(1, 191), "the autopilot is asked for streams")
-        camera.listen()
-        shared = ride.driver.link_client.link
-        counters = shared.link.counters
-        before, read = len(camera.heard), counters.packets
-        for number in range(20):
-            camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
-            autopilot.say(BEAT)
-            await until(lambda number=number: counters.packets == read + 2 + 2 * number, "both are read")
-            ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, number, 0, 0, 0, 0, 0))
-
-        def ours() -> list[float]:
-            return [one.param2 for one in autopilot.listen() if getattr(one, "param1", 0) == 77.0]
-
-        await until(lambda: ours() == list(range(20)), "every command reaches the autopilot")
-        assert len(camera.listen()) == before
-        autopilot.close()
-
-
-@async_test
 async def test_a_vehicle_that_connects_again_is_commanded_before_its_next_heartbeat() -> None:
     port, encoder = free_port(), Encoder(1, 1)
     async with riding(f"link: 'tcpin:127.0.0.1:{port}', sysid: 1") as [ride]:

@@ -15,7 +15,6 @@ from bridged.simulation.vehicle.geodesy import FlatMap, Place
 from bridged.simulation.vehicle.motion.dynamics import Vector
 from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.sky import HOME
-from tests.bridged.virtual_copter import Station
 from tests.support.amount import some_of
 
 
@@ -67,22 +66,6 @@ def messages(draw: st.DrawFn) -> dialect.MAVLink_message:
         for name in ("param1", "param2", "param3", "param4", "param5", "param6", "param7", "z"):
             setattr(message, name, float(draw(NUMBERS)))
     return message
-
-
-@settings(max_examples=some_of(300), deadline=None)
-@given(st.lists(st.tuples(messages(), st.floats(0, 3)), max_size=25), st.booleans())
-def test_no_messages_break_the_vehicle_and_all_that_it_says_can_be_packed(
-    story: list[tuple[dialect.MAVLink_message, float]], flying: bool
-) -> None:
-    station = Station()
-    station.say(dialect.MAVLink_request_data_stream_message(1, 1, 0, 2, 1))
-    if flying:
-        station.fly_to(5.0)
-    for message, pause in story:
-        station._hear(station.vehicle.receive(message))
-        station.wait(pause)
-    station.wait(5.0)
-    assert any(message.get_type() == "HEARTBEAT" for message in station.wait(3.0))
 
 
 @settings(max_examples=some_of(100, 2), deadline=None)
