@@ -55,17 +55,6 @@ async def beginning(
     return backfill, statuses[-1].id
 
 
-@async_test
-async def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: str, tmp_path: Path) -> None:
-    async with serving(endpoint, tmp_path) as (field, bus):
-        await field.take_off(bus)
-        heard = await field.ask(bus, "goto", *GOAL)
-        assert [one.state for one in heard if one.final] == ["succeeded"], heard[-1].reason
-        assert heard[0].state == "accepted"
-        assert heard[-1].after is not None
-        assert (await field.do(bus, "land")).state == "succeeded"
-
-
 def test_what_is_not_armed_leaves_within_a_second(endpoint: str, tmp_path: Path) -> None:
     async def leaving() -> float:
         async with serving(endpoint, tmp_path) as (field, _bus):

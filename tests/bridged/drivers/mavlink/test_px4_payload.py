@@ -160,12 +160,6 @@ def test_the_wind_is_that_of_px4s_own_message(px4: Sky) -> None:
     assert px4.belief("wind") == (90.0, 4.0)
 
 
-def test_equipment_that_a_px4_does_not_have_is_no_warning(px4: Sky) -> None:
-    px4.flying(10)
-    px4.wait(30)
-    assert [note for note in px4.driver.notes() if note.code in ("message_unknown", "message_late")] == []
-
-
 def test_an_output_whose_range_is_not_reported_is_not_moved(px4: Sky) -> None:
     with_outputs(px4, {"PWM_AUX_FUNC1": 301, "PWM_AUX_MAX1": 2000})
     status = px4.do("drop_buoy")

@@ -27,18 +27,9 @@ async def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees
         assert not bridge.find("COMMAND_ACK")
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "autopilot", "type_"),
-    [
-        ("plane", "ardupilot", 1),
-        ("rover", "ardupilot", 10),
-        ("copter", "px4", 2),
-        ("plane", "px4", 1),
-        ("rover", "px4", 10),
-    ],
-)
+@pytest.mark.parametrize(("vehicle", "autopilot", "type_"), [("rover", "ardupilot", 10), ("plane", "px4", 1)])
 @async_test
-async def test_each_kind_is_a_process_and_is_armed(vehicle: str, autopilot: str, type_: int) -> None:
+async def test_any_kind_may_be_a_process_and_is_armed(vehicle: str, autopilot: str, type_: int) -> None:
     bridge = Speaker(system=255, component=190)
     link = f"udpout:127.0.0.1:{bridge.port}"
     with closing(bridge), copter(link, "--autopilot", autopilot, "--speed", "10", vehicle=vehicle):
