@@ -50,6 +50,8 @@ SWEEP = 500
 LATE = 2_000
 """Expired messages read in one sweep: those that may have arrived stay in front for a while."""
 log = logging.getLogger("mail")
+MOST_SENDERS = 20_000
+"""Names made at run time on one other board, by which mail is taken between two starts: a board may make them up."""
 
 
 class MailService:
@@ -78,6 +80,10 @@ class MailService:
         """Asks the other boards who has joined them, before an unknown receiver is refused."""
         self.everybody_known = True
         """Whether the directory has read who joined before; until then no receiver is refused as unknown."""
+        self._senders: dict[str, set[str]] = {}
+        """Names of other boards that have sent mail here since the start, by their beginning: the name of their board,
+        for those made at run time. Each is remembered for good, here and by its receiver."""
+        self._full_groups: set[str] = set()
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
@@ -208,13 +214,27 @@ class MailService:
         _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
         now = self.clock.now()
         right = is_name(sender)
+        turned_away = self._one_too_many(sender) if right else None
         rows = [
-            self._row(one, receiver, now, None, SLACK)
+            turned_away or self._row(one, receiver, now, None, SLACK)
             if right and (one.sender, one.receiver) == (sender, receiver)
             else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
             for one in mail.messages
         ]
         query.reply(await self._write(rows, now, self._rules.mailbox))
+
+    def _one_too_many(self, sender: str) -> Refusal | None:
+        """Count a sender of another board. Return why its mail is refused if the board has had too many names."""
+        group = sender.partition("_")[0]
+        names = self._senders.setdefault(group, set())
+        if sender in names or len(names) < MOST_SENDERS:
+            names.add(sender)
+            return None
+        why = f"mail of {MOST_SENDERS} other names that begin with {group} has come to board {self._bus.name}"
+        if group not in self._full_groups:
+            self._full_groups.add(group)
+            log.warning("too_many_senders group=%s: %s; further ones are refused", group, why)
+        return Refusal(code="too_many_senders", text=why)
 
     def _row(
         self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0

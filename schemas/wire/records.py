@@ -174,9 +174,10 @@ class Refusal(Record, frozen=True, kw_only=True):
     code: str
     """For programs. For good: `receiver_not_found`, `receiver_left`, `message_too_large` (above 1 MB),
     `not_sendable` (it cannot be kept, or not be written as a datagram), `unreadable` (by its receiver), `wrong_address`
-    (not its key's sender or receiver), `not_accepted` (`accepts` of the receiver), `set_aside` (the receiver crashed on
-    it), `expired`, `unknown` (expired, and perhaps delivered), `defect`. To be sent again: `mailbox_full`,
-    `not_absorbed`, `out_of_order` (it follows one that is expired)."""
+    (not its key's sender or receiver), `too_many_senders` (of names made at run time on a board), `not_accepted`
+    (`accepts` of the receiver), `set_aside` (the receiver crashed on it), `expired`, `unknown` (expired, and perhaps
+    delivered), `defect`. To be sent again: `mailbox_full`, `not_absorbed`, `out_of_order` (it follows one that is
+    expired)."""
     text: str = ""
     """For people, if there is more than the code."""
 

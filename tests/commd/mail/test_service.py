@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from commd.bus.bus import Bus
-from commd.mail import queries
+from commd.mail import queries, service
 from commd.mail.service import MailService
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -358,3 +358,25 @@ async def test_the_time_that_a_message_has_left_goes_with_it(connect: Connect, t
         assert receiver.got[0].ttl == pytest.approx(40.0)
         assert receiver.got[1].ttl == pytest.approx(480.0)
         assert receiver.got[0].header == Header(seq=1, boot="life1", source="a", stamp=receiver.got[0].header.stamp)
+
+
+@bus_test
+async def test_a_board_that_makes_up_names_is_remembered_by_so_many_and_the_others_go_on(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(service, "MOST_SENDERS", 2)
+    async with board(connect, "pi1", tmp_path, homes=ONE_BOARD):
+        bus = await connect("pi3", "commd")
+
+        async def refused(sender: str, number: int = 1) -> set[str]:
+            receipt = await ask(bus, keys.mail(FLEET, "b", sender), message(number, sender))
+            assert isinstance(receipt, Receipt), receipt
+            return {one.code for one in receipt.refused.values()}
+
+        await served(bus, keys.mail(FLEET, "b", "pi3_1"))
+        for sender in ("pi3_1", "pi3_2", "c"):
+            assert await refused(sender) == set()
+        assert await refused("pi3_3") == await refused("pi3_4") == {"too_many_senders"}
+        for sender in ("pi3_1", "pi2_kid", "c"):
+            assert await refused(sender, 2) == set()
+    assert caplog.text.count("further ones are refused") == 1
