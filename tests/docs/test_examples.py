@@ -7,7 +7,7 @@ import pytest
 from tests.docs.pages import ROOT
 
 RUN_IN = {
-    "examples/camera": "tests/bridged/test_camera_example.py",
+    "examples/camera": "tests/bridged/test_pages.py",
     "examples/client": "docs/guides/mail.md",
     "examples/compass": "tests/agentd/extensions/test_plugins.py",
     "examples/lamp": "tests/argosy/test_robots.py",
