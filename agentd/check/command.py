@@ -118,7 +118,7 @@ def run(args: Namespace) -> int:
         shown = _check(args.files, robot, paths)
     if args.json:
         findings = [{name: getattr(one, name) for name in _FIELDS} for one in shown]
-        print(json.dumps(findings, indent=2, ensure_ascii=False))
+        print(json.dumps(findings, indent=2))
     else:
         for text in shown.values():
             print(text, file=sys.stderr)

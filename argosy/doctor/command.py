@@ -167,7 +167,7 @@ def show(diagnoses: Sequence[Diagnosis], *, as_json: bool) -> None:
             "warnings": warnings,
             "findings": [asdict(one) for one in diagnoses],
         }
-        print(json.dumps(report, ensure_ascii=False, indent=2))
+        print(json.dumps(report, indent=2))
         return
     terminal = sys.stdout.isatty()
     width = max((len(one.what) for one in diagnoses), default=0)

@@ -16,6 +16,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.toml_positions import key_parts
+from schemas.humanize import escape_lines, printable
 from schemas.manifest.document import BadPath, part_of, write_document, write_value
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
@@ -72,12 +73,12 @@ def set_manifest(args: Namespace) -> int:
         before = await _asked(bus, fleet, args.robot, None)
         answer = await _asked(bus, fleet, args.robot, change)
         for problem in answer.problems:
-            print(f"{args.robot}: {problem}", file=sys.stderr)
+            print(printable(f"{args.robot}: {problem}"), file=sys.stderr)
         if answer.problems:
             print(f"{args.robot}: nothing was changed, version {answer.version}", file=sys.stderr)
             return EXIT_BAD_INPUT
         for text in taken_away(before.manifest, answer.manifest):
-            print(f"{args.robot}: warning: {text}", file=sys.stderr)
+            print(printable(f"{args.robot}: warning: {text}"), file=sys.stderr)
         print(f"{args.robot}: version {answer.version} is in effect until its bridge ends")
         return EXIT_DONE
 
@@ -153,21 +154,21 @@ def _show(answer: LiveManifest, entry: str | None, toml: bool) -> int:
     """Print a manifest, or a part of it."""
     if entry is None:
         if toml:
-            print(f"# {answer.robot}, version {answer.version} of its running manifest; read from {answer.file}\n")
-            print(write_document(answer.manifest), end="")
+            head = f"# {answer.robot}, version {answer.version} of its running manifest; read from {answer.file}"
+            print(f"{printable(head)}\n\n{escape_lines(write_document(answer.manifest))}", end="")
         else:
             shown = {"version": answer.version, "file": answer.file, "manifest": answer.manifest}
-            print(json.dumps(shown, indent=2, ensure_ascii=False))
+            print(json.dumps(shown, indent=2))
         return EXIT_DONE
     try:
         steps, part = part_of(answer.manifest, entry)
     except BadPath as error:
-        print(f"{answer.robot}: {error}", file=sys.stderr)
+        print(printable(f"{answer.robot}: {error}"), file=sys.stderr)
         return EXIT_BAD_INPUT
     if not toml:
-        print(json.dumps(part, indent=2, ensure_ascii=False))
+        print(json.dumps(part, indent=2))
     elif len(steps) <= 2 and isinstance(part, dict):
-        print(write_document({steps[0]: part if len(steps) == 1 else {steps[1]: part}}), end="")
+        print(escape_lines(write_document({steps[0]: part if len(steps) == 1 else {steps[1]: part}})), end="")
     else:
-        print(write_value(part))
+        print(escape_lines(write_value(part)))
     return EXIT_DONE

@@ -16,6 +16,7 @@ from argosy.recording.mcap_records import Damage, McapFile
 from argosy.recording.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
 from argosy.recording.mind_inputs import PART, RecordedMind
 from argosy.recording.records import PREFIX, RECORDS, fleet_of, is_plain
+from schemas.humanize import printable
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.mind_records import MindInputs
@@ -106,7 +107,7 @@ class Recording:
     @property
     def missing(self) -> str:
         """The gaps of its files, as one line; empty = none."""
-        return "; ".join(self._lacks)
+        return printable("; ".join(self._lacks))
 
     @property
     def fleets(self) -> list[str]:

@@ -223,7 +223,7 @@ def contents(recording: Recording, *, as_json: bool = False) -> str:
     unread: Unread = Counter()
     minds = recording.minds(unread=unread)
     if as_json:
-        return json.dumps(_data(recording, minds, unread), indent=2, ensure_ascii=False) + "\n"
+        return json.dumps(_data(recording, minds, unread), indent=2) + "\n"
     return (
         "\n".join(map(printable, [*_head(recording), "", *_minds(recording, minds, unread), "", *_topics(recording)]))
         + "\n"

@@ -14,14 +14,16 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.cli.operator_bus import bridges
-from argosy.manifest.live_commands import taken_away
+from argosy.manifest.live_commands import _show, taken_away
 from bridged.daemon import serve
 from commd.bus.bus import open_bus
 from schemas.files.shipped_files import shipped
 from schemas.manifest.document import document
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import read_mission
+from schemas.wire.records import LiveManifest
 from tests.argosy.beside import beside
+from tests.argosy.watch.hostile import BAD, RAW
 from tests.support.buses import until
 from tests.support.ports import free_port
 
@@ -204,3 +206,13 @@ def test_what_a_change_takes_away_is_told_and_nothing_else() -> None:
         "programs that use them miss these actions from now on: rtl",
         "actions.goto: the deadline is 1s, it was 5min",
     ]
+
+
+@pytest.mark.parametrize("toml", [True, False])
+@pytest.mark.parametrize("entry", [None, "actions", "actions.x", "actions.x.y", "nothing"])
+def test_what_a_bridge_answers_commands_no_terminal(toml: bool, entry: str | None, capfd: Captured) -> None:
+    hostile = {"actions": {"x": {"y": BAD, BAD: BAD}}}
+    _show(LiveManifest(robot="r3", version=1, file=BAD, manifest=hostile), entry, toml)
+    printed, told = capfd.readouterr()
+    assert "PWNED" in printed or entry == "nothing"
+    assert [one for one in RAW if one in (printed + told).encode()] == []

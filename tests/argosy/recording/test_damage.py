@@ -20,6 +20,7 @@ from argosy.recording.reader import Recording
 from argosy.recording.writer import RecordingWriter
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, write
+from tests.argosy.watch.hostile import BAD, RAW
 
 HEAD = struct.Struct("<BQ")
 
@@ -178,3 +179,9 @@ def test_a_chunk_of_zeros_or_with_lengths_beyond_it_is_damage(tmp_path: Path, da
     values, missing = read(path)
     assert values == [0, 1]
     assert "it is damaged (a chunk contains an invalid record)" in missing
+
+
+def test_the_name_of_a_missing_part_commands_no_terminal(tmp_path: Path) -> None:
+    _, missing = read(part(tmp_path / "a.mcap", 1, following=f"{BAD}.mcap"))
+    assert "PWNED" in missing
+    assert [one for one in RAW if one in missing.encode()] == []
