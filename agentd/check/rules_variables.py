@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 from agentd.check.finding_kinds import Kind, warning
 from agentd.check.symbol_table import Survey
 from agentd.language.syntax_tree import nodes
-from agentd.language.syntax_tree.traversal import children
+from agentd.language.syntax_tree.traversal import children, walk
 from schemas.files.findings import Finding
 
 _Node: TypeAlias = nodes.Term | nodes.Body | nodes.BodyFormula | nodes.Plan | nodes.Rule | nodes.Trigger
@@ -24,15 +24,12 @@ def singletons(survey: Survey) -> Iterator[Finding]:
     for scope in _scopes(survey):
         counts: Counter[str] = Counter()
         first: dict[str, nodes.Variable] = {}
-        pending: list[_Node] = [scope]
-        while pending:
-            node = pending.pop()
+        for node in walk(scope):
             if isinstance(node, nodes.Variable):
                 counts[node.name] += 1
                 first[node.name] = node
             elif isinstance(node, nodes.String):
                 counts.update(_IN_STRING.findall(node.value))
-            pending.extend(children(node))
         yield from (_only_once(one) for name, one in first.items() if counts[name] == 1 and not one.anonymous)
 
 

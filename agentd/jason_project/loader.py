@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -14,7 +13,7 @@ from agentd.language.parse import parse_term
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors
 from agentd.language.syntax_tree.source import read_source
-from agentd.language.syntax_tree.traversal import children
+from agentd.language.syntax_tree.traversal import walk
 from agentd.mind.data.registry import FUNCTIONS, find_action
 from agentd.runtime.program_paths import Setup, SourcePaths
 from schemas.files.findings import Finding, Findings
@@ -229,7 +228,8 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
     """Internal actions such as ``my.lib.act(X)`` that nothing here provides: in Jason they are Java classes."""
     seen: set[tuple[str, int]] = set()
     own = {(name, arity) for name, arity, _ in program.functions}
-    for call in _calls([*program.beliefs, *program.goals, *program.plans]):
+    calls = walk(*program.beliefs, *program.goals, *program.plans)
+    for call in (node for node in calls if isinstance(node, nodes.InternalAction)):
         name, arity = call.name, len(call.args)
         if name.startswith(".") or (name, arity) in seen or (name, arity) in own or (name, arity) in FUNCTIONS:
             continue
@@ -237,16 +237,6 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
         if find_action(name, arity) is None:
             text = f"nothing provides the internal action {name}/{arity}: write its Java class in Python"
             yield _finding(call.position, text, warning=True)
-
-
-def _calls(items: Sequence[nodes.Item]) -> Iterator[nodes.InternalAction]:
-    """Yield the internal actions in items of a program, in order."""
-    pending: list[Any] = list(reversed(items))
-    while pending:
-        node = pending.pop()
-        if isinstance(node, nodes.InternalAction):
-            yield node
-        pending += reversed(children(node))
 
 
 def _finding(position: nodes.Position, message: str, *, warning: bool = False) -> Finding:

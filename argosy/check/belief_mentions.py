@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from agentd.check.programs import Includes
-from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure, fields_of
+from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.syntax_tree.traversal import walk
 from agentd.runtime.program_paths import SourcePaths
 
 
@@ -17,24 +17,12 @@ def mentioned(program: Program) -> set[tuple[str, int]]:
     found: set[tuple[str, int]] = set()
     waiting: list[Any] = [program]
     while waiting:
-        for node in nodes_of(waiting.pop()):
+        for node in walk(waiting.pop()):
             if isinstance(node, Structure):
                 found.add((node.functor, len(node.args)))
             elif isinstance(node, Directive) and node.name.functor == "include":
                 waiting += includes(node, DEFAULT)
     return found
-
-
-def nodes_of(tree: Any) -> Iterator[Any]:
-    """Yield every node of a syntax tree, the tree itself among them, in no particular order."""
-    waiting: list[Any] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, tuple | list):
-            waiting += node
-        elif names := fields_of(type(node)):
-            yield node
-            waiting += (getattr(node, name) for name in names)
 
 
 def beliefs_of(formula: Formula) -> set[tuple[str, int]]:

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from agentd.check.symbol_table import Survey
 from agentd.language.syntax_tree.nodes import Goal, InternalAction, ListTerm, Operator, Program, Step, Structure
+from agentd.language.syntax_tree.traversal import walk
 from agentd.runtime.program_loader import restart_goal
-from argosy.check.belief_mentions import nodes_of
 from argosy.deploy.board_needs import outside
 from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
@@ -106,7 +106,7 @@ def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Find
     The contents of a message, such as a plan for `tellHow`, are not sent by this agent.
     """
     sends = list(_sends(survey))
-    sent = {id(node) for action, _ in sends for node in nodes_of(action.args) if isinstance(node, InternalAction)}
+    sent = {id(node) for action, _ in sends for node in walk(action.args) if isinstance(node, InternalAction)}
     for action, receiver in sends:
         match action.args:
             case (_, Structure(performative, ()), *_) if receiver in mission.agents and id(action) not in sent:

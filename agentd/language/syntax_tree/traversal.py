@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, TypeGuard
 
 from msgspec.structs import replace
@@ -19,21 +20,25 @@ def is_plain_variable(node: object) -> TypeGuard[nodes.Variable]:
 
 def variables(node: Any) -> dict[str, None]:
     """Return the names of the variables in a node at any depth, in order, without anonymous ones."""
-    found: dict[str, None] = {}
-    pending = [node]
+    return {part.name: None for part in walk(node) if type(part) is nodes.Variable and not part.anonymous}
+
+
+def walk(*trees: Any) -> Iterator[Any]:
+    """Yield the nodes of some syntax, or of tuples of it, in order: each before those inside it."""
+    pending: list[Any] = [trees]
     while pending:
         node = pending.pop()
         kind = type(node)
         if kind is tuple:
             pending.extend(reversed(node))
             continue
-        if kind is nodes.Variable and not node.anonymous:
-            found[node.name] = None
-        for name in _part_names(kind):
+        names = _part_names(kind)
+        if names or isinstance(node, nodes.Node):
+            yield node
+        for name in names:
             part = getattr(node, name)
             if part is not None:
                 pending.append(part)
-    return found
 
 
 def is_annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:

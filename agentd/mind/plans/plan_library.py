@@ -11,7 +11,7 @@ from agentd.language.compiler.constants import signature_of
 from agentd.language.compiler.units import Form, compile_fragment, compile_plan
 from agentd.language.syntax_tree import nodes as syntax
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
-from agentd.language.syntax_tree.traversal import parts
+from agentd.language.syntax_tree.traversal import walk
 from agentd.language.terms.format import code_text
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.source_annotations import SOURCE_SELF
@@ -365,7 +365,7 @@ class PlanLibrary:
 
     def note_formula(self, formula: syntax.Term) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
-        if _asks_for_intention(formula):
+        if any(isinstance(node, syntax.InternalAction) and node.name in _ASKING for node in walk(formula)):
             self._select_slowly()
 
     def choose_by_rule(self) -> None:
@@ -400,17 +400,6 @@ class PlanLibrary:
 
     def __iter__(self) -> Iterator[Plan]:
         return iter(self.plans)
-
-
-def _asks_for_intention(formula: Any) -> bool:
-    """Return whether a formula looks at intentions."""
-    pending = [formula]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, syntax.InternalAction) and node.name in _ASKING:
-            return True
-        pending.extend(parts(node) or ())
-    return False
 
 
 def _is_about_sleep(trigger: syntax.Trigger) -> bool:
