@@ -89,32 +89,23 @@ class Result:
     effects: int = 0
     until: float = 0.0
     """Mission time in seconds up to which they agree."""
-    proven: int = 0
-    """Batches whose recorded digest is the same."""
     unheard: int = 0
     """Batches that have no digest: nobody listened when they were made."""
-    unlike: tuple[int, ...] = ()
-    """`compare`: batches in which the recorded program itself differs from the recording."""
     difference: Difference | None = None
     notes: tuple[str, ...] = ()
     """Remarks about this result, as text."""
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no difference, and the recorded program itself agrees with the recording."""
-        return self.difference is None and not self.unlike
+        """Whether there is no difference."""
+        return self.difference is None
 
-    def add(self, batch: MindInputs, *, alike: bool = True) -> None:
-        """Count a replayed batch; `alike`: its digest, if it has one, is the same."""
+    def add(self, batch: MindInputs) -> None:
+        """Count a replayed batch."""
         self.batches += 1
         self.inputs += len(batch.inputs)
         self.cycles = batch.last
-        if not batch.digest:
-            self.unheard += 1
-        elif alike:
-            self.proven += 1
-        else:
-            self.unlike = (*self.unlike, batch.number)
+        self.unheard += not batch.digest
 
     def count(self, done: list[Done]) -> None:
         """Count decisions, which failures are too, and effects."""
@@ -143,13 +134,12 @@ def replay(
     Raises CannotReplay.
     """
     rebuilt, rest = _first(batches)
-    tally, before = Result(rebuilt.agent, rebuilt.initial.program), 0
+    tally = Result(rebuilt.agent, rebuilt.initial.program)
     for batch in rest:
         done = rebuilt.feed(batch)
         if batch.digest and digest_of(done, rebuilt.initial.decisions > 0) != (batch.decided, batch.digest):
-            return tally.complete(rebuilt.now, _where(rebuilt, batch, done, before, decisions))
+            return tally.complete(rebuilt.now, _where(rebuilt, batch, done, tally.cycles, decisions))
         tally.add(batch)
-        before = batch.last
         tally.count(done)
         if progress is not None:
             progress(batch)
@@ -158,7 +148,6 @@ def replay(
 
 def compare(
     batches: Iterable[MindInputs],
-    decisions: Iterable[MindDecisions] = (),
     *,
     program: Path | str | None = None,
     files: Mapping[str, str] | None = None,
@@ -168,7 +157,7 @@ def compare(
 
     `program`: the file (Path) or the text (str) that takes the place of the main file; `files`: texts that take the
     place of further files, by their recorded paths. Plans are distinguished by trigger and body, not by their place.
-    Raises CannotReplay.
+    Whether the recorded program itself agrees with the recording is for `replay` to say. Raises CannotReplay.
     """
     rebuilt, rest = _first(batches)
     initial = rebuilt.initial
@@ -178,10 +167,8 @@ def compare(
     for batch in chain((first,), rest):
         rebuilt.take(batch)
         other.take(batch)
-        exact: list[Done] = []
         while rebuilt.mind.cycle < batch.last:
             own, others = rebuilt.cycle(), other.cycle()
-            exact += own
             place = keys.difference(own, others)
             if place is not None:
                 tally.count(own[:place])
@@ -191,8 +178,7 @@ def compare(
             tally.count(own)
         rebuilt.end_of_batch()
         other.end_of_batch()
-        alike = not batch.digest or digest_of(exact, initial.decisions > 0) == (batch.decided, batch.digest)
-        tally.add(batch, alike=alike)
+        tally.add(batch)
         if progress is not None:
             progress(batch)
     return tally.complete(rebuilt.now)

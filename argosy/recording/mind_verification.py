@@ -115,7 +115,7 @@ class ReplayCheck:
 
         try:
             if self.edited:
-                return compare(batches, decisions, files=self.texts, progress=show)
+                return compare(batches, files=self.texts, progress=show)
             return replay(batches, decisions, progress=show)
         finally:
             progress("")

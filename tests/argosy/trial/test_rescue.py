@@ -107,4 +107,4 @@ def decided_the_same_again(recording: Path) -> None:
     for mind in minds:
         result = replay(mind.batches)
         assert result.agrees, result
-        assert result.proven, result
+        assert result.unheard < result.batches, result
