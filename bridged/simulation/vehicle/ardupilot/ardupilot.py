@@ -53,16 +53,14 @@ class ArduPilot(Autopilot):
     """Whether home follows it while it is disarmed."""
     STATION: ClassVar[tuple[str, str, float]] = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.0)
     """Of its GCS failsafe: see `StationWatch`."""
+    MODES: ClassVar[Any]
+    """The enumeration of the kind's modes: each has GUIDED, AUTO, RTL and LOITER."""
     INITIAL: ClassVar[Any]
-    """The mode after power on; modes are those of the kind ..."""
+    """The mode after power on."""
     SWITCHED: ClassVar[Any]
     """The mode that the pilot's switch sets at the end of the boot."""
     REPORTS: ClassVar[frozenset[Any]]
     """Modes in which POSITION_TARGET_GLOBAL_INT is sent."""
-    GUIDED: ClassVar[Any]
-    AUTO: ClassVar[Any]
-    RTL: ClassVar[Any]
-    LOITER: ClassVar[Any]
     mode: Any
 
     def _assemble(self, before: Self | None) -> None:
@@ -124,7 +122,7 @@ class ArduPilot(Autopilot):
     def set_mode(self, number: int) -> Result:
         """Change the flight mode to that of a number (custom_mode); status texts give the reason of a refusal."""
         try:
-            mode = type(self.INITIAL)(number)
+            mode = self.MODES(number)
         except ValueError:
             self.send_text(f"No such mode {number}", Severity.WARNING)
             return Result.FAILED
@@ -235,7 +233,7 @@ class ArduPilot(Autopilot):
     def guide(self, task: GoTo | Drift) -> bool:
         """Follow a goal or a velocity; returns False if it is dropped: not in GUIDED, or outside the fence."""
         self._arrived = False
-        if self.mode is not self.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
+        if self.mode is not self.MODES.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
             return False
         if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
             self.flight.task, self.flight.reached = task, False
@@ -296,7 +294,7 @@ class ArduPilot(Autopilot):
         if self.mission.item(seq) is None:
             return False
         self.mission.complete = False
-        if self.mode is self.AUTO:
+        if self.mode is self.MODES.AUTO:
             self._fly_from(seq)
         else:
             self.mission.current = seq

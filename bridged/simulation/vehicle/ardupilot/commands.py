@@ -43,9 +43,9 @@ class CommandContext:
         ardupilot, (first, second, *_) = self.ardupilot, command.params
         match command.number:
             case dialect.MAV_CMD_NAV_LOITER_UNLIM:
-                return ardupilot.set_mode(ardupilot.LOITER)
+                return ardupilot.set_mode(ardupilot.MODES.LOITER)
             case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-                return ardupilot.set_mode(ardupilot.RTL)
+                return ardupilot.set_mode(ardupilot.MODES.RTL)
             case dialect.MAV_CMD_NAV_LAND:
                 return ardupilot.land()
             case dialect.MAV_CMD_NAV_TAKEOFF:
@@ -160,10 +160,10 @@ def _reposition(ardupilot: ArduPilot, command: Command) -> Result:
         goal = ardupilot.chart.vector(Place(command.lat, command.lon, above_sea))
     except ValueError:
         return Result.DENIED
-    if ardupilot.mode is not ardupilot.GUIDED:
+    if ardupilot.mode is not ardupilot.MODES.GUIDED:
         if not whole(command.params[1]) & 1:
             return ardupilot.OUTSIDE_GUIDED
-        if ardupilot.set_mode(ardupilot.GUIDED) is not Result.ACCEPTED:
+        if ardupilot.set_mode(ardupilot.MODES.GUIDED) is not Result.ACCEPTED:
             return Result.FAILED
     yaw = command.params[3]
     heading = yaw if math.isfinite(yaw) and yaw else None

@@ -103,13 +103,10 @@ class Copter(ArduPilot):
     TUNING: ClassVar = staticmethod(_tuning)
     ROWS: ClassVar = tables.COPTER
     SCRIPT: ClassVar = boot_sequence.COPTER
+    MODES: ClassVar = Mode
     INITIAL: ClassVar = Mode.STABILIZE
     SWITCHED: ClassVar = Mode.STABILIZE
     REPORTS: ClassVar = frozenset((Mode.GUIDED, Mode.RTL))
-    GUIDED: ClassVar = Mode.GUIDED
-    AUTO: ClassVar = Mode.AUTO
-    RTL: ClassVar = Mode.RTL
-    LOITER: ClassVar = Mode.LOITER
     PILOTED: ClassVar = Mode.LOITER
     LANDING: ClassVar = Mode.LAND
     mode: Mode

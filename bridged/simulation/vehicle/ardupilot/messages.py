@@ -227,4 +227,4 @@ class ArduPilotMissions(MissionProtocol[ArduPilot]):
         """Fly to the place of an item in GUIDED; returns whether it does."""
         item, vehicle = self._read(message), self.autopilot
         goal = None if isinstance(item, Ack) else goal_of(item, vehicle.chart, vehicle.home or vehicle.chart.origin)
-        return goal is not None and vehicle.mode is vehicle.GUIDED and vehicle.guide(GoTo(goal))
+        return goal is not None and vehicle.mode is vehicle.MODES.GUIDED and vehicle.guide(GoTo(goal))

@@ -167,7 +167,7 @@ def _change_speed(ardupilot: "ArduPilot", kind: float, speed: float) -> Result:
 
 def _turn(ardupilot: "ArduPilot", angle: float, direction: float, *, relative: bool) -> Result:
     """Degrees from north, or from where the nose points."""
-    if ardupilot.mode not in (ardupilot.GUIDED, ardupilot.AUTO) or not 0 <= angle <= 360:
+    if ardupilot.mode not in (ardupilot.MODES.GUIDED, ardupilot.MODES.AUTO) or not 0 <= angle <= 360:
         return Result.FAILED
     heading = math.radians(angle)
     if relative:

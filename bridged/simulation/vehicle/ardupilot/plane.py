@@ -69,13 +69,10 @@ class Plane(ArduPilot):
     TAKES_SETPOINTS: ClassVar = False
     HOME_FOLLOWS: ClassVar = True
     STATION: ClassVar = ("FS_GCS_ENABL", "FS_LONG_TIMEOUT", 0.0)
+    MODES: ClassVar = PlaneMode
     INITIAL: ClassVar = PlaneMode.INITIALISING
     SWITCHED: ClassVar = PlaneMode.MANUAL
     REPORTS: ClassVar = frozenset((PlaneMode.GUIDED, PlaneMode.AUTO, PlaneMode.RTL, PlaneMode.LOITER))
-    GUIDED: ClassVar = PlaneMode.GUIDED
-    AUTO: ClassVar = PlaneMode.AUTO
-    RTL: ClassVar = PlaneMode.RTL
-    LOITER: ClassVar = PlaneMode.LOITER
     PILOTED: ClassVar = PlaneMode.LOITER
     LANDING: ClassVar = PlaneMode.AUTOLAND
     mode: PlaneMode

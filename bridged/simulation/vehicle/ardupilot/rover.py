@@ -60,13 +60,10 @@ class Rover(ArduPilot):
     REACHED: ClassVar = "waypoint"
     HOME_FOLLOWS: ClassVar = True
     STATION: ClassVar = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", 0.8)
+    MODES: ClassVar = RoverMode
     INITIAL: ClassVar = RoverMode.INITIALISING
     SWITCHED: ClassVar = RoverMode.MANUAL
     REPORTS: ClassVar = frozenset((RoverMode.GUIDED, RoverMode.AUTO, RoverMode.RTL, RoverMode.SMART_RTL))
-    GUIDED: ClassVar = RoverMode.GUIDED
-    AUTO: ClassVar = RoverMode.AUTO
-    RTL: ClassVar = RoverMode.RTL
-    LOITER: ClassVar = RoverMode.LOITER
     PILOTED: ClassVar = RoverMode.MANUAL
     LANDING: ClassVar = RoverMode.HOLD
     mode: RoverMode

@@ -106,7 +106,7 @@ def nav_controller_output(ardupilot: ArduPilot) -> dialect.MAVLink_message:
 
 def mission_current(ardupilot: ArduPilot) -> dialect.MAVLink_message:
     """MISSION_CURRENT"""
-    mission, flying = ardupilot.mission, ardupilot.mode is ardupilot.AUTO
+    mission, flying = ardupilot.mission, ardupilot.mode is ardupilot.MODES.AUTO
     state = 1 if not mission.items else 5 if mission.complete else 3 if flying else 2
     return dialect.MAVLink_mission_current_message(mission.current, len(mission.items), state, 1 if flying else 0)
 
@@ -158,7 +158,7 @@ def fence_status(ardupilot: ArduPilot) -> dialect.MAVLink_message | None:
 
 def position_target_local_ned(ardupilot: ArduPilot) -> dialect.MAVLink_message | None:
     """POSITION_TARGET_LOCAL_NED in GUIDED: the goal, or the velocity that is flown (0 while it hovers)."""
-    if ardupilot.mode is not ardupilot.GUIDED:
+    if ardupilot.mode is not ardupilot.MODES.GUIDED:
         return None
     task, target = ardupilot.flight.task, ardupilot.flight.target
     if isinstance(task, TakeOff):
