@@ -308,9 +308,8 @@ class SafetyOrders:
 
         Returns the outcome, which says so.
         """
-        unanswered = outcome.state == "timed_out" or (outcome.state == "failed" and not self._own.heard)
         standing = self._server.paused or self._action_log.ordered
-        if not (unanswered and standing and asked is self._asked) or self._stopping:
+        if not (self._unanswered(outcome) and standing and asked is self._asked) or self._stopping:
             return outcome
         self.restore()
         what = "the pause" if self._server.paused else "it"
@@ -333,8 +332,13 @@ class SafetyOrders:
                 outcome = await self._confirmed(server.pause())
             elif order:
                 outcome = await self.carry_out(order, by_operator(order), block=True)
-            if self._own.heard and outcome.state != "timed_out":
+            if not self._unanswered(outcome):
                 return
+
+    def _unanswered(self, outcome: Outcome) -> bool:
+        """Whether the robot has not answered an order, which it or we may not have heard."""
+        lost = outcome.state == "failed" and (outcome.cause == "link" or not self._own.heard)
+        return outcome.state == "timed_out" or lost
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Carry out the mission's steps, until an agent takes control or the operator or the bridge's end overrides.

@@ -758,3 +758,15 @@ async def test_a_vehicle_that_does_not_hear_us_for_minutes_is_brought_home_when_
     sky.hears_us = lambda message: True
     await passing(sky, 30)
     assert mode_of(sky) in ("RTL", "LAND")
+
+
+@async_test
+async def test_an_order_of_the_operator_that_a_vehicle_does_not_hear_is_given_again_until_it_does(sky: Sky) -> None:
+    sky.hears_us = lambda message: False
+    asked = asyncio.ensure_future(sky.bridge.orders.operator("rtl"))
+    await passing(sky, 20)
+    assert (await asked).reason.endswith("; it is given again when the robot is heard")
+    await passing(sky, 20)
+    sky.hears_us = lambda message: True
+    await passing(sky, 15)
+    assert mode_of(sky) == "RTL"

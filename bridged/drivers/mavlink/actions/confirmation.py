@@ -195,7 +195,7 @@ def acknowledged(
             silent_at = min(silent_at, flight.now)
             if vehicle.heard_at > silent_at:
                 reason = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-                raise Ended("failed", f"{reason}; {flight.state_text()}")
+                raise Ended("failed", f"{reason}; {flight.state_text()}", "link")
             run.waits_for = f"a HEARTBEAT that shows whether {command.name} had an effect"
         yield
     command.may_repeat = lambda: False
