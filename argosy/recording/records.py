@@ -94,9 +94,9 @@ def is_plain(key: str) -> bool:
 
 
 def fleet_of(key: str) -> str | None:
-    """Return the fleet of a plain key below `argosy/`; None for every other key."""
+    """Return the fleet of a plain key below `argosy/`; None for every other key, and for what is no fleet's name."""
     parsed = keys.parse(key) if is_plain(key) else None
-    return parsed[0] if parsed is not None else None
+    return parsed[0] if parsed is not None and keys.is_name(parsed[0]) else None
 
 
 def wanted_keys(fleet: str, only: Iterable[str]) -> list[str]:

@@ -19,8 +19,8 @@ from argosy.recording.metadata import End
 from argosy.recording.reader import Recording
 from argosy.recording.writer import RecordingWriter
 from schemas.wire.records import Perception
-from tests.argosy.recording.files import BEGIN, FACTS, altitude, write
-from tests.argosy.watch.hostile import BAD, RAW
+from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
+from tests.argosy.watch.hostile import BAD, IN_KEY, RAW
 
 HEAD = struct.Struct("<BQ")
 
@@ -185,3 +185,9 @@ def test_the_name_of_a_missing_part_commands_no_terminal(tmp_path: Path) -> None
     _, missing = read(part(tmp_path / "a.mcap", 1, following=f"{BAD}.mcap"))
     assert "PWNED" in missing
     assert [one for one in RAW if one in missing.encode()] == []
+
+
+def test_what_is_no_name_of_a_fleet_is_none(tmp_path: Path) -> None:
+    messages = [altitude(1, 1.0), heard(f"argosy/{IN_KEY}/uav/percept/x", Perception(name="x"))]
+    write(path := tmp_path / "a.mcap", messages).close(end())
+    assert Recording(path).fleets == ["test"]
