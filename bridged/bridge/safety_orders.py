@@ -457,13 +457,15 @@ class SafetyOrders:
                 break
             await self._clock.sleep(step.pause)
         last = steps[-1].order if steps else "hold"
-        for order in cycle((*self._others(last), last)):  # it may hear us again, also long after we do
+        known = [order for order in (*self._others(last), last) if order in self._driver.orders]
+        comes = last in COMING and not set(known).isdisjoint(COMING)
+        for order in cycle(known):  # it may hear us again, also long after we do
             if outcome.state == "succeeded" or not self._driver.active or self._own.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
             log.error("robot=%s %s %s is ordered instead", self._robot, said, order)
             outcome = await self._until_heard(order, why)
-            if order == "hold" != last:  # it is not home yet
+            if comes and order not in COMING:  # it is not home yet
                 outcome = replace(outcome, state="failed")
             await self._clock.sleep(AGAIN)
         if mode := self._own.overridden:

@@ -770,3 +770,12 @@ async def test_an_order_of_the_operator_that_a_vehicle_does_not_hear_is_given_ag
     sky.hears_us = lambda message: True
     await passing(sky, 15)
     assert mode_of(sky) == "RTL"
+
+
+@async_test
+async def test_a_robot_that_knows_no_way_home_is_held_once(sky: Sky) -> None:
+    sky.bridge.driver.orders = frozenset({"hold"})
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 20)
+    assert mode_of(sky) == "BRAKE"
+    assert not sky.bridge.lease.closed, "the sequence is over"
