@@ -22,8 +22,6 @@ from tests.attacks.world import NAME, Attack, Row, World, ask, attack, health_of
 from tests.support.buses import until
 from tests.support.ports import free_port
 
-QUICKLY = 2.0
-"""Wall seconds that a session has to open where it should not."""
 HALF_OPEN = 40
 
 

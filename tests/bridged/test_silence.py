@@ -26,11 +26,6 @@ def silent(sky: Sky, seconds: float) -> Sky:
     return sky
 
 
-def test_a_vehicle_that_was_never_heard_is_not_called_disarmed(tmp_path: Path) -> None:
-    found = left(silent(Sky(tmp_path), 10))
-    assert (found.state, found.text) == ("unconfirmed", "never heard")
-
-
 def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(sky: Sky) -> None:
     sky.wait(3)
     assert (left(sky).state, left(sky).text) == ("disarmed", "not armed")

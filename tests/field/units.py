@@ -102,10 +102,6 @@ class Managed:
         os.kill(self._daemon_pid(), number)
         return at
 
-    def never_again(self) -> None:
-        """Start it no more when it dies."""
-        self._restart = False
-
     def close(self) -> None:
         """Kill it and manage no more."""
         self._closing.set()

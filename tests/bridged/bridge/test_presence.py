@@ -1,8 +1,9 @@
-"""Whose failsafe watches whom, and what a bridge does about a dead agent."""
+"""How often a bridge steps and beats, whose failsafe watches whom, and what it does about a dead agent."""
 
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import SafetyOrders, Step
 from tests.bridged.sky import MISSION, Sky, is_command
-from tests.support.buses import async_test
+from tests.support.buses import async_test, virtual_test
 from tests.support.notes import identities
 
 
@@ -28,6 +29,26 @@ def test_our_heartbeats_go_with_the_vehicles_own_so_that_an_idle_bridge_wakes_on
 def beats(sky: Sky) -> int:
     """How many heartbeats the bridge has sent so far."""
     return sum(one.get_type() == "HEARTBEAT" for one in sky.sent)
+
+
+@pytest.mark.parametrize(("armed", "expected"), [(False, 10), (True, 40)])
+@virtual_test
+async def test_a_robot_without_actions_and_held_back_percepts_is_stepped_seldom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool, expected: int
+) -> None:
+    sky = Sky(tmp_path)
+    sky.driver.vehicle.armed = armed
+    step, seen = sky.bridge.step, list[float]()
+
+    def counted() -> float:
+        seen.append(step())
+        return seen[-1]
+
+    monkeypatch.setattr(sky.bridge, "step", counted)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(9.99):
+            await sky.bridge._pass_time()
+    assert len(seen) == expected
 
 
 @pytest.mark.parametrize("failsafe", ["", "    failsafe: {gcs: none}\n"])
