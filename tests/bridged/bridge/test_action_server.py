@@ -90,6 +90,7 @@ def test_the_answer_to_one_action_is_not_given_to_another_of_the_same_id(desk: D
     running = desk.ask("a0", id="x")
     assert end_of(desk.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
     assert end_of(desk.ask("a0", "other", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
+    assert end_of(desk.action_server.cancel("other", "x")) == ("refused", "no action x of other"), "nor cancelled"
     desk.robot.runs[0].end(Outcome("succeeded"))
     assert running[-1].state == "succeeded"
     assert end_of(desk.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
