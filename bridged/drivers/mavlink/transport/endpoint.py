@@ -51,6 +51,7 @@ class Peer:
     write: Callable[[bytes], bool]
     framer: Framer = field(init=False)  # given by the link, whose choice of packets may depend on the peer
     waiting: Callable[[], int] = lambda: 0  # bytes that wait to be written
+    end: Callable[[], None] = lambda: None  # closes its connection, if it has one
     heard_at: float = 0.0  # event loop time of its last valid packet
     heard: bool = False
     closed: bool = False  # a connection that ended; an address of UDP never does
@@ -305,7 +306,7 @@ class _TcpConnection(asyncio.Protocol):
             wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_FOREIGN_BYTES)
         remote = transport.get_extra_info("peername") or ("?", 0)
         self._peer = self._link.add_peer(self, f"tcp:{remote[0]}:{remote[1]}", self._write)
-        self._peer.waiting = transport.get_write_buffer_size
+        self._peer.waiting, self._peer.end = transport.get_write_buffer_size, transport.abort
 
     def data_received(self, data: bytes) -> None:
         if self._peer is not None:

@@ -29,8 +29,8 @@ from bridged.drivers.mavlink.transport.signing import Signing
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
 
 MAX_PEERS = 512
-"""Addresses that a listening link remembers; the one silent longest goes first. A link may have 255 vehicles, each at
-an address of its own, and their cameras and ground stations."""
+"""Addresses that a listening link remembers, and connections that it holds; the one silent longest goes first. A link
+may have 255 vehicles, each at an address of its own, and their cameras and ground stations."""
 STILL_THERE = 5.0
 """Wall seconds for which a system that was heard from an address counts as there."""
 
@@ -143,7 +143,8 @@ class Link:
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
         """For endpoints: another end came up, or its first bytes came in."""
         while len(self.peers_by_key) >= MAX_PEERS:
-            self.drop_peer(min(self.peers_by_key, key=lambda other: self.peers_by_key[other].heard_at))
+            gone = min(self.peers_by_key, key=lambda other: self.peers_by_key[other].heard_at)
+            self.peers_by_key.pop(gone).end()
         peer = Peer(label, write)
         peer.framer = Framer(self.counters, self._make_gate(peer))
         self.peers_by_key[key] = peer

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.transport import link as link_module
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
 from bridged.drivers.mavlink.transport.endpoint import PASSES, PASSES_IN_A_ROW, ROOM_EACH, UdpSocket
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
@@ -292,6 +293,28 @@ async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
             while not listening.counters.dropped:
                 listening.send(text)
                 await asyncio.sleep(0)
+    await listening.close()
+
+
+@async_test
+async def test_silent_connections_take_no_place_from_one_that_speaks_and_are_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(link_module, "MAX_PEERS", 4)
+    port, vehicle = free_port(), Ear()
+    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
+    speaking, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(Encoder(255, 1).pack(heartbeat()))
+    await until(lambda: bool(vehicle.heard), "the client is known")
+    silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(8)]
+    async with asyncio.timeout(60):
+        for reader, _ in silent[:5]:
+            with contextlib.suppress(ConnectionError):
+                assert await reader.read() == b"", "it is closed"
+    listening.send(heartbeat(), listening.peers_of(255))
+    assert await speaking.readexactly(1)
+    for _, end in (*silent, (speaking, writer)):
+        end.close()
     await listening.close()
 
 
