@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from benchmarks.processes import watched
 from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, receive_mail, write
 from commd.client.receive_mail import ProgramInbox, read_numbers
 from commd.client.receive_once import Numbered
@@ -17,6 +16,7 @@ from schemas.wire.terms import Structure
 from tests.commd.client.test_client import as_planner, mail, planner_test
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import until
+from tests.support.processes import running
 from tests.support.promises import in_time
 
 MISSION = Path(__file__).parents[3] / "examples" / "client" / "survey.yaml"
@@ -44,9 +44,9 @@ def test_an_agent_answers_what_it_believes_and_what_it_does_not(endpoint: str, t
                     break
 
     where = ("--router", endpoint, "--state", str(tmp_path))
-    with watched("commd", "-P", "-m", "commd", "serve", str(MISSION), *where) as commd:
-        commd.wait_for("router board=")
-        with watched("agentd", "-P", "-m", "agentd", "serve", str(MISSION), "scout", *where):
+    with running("commd", "serve", str(MISSION), *where) as commd:
+        commd.says("router board=")
+        with running("agentd", "serve", str(MISSION), "scout", *where):
             asyncio.run(asyncio.wait_for(ask(), 240))
 
 
