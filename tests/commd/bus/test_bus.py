@@ -390,13 +390,16 @@ async def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to
 
 
 @bus_test
-async def test_a_session_is_not_told_of_listeners_where_there_are_none(connect: Connect) -> None:
+async def test_a_session_is_told_of_who_listened_before_and_of_nobody_where_there_is_none(connect: Connect) -> None:
     speaker, other = await connect(), await connect()
-    said: list[bool] = []
-    speaker.listened("argosy/test/uav/trace/activity", said.append)
+    before, nobody = list[bool](), list[bool]()
+    other.raw.subscribe("argosy/test/uav/trace/inputs", lambda sample: None)
+    await subscribed(speaker, "argosy/test/uav/trace/inputs")
+    speaker.listened("argosy/test/uav/trace/inputs", before.append)
+    speaker.listened("argosy/test/uav/trace/activity", nobody.append)
     await speaker.round_trip(5.0)
     await other.round_trip(5.0)
-    assert said == []
+    assert (before, nobody) == ([True], [])
 
 
 class HeldQuery:
