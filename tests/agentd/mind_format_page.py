@@ -40,14 +40,12 @@ _STEADY: Final = {
 def program() -> str:
     """The program of the page."""
     found = re.search(r"```asl title=\"scout.asl\"\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert found is not None
     return found[1]
 
 
 def script() -> str:
     """The page's ten lines of Python."""
     found = re.search(r"```python title=\"mind.py\"\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert found is not None
     return found[1]
 
 
@@ -99,7 +97,6 @@ async def _raw(bus: Bus, selector: str) -> Any:
 
     def ask() -> Any:
         (reply,) = list(bus._session.get(selector))
-        assert reply.ok is not None
         assert str(reply.ok.encoding) == "application/json;argosy.MindView/1"
         return json.loads(reply.ok.payload.to_bytes())
 

@@ -142,7 +142,6 @@ def test_an_agent_goes_on_when_nobody_reads_its_prints_or_they_cannot_be_shown(t
         shown = subprocess.run(command, capture_output=True, timeout=60, env=ascii_only)
         assert (shown.returncode, shown.stdout) == (3, b"[a] H\\xf6he\n[a] b\n"), shown.stderr
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as agent:
-            assert agent.stdout is not None
             agent.stdout.close()
             _, said = agent.communicate(timeout=60)
         assert b"stops the team" in said

@@ -53,7 +53,6 @@ def folder(tmp_path: Path) -> Path:
 def test_a_signal_lets_the_environment_stop_and_shows_in_the_exit_code(folder: Path, number: signal.Signals) -> None:
     command = [*AGENTD, "run", "--env", "motors:Motors", "waits.asl"]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == "motors on\n"
         assert process.stdout.readline() == "[waits] waits\n"
         process.send_signal(number)
@@ -141,7 +140,6 @@ def test_tests_that_are_broken_off_leave_their_report(tmp_path: Path) -> None:
     )
     command = [*AGENTD, "test", "t.asl", "--junit", "out.xml"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline().startswith("ok")  # the first is over, the second runs for ever
         process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=60)

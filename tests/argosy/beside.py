@@ -19,7 +19,6 @@ def there(*arguments: str) -> Iterator[None]:
     command = [sys.executable, *arguments]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as process:
         try:
-            assert process.stdout is not None
             assert process.stdout.readline() == b"there\n"
             yield
         finally:

@@ -75,7 +75,6 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     begun = asyncio.Event()
 
     async def ordered(query: Query[StopOrder]) -> None:
-        assert query.record is not None
         query.reply(Outcome(ok=query.record.order != "land", reason=f"told to {query.record.order}"))
 
     async def fly_with_agent() -> None:

@@ -290,7 +290,6 @@ def test_the_command_checks_against_a_shipped_manifest(check: Check) -> None:
 
 def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_ranges(check: Check) -> None:
     manifest = shipped("manifests", "copter.toml")
-    assert manifest is not None
     text = manifest.read_text().replace('driver = "mavlink"', 'driver = "mavlink"\nvalues = "text"', 1)
     program = '!g.\n+!g <- arm_motors(True); takeoff("5"); takeoff(500); .print(Alone).\n'
     told = check({"a.asl": program, "text.toml": text}, "--manifest", "text.toml")

@@ -55,11 +55,8 @@ MAS search_team {
 def test_everything_that_a_project_file_may_say_is_read() -> None:
     project = _parse(EVERYTHING)
     assert (project.name, project.file) == ("search_team", "team.mas2j")
-    assert project.infrastructure is not None
     assert project.infrastructure.name == "Centralised"
-    assert project.environment is not None
     assert (project.environment.name, project.environment.arguments) == ("env.Field", ("10", "very fast", "[a,b]"))
-    assert project.environment_host is not None
     assert project.environment_host.text == "far.example.org"
     assert project.control is not None
     assert [path.text for path in project.source_paths] == ["src/asl", "lib"]
@@ -67,7 +64,6 @@ def test_everything_that_a_project_file_may_say_is_read() -> None:
     assert [(name.text, spec.name) for name, spec in project.directives] == [("sand", "my.Sand"), ("rock", "my.Rock")]
     bob, ann, eve, out, jar = project.agents
     assert (bob.name, bob.file, bob.count) == ("bob", None, 1)
-    assert ann.file is not None
     assert (ann.file.text, ann.count) == ("people/ann.asl", 3)
     assert [(o.name, o.value) for o in ann.options] == [
         ("beliefs", 'likes(bob), name("Ann")'),
@@ -76,11 +72,9 @@ def test_everything_that_a_project_file_may_say_is_read() -> None:
     ]
     assert [spec.name for spec in ann.architectures] == ["my.Radio", "my.Eyes"]
     assert ann.agent_class is not None
-    assert ann.belief_base is not None
     assert ann.belief_base.arguments == ("x",)
     assert ann.host is not None
     assert str(ann.position) == "team.mas2j:12:9"
-    assert eve.file is not None
     assert (eve.file.text, eve.count) == ("with blanks/eve.asl", 2)
     assert [entry.file.text for entry in (out, jar) if entry.file] == ["../other/out.asl", "$jasonJar/agents/jar.asl"]
 

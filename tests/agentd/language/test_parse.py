@@ -307,7 +307,6 @@ def test_directives_enclose_their_items() -> None:
     assert include == Directive(atom("include", String("f.asl"), atom("n")))
     assert last == Directive(atom("register_x"))
     assert isinstance(block, Directive)
-    assert block.items is not None
     inner = block.items[1]
     assert isinstance(inner, Directive)
     assert inner.name == atom("dg", atom("g"))

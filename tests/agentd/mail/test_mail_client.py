@@ -30,7 +30,6 @@ class Desk:
         self.answer: Callable[[tuple[Message, ...]], Receipt | None] | None = None
 
     async def serve(self, query: Query[Mail]) -> None:
-        assert query.record is not None
         messages = query.record.messages
         self.batches.append(len(messages))
         told = self.answer(messages) if self.answer is not None else Receipt(taken=len(messages))

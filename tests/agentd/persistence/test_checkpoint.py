@@ -251,7 +251,6 @@ def test_a_full_disk_is_reported_nothing_is_lost_and_the_same_save_succeeds_when
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checkpoint = full(path)
-    assert checkpoint._database is not None
     (pages,) = checkpoint._database.execute("PRAGMA page_count").fetchone()
     checkpoint._database.execute(f"PRAGMA max_page_count={pages + 4}")
     large = AgentRows(outgoing=[Outgoing(9, "ann", 9, b"x" * 100_000)], absorbed={("ann", "n1"): 9})
@@ -360,7 +359,6 @@ def test_an_older_file_is_brought_to_the_present_version_once(path: Path, monkey
     monkeypatch.setattr("agentd.persistence.checkpoint.MIGRATIONS", (*MIGRATIONS, script))
     for _ in range(2):
         again = Checkpoint.open(path)
-        assert again._database is not None
         assert again._database.execute("SELECT DISTINCT note FROM belief").fetchall() == [("migrated",)]
         assert again._database.execute("PRAGMA user_version").fetchone() == (2,)
         again.close()
@@ -391,7 +389,6 @@ def test_a_soft_save_does_not_wait_for_the_disk_and_the_next_one_does(path: Path
     for _ in range(2):
         checkpoint.save(belief(1), soft=not soft)
         checkpoint.save(belief(1), soft=soft)
-        assert checkpoint._database is not None
         assert checkpoint._database.execute("PRAGMA synchronous").fetchone() == (level,)
 
 

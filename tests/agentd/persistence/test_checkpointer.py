@@ -272,7 +272,6 @@ def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
     made, _ = open_state(tmp_path, "a", ["a"], [], "FULL")
-    assert made is not None
     made.save({"a": AgentRows(life=LifeRow("n", 1, b""))})
     with pytest.raises(CheckpointError, match="another process has it open"):
         open_state(tmp_path, "a", ["a"], ["a"], "FULL")

@@ -43,7 +43,6 @@ class Bridge:
 
     async def _serve(self, query: Query[Action]) -> None:
         action = query.record
-        assert action is not None
         self.asked.append((action.id, action.attempt))
         if action.id not in self._states:
             if action.attempt > 1:
@@ -61,7 +60,6 @@ class Bridge:
         )
 
     async def _cancel(self, query: Query[Cancel]) -> None:
-        assert query.record is not None
         self.cancelled.append(query.record.id)
         await self.end("cancelled", "cancelled by a", query.record.id)
         query.reply(ActionStatus(id=query.record.id, state="cancelled"))

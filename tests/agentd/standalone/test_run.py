@@ -104,7 +104,6 @@ def test_agents_send_one_another_messages(run: Run) -> None:
 
 def test_a_reader_who_leaves_ends_the_run_without_a_traceback(tmp_path: Path) -> None:
     with started(tmp_path, '!s. +!s <- .print("on and on"); !s.') as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"[agent] on and on\n"
         process.stdout.close()
         _, said = process.communicate(timeout=60)
@@ -113,7 +112,6 @@ def test_a_reader_who_leaves_ends_the_run_without_a_traceback(tmp_path: Path) ->
 
 def test_a_waiting_agent_sleeps(tmp_path: Path) -> None:
     with started(tmp_path, "!s. +!s <- .print(ready); .wait(600000).") as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"[agent] ready\n"
         watched = psutil.Process(process.pid)
         before = watched.cpu_times()

@@ -70,7 +70,6 @@ async def test_who_begins_to_record_late_gets_everything_since_birth(board: Boar
     assert result.agrees, result.difference
     assert result.unheard <= 1 < result.batches
     edited = compare(late.inputs, program=GREETS.replace("X > 3", "X > 1"))
-    assert edited.difference is not None
     assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
 
 
@@ -249,7 +248,6 @@ async def test_each_life_of_an_agent_that_is_kept_lives_again(board: Board, back
         lives.append(recorder)
     for number, recorder in enumerate(lives):
         born = recorder.inputs[0].initial
-        assert born is not None
         assert bool(born.memory) == (number > 0)
         assert born.kept
         back_again = [item for batch in recorder.inputs for item in batch.inputs if item.kind == "CameBack"]
@@ -307,7 +305,6 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
         assert result.agrees, (name, result.difference)
         assert result.unheard <= 1
     born = recorders["a"].inputs[0].initial
-    assert born is not None
     assert (born.goals, born.beliefs) == (("extra",), ("told(1)",))
     assert list(born.files) == [str(tmp_path / "a.asl")]
     said = [one.text for one in recorders["a"].activity if one.kind == "print"]

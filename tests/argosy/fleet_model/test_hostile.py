@@ -43,7 +43,6 @@ def test_a_mind_whose_time_is_no_number_does_not_set_the_clock() -> None:
     fleet = rescue()
     fleet.model.mind("scout", MindView(agent="scout", time=float("inf")))
     mind = fleet.model.agents["scout"].mind
-    assert mind is not None
     assert mind.time == 0
     assert fleet.model.clock.zero is None
 

@@ -39,14 +39,12 @@ async def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(
         assert model.fleet == FLEET
         await until(lambda: model.agents["agent01"].robot == "uav01", "its robot, by the bridge's health")
         view = model.agents["agent01"].mind
-        assert view is not None
         assert view.intentions[0].stack == ("+!visit(3)", "+!search")
         assert not view.beliefs, "a look at a mind that nobody looked at asks for no beliefs"
         assert model.agents["agent01"].detail is None
         watcher.look_at("agent01")
         await until(lambda: model.agents["agent01"].detail is not None, "the details")
         detail = model.agents["agent01"].detail
-        assert detail is not None
         assert len(detail.beliefs) == len(detail.plans) == 40
         await until(lambda: model.robots["uav02"].seen.mode == "GUIDED", "the vehicle")
         await until(lambda: bool(model.actions.open("agent02")), "the action")

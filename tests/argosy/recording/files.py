@@ -58,7 +58,6 @@ def validated(path: Path) -> int:
     count = 0
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
-            assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
             if schema.id not in validators:
                 text = json.loads(schema.data)

@@ -36,7 +36,6 @@ def test_what_is_written_is_read(tmp_path: Path, compression: writer.Compression
     assert [message.stamp for message in messages] == [BEGIN + n * SECOND - 5 for n in range(20)]
     assert messages[0].track.encoding == f"application/{wire};argosy.Perception/1"
     assert (recording.missing, recording.seconds, recording.fleets) == ("", 19.0, ["test"])
-    assert recording.end is not None
     assert (recording.end.why, recording.end.messages) == ("ctrl-C", 20)
     assert validated(path) == 20
 
@@ -141,7 +140,6 @@ def test_what_is_no_object_is_kept_as_bytes_and_counted(tmp_path: Path) -> None:
     kept = [record for _, record in recording.typed(Unread)]
     assert [one.base64 for one in kept] == ["AP8=", "NQ==", "WzFd", "bm90IGpzb24=", "eyJhIjoxfSB4", ""]
     assert [one.deleted for one in kept] == [False] * 5 + [True]
-    assert recording.end is not None
     assert recording.end.unread == 5
     assert [message.data for message in recording.messages() if not message.name] == [fine.payload]
     assert validated(path) == 7
@@ -190,7 +188,6 @@ def test_a_file_is_no_longer_than_its_limit_and_says_why_it_ended(tmp_path: Path
     recorder = recorded(path, Limits(size=1_000_000), messages)
     assert path.stat().st_size <= 1_000_000
     recording = Recording(path)
-    assert recording.end is not None
     assert recording.end.why == recorder.why == "1.0 MB are full"
     assert 500 < sum(topic.messages for topic in recording.topics) < 3000
 
@@ -205,7 +202,6 @@ def test_a_recording_that_is_split_is_read_as_one(tmp_path: Path) -> None:
     assert all(file.stat().st_size <= 1_000_000 for file in recorder.files)
     recording = Recording(path)
     assert [record.parameters[1] for _, record in recording.typed(Perception)] == list(range(3000))
-    assert recording.end is not None
     assert recording.end.why == "ctrl-C"
     (tmp_path / "a-0003.mcap").unlink()
     assert Recording(path).missing.endswith("a-0003.mcap: is missing: the recording continues in it")
@@ -217,7 +213,6 @@ def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tm
     recorder = recorded(tmp_path / "a.mcap", Limits(), messages, write_queue)
     assert (recorder.messages, recorder.dropped) == (10 + 1, 15)
     recording = Recording(tmp_path / "a.mcap")
-    assert recording.end is not None
     assert recording.end.dropped == 15
     notes = [(message.key, record) for message, record in recording.typed(RecorderNote)]
     assert notes == [(NOTES, RecorderNote(kind="dropped", text="15 messages did not fit and are missing"))]

@@ -169,7 +169,6 @@ async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(studio: Stu
     assert str(gap) == told
     assert f"warning: {told}" in out.splitlines()
     found = Recording(studio.path)
-    assert found.end is not None
     assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
     assert found.minds()[0].missing == [range(1, 3)]
 
@@ -262,7 +261,6 @@ def test_bad_arguments_are_told_in_a_line(
 @studio_test
 async def test_a_recorder_of_nobody_says_so(studio: Studio, free_port: Callable[[], int]) -> None:
     async with studio.recording(fleet="misspelt") as recorder:
-        assert recorder.handle.stderr is not None
         line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
         told = f"no daemon of fleet `misspelt` is on {studio.endpoint} yet; recording starts when one appears"
         assert line.decode() == f"note: {told}\n"

@@ -35,12 +35,10 @@ def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_pat
     assert "uav: mission done" in out
     assert "single-uav: done" in out
     left = re.search(r"uav1 +RTL, disarmed, (-?[\d.]+) m above home; flew (\d+) m, ([\d.]+) m high", out)
-    assert left is not None
     assert abs(float(left[1])) < 0.5
     assert 95 < float(left[2]) < 125  # there and back over 49.6 m
     assert 39 < float(left[3]) < 42
     memory = re.search(r"memory +([\d.]+) MB at most", out)
-    assert memory is not None
     assert float(memory[1]) < LIMIT
     assert re.search(r"idle +[\d.]+ % of a core", out)
     ElementTree.parse(report / "track.svg")

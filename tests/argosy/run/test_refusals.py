@@ -83,7 +83,6 @@ def test_a_serial_link_that_is_simulated_and_no_real_one(refused: Refused, start
 
 def test_real_and_simulated_robots_on_one_link(refused: Refused, three_uavs: Path) -> None:
     link = re.search(r"udpin:\S+", three_uavs.read_text())
-    assert link is not None
     why = f"uav2 is real, and uav1, uav3 on the same link {link[0]} would be simulated"
     told = f"error: {why}: fly all of them with --real uav1,uav2,uav3\n"
     assert refused(three_uavs, "--real", "uav2", "--yes") == (2, told)

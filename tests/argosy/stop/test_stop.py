@@ -25,7 +25,6 @@ from tests.support.secured import Secured
 
 async def _bridge(bus: Bus, robot: str, answer: Outcome | None, orders: list[tuple[str, str]]) -> None:
     async def told(query: Query[StopOrder]) -> None:
-        assert query.record is not None
         orders.append((robot, query.record.order))
         if answer is not None:
             query.reply(answer)

@@ -69,7 +69,6 @@ class ZenohStage(Stage):
             process.wait()
 
         self._stack.callback(kill)
-        assert process.stdout is not None
         assert await asyncio.to_thread(process.stdout.readline) == b"ready\n"
         process.stdout.close()
         return kill

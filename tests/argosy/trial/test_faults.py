@@ -64,7 +64,6 @@ def test_faults_begin_within_the_storm_and_last_as_long_as_they_may() -> None:
         assert all(least <= one.seconds <= most for one in of(kind, ALL)), kind
     for one in of(Battery, ALL):
         simulate = TEAM.robots[one.robot].simulate
-        assert simulate is not None
         assert simulate.battery is not None
         assert 0.5 * simulate.battery <= 60 * one.minutes <= simulate.battery
 

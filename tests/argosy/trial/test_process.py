@@ -63,7 +63,6 @@ async def forever() -> int:
 def test_a_process_ends_with_the_code_of_its_command_and_says_what_it_has_written(trial: Trial) -> None:
     async def main() -> int:
         present = PRESENT.get()
-        assert present is not None
         present.write(LogLine(text="hello"))
         await asyncio.sleep(5)
         return 3

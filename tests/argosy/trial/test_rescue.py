@@ -38,7 +38,6 @@ class Search:
         still = self.fly()
         assert still.success, still.why
         first = next(re.match(r" *(\S+) s  rescuer(\d): drop_buoy$", line) for line in still.journal if "drop_" in line)
-        assert first is not None
         self.drop, self.board = float(first[1]), f"pi{int(first[2]) + 1}"
 
     def fly(self, *faults: Fault) -> Outcome:

@@ -31,7 +31,6 @@ class Robot:
         bus.token(keys.alive(fleet, name, "bridged", bus.boot))
 
     async def _told(self, query: Query[StopOrder]) -> None:
-        assert query.record is not None
         self.orders.append(query.record.order)
         if self.answer is not None:
             query.reply(self.answer)

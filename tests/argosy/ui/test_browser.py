@@ -168,7 +168,6 @@ async def _stop(seen: Seen) -> None:
     await seen.shows(".outcome.good", "uav1: hold confirmed")
     await seen.shows(".row[data-agent=scout]", "OPERATOR: hold")
     release = await seen.page.locator("header [data-order=release]").bounding_box()
-    assert release is not None
     await seen.page.mouse.move(release["x"] + 5, release["y"] + 5)
     await seen.page.mouse.down()  # until it is done: one long press
     await seen.shows(".outcome.good", "release all: confirmed by it")

@@ -42,7 +42,6 @@ async def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_
         ui = stack.enter_context(running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", "0"))
         await asyncio.to_thread(ui.says, "open http://")
         url = re.search(r"^open (\S+)$", ui.text, re.M)
-        assert url is not None
         seen = await stack.enter_async_context(browsing(url[1]))
         await seen.shows(".row[data-agent=scout]", "waiting")
         ui.signal(signal.SIGSTOP)
@@ -192,7 +191,6 @@ async def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(
         }""")
         for order in ("hold", "land", "rtl", "release", "pause", "continue"):
             box = await seen.page.locator(f"header [data-order={order}]").bounding_box()
-            assert box is not None
             assert box["x"] >= 0
             assert box["x"] + box["width"] <= width
             assert box["width"] > 30

@@ -368,7 +368,6 @@ async def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_canc
     states = list[str]()
     async with aclosing(backfill.query(ACTION, None, ActionStatus, 0.2)) as replies:
         async for reply in replies:
-            assert reply.record is not None
             states.append(reply.record.state)
             await asyncio.sleep(1.3)
     assert states == ["running", "succeeded"]

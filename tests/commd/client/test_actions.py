@@ -59,7 +59,6 @@ class Acting:
 
     async def serve(self, query: Query[Action]) -> None:
         """Answer by the script for as many requests as there were, the last one for all further ones."""
-        assert query.record is not None
         self.asked.append((query.record.id, query.record.attempt))
         for step in self._scripts[min(len(self.asked), len(self._scripts)) - 1]:
             if isinstance(step, float):
@@ -73,7 +72,6 @@ class Acting:
         left = list(answers)
 
         def cancel(query: Query[Cancel]) -> None:
-            assert query.record is not None
             assert query.record.header.source == "uav", "the bridge asks who it is"
             self.cancelled.append(query.record.id)
             answer = left.pop(0) if left else ActionStatus(id=query.record.id, state="cancelled", result=False)

@@ -95,13 +95,11 @@ async def test_an_action_whose_program_gives_it_up_is_cancelled(
     key, over = keys.action("turtle", "driver", "*"), asyncio.Event()
 
     async def act(query: Query[Action]) -> None:
-        assert query.record is not None
         query.reply(ActionStatus(id=query.record.id, state="running"))
         begun.set()
         await over.wait()
 
     async def cancel(query: Query[Cancel]) -> None:
-        assert query.record is not None
         cancelled.append(query.record.id)
         query.reply(ActionStatus(id=query.record.id, state="cancelled"))
 

@@ -80,7 +80,6 @@ class Agent:
         bus.serve(keys.inbox(FLEET, name), Mail, self._take)
 
     async def _take(self, query: Query[Mail]) -> None:
-        assert query.record is not None
         self.mail += query.record.messages
         query.reply(Receipt(taken=len(query.record.messages)))
 

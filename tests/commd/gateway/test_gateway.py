@@ -121,7 +121,6 @@ async def test_what_an_old_node_sends_is_mail(field: Field) -> None:
 async def test_mail_reaches_an_old_node_as_it_reads_it(field: Field) -> None:
     batch = (message(Structure("at", (1, Atom("north")))), message("a, b", identity="m2", in_reply_to="mid1"))
     receipt = await field.post.deliver["old1"](batch)
-    assert receipt is not None
     assert (receipt.taken, receipt.refused, receipt.later) == (2, {}, {})
     await until(lambda: len(field.one.heard) == 2, "the node hears both")
     assert field.one.heard == ["<m1,uav,tell,old1,at(1,north)>", '<m2->mid1,uav,tell,old1,"a, b">']
@@ -141,7 +140,6 @@ async def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(f
     room = module.MAX_DATAGRAM - len('<m1,uav,tell,old1,"">')
     batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
     receipt = await field.post.deliver["old1"](batch)
-    assert receipt is not None
     assert receipt.refused == {
         1: Refusal(code="not_sendable", text=f"a datagram of {1024 + room} bytes: Comm nodes read 1024")
     }
@@ -153,7 +151,6 @@ async def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(f
 @field_test
 async def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(field: Field) -> None:
     receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
-    assert receipt is not None
     refusal = receipt.refused[0]
     assert refusal.code == "not_sendable"
     assert refusal.text.startswith("cannot be written as a datagram: id: expected a text without blanks")

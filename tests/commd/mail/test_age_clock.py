@@ -83,7 +83,6 @@ def _seen_of_two_lives(first: float, second: float | None) -> MailSeen:
 def test_a_restored_file_is_told_once(second: float | None) -> None:
     witness = RollbackWitness("pi1", "two", _clock(40.0))
     witness.judge(_says("pi2", "x", 7.0, pi1=_seen_of_two_lives(100.0, second)))
-    assert witness.note is not None
     assert (witness.note.code, witness.note.value) == (WENT_BACK, 60.0)
     assert all(part in witness.note.text for part in ("board pi1", "60 s", "board pi2"))
     told = witness.note

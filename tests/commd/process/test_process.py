@@ -96,7 +96,6 @@ def test_an_aborted_daemon_names_the_function_that_does_not_return(
     with subprocess.Popen(
         command, cwd=ROOT, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == "runs\n"
         for _ in range(2000):
             if how == "hangs" or _state(process.pid) == "S":
