@@ -42,6 +42,12 @@ def test_an_action_does_not_run_beside_itself(tmp_path: Path) -> None:
     assert not first[-1].final
 
 
+def test_only_one_action_moves_the_robot(tmp_path: Path) -> None:
+    sky = Sky(tmp_path).flying()
+    sky.begin("goto", *GOAL)
+    assert sky.do("takeoff", 9).reason == "busy: goto is running"
+
+
 def test_only_so_many_actions_run_at_once(tmp_path: Path) -> None:
     desk = Desk(tmp_path, MAX_RUNNING + 1)
     begun = [desk.ask(f"a{number}")[-1] for number in range(MAX_RUNNING)]

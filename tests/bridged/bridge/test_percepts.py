@@ -353,6 +353,16 @@ def test_readings_of_which_no_belief_can_be_made_are_a_note_with_the_reason(fiel
     assert board.percepts.notes(Robot(manifest="m").source) == [], "another manifest begins anew"
 
 
+def test_an_unknown_value_of_a_keyed_percept_withdraws_none_and_a_missing_one_is_counted(board: Board) -> None:
+    board.hear("BATTERY", id=0, volts=[12600])
+    assert board.taken() == [("replace", "battery", (0, 12.6))]
+    board.hear("BATTERY", id=0, volts=[65535])
+    board.hear("BATTERY", id=0, volts=[])
+    board.hear("BATTERY", id=0)
+    assert board.taken() == []
+    assert board.percepts.unreadable == 2
+
+
 def test_a_source_that_says_it_is_over_removes_its_percepts(board: Board) -> None:
     board.hear("MODE", name="RTL", armed=True)
     board.percepts.take(Reading("MODE", None))
