@@ -30,7 +30,7 @@ EVIL = f"""
 +!go(0) <- .print("done").
 +!go(N) <- !search; !sort; !compare; !grow("{"a" * 50}"); !count; !go(N - 1).
 +!search <- .replace("{"a" * 50}b", "(a+)+$", "", _).
-+!sort <- .findall(f(X), .range(X, 1, 400000), L); .reverse(L, R); .sort(R, _).
++!sort <- .findall(f(X), .range(X, 1, 400000), L); .shuffle(L, R); .sort(R, _).
 +!compare <- !twice(x, 60, X); !twice(x, 60, Y); +big(X); ?big(Y).
 +!twice(X, 0, X).
 +!twice(X, N, R) <- !twice(f(X, X), N - 1, R).

@@ -19,6 +19,7 @@ from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import (
     ActivityEvent,
+    BeliefView,
     DecisionView,
     IntentionView,
     MindActivity,
@@ -166,7 +167,7 @@ RECORDS: list[tuple[str, Record, str]] = [
             agent="uav",
             cycle=7,
             state="reasoning",
-            beliefs=("a",),
+            beliefs=(BeliefView(text="a"),),
             beliefs_left_out=2,
             intentions=(IntentionView(id=1, state="waiting", stack=("+!b", "+!a")),),
         ),

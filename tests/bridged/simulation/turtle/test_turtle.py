@@ -115,6 +115,7 @@ async def test_an_agent_drives_it_and_perceives_where_it_is(studio: Studio) -> N
     assert (await studio.do("cmd_vel", 1.5, 0, 0)).state == "succeeded"
     await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
     assert studio.values("pose")[1] == y
+    await until(lambda: studio.turtle.linear == (0, 0), "it stands")
     assert (await studio.do("set_pen", 255, 0, 0, 2, True)).state == "succeeded"
     assert studio.turtle.pen == Pen(255, 0, 0, 2, True)
     assert (await studio.do("teleport", 2, 3, 0.5)).state == "succeeded"
