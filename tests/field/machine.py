@@ -108,9 +108,10 @@ def agent_stopped(row: Row, scene: Booted) -> None:
     pid = scene.machine.main_pid(scene.unit("agentd"))
     at = scene.kill("agentd", "STOP")
     row.figure("hold", scene.until_shown("BRAKE", at), *STOPPED)
-    row.figure("rtl", scene.until_shown("RTL", at), STOPPED[0] + HOLD, f"and `hold {HOLD:g}s`")
     watched(row, scene, "agentd", pid, at)
     row.figure("flown by its program again", scene.until_shown("GUIDED", at))
+    if (rtl := scene.shows("RTL", at)) is not None:  # due when the watchdog is: an agent that is back is waited for
+        row.figure("rtl", rtl, STOPPED[0] + HOLD, f"and `hold {HOLD:g}s`")
 
 
 @flown_by_units("bridged, stopped", "SIGSTOP, under a real systemd; `failsafe: {gcs: bridge}`", failsafe=True)
