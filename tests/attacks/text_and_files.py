@@ -8,10 +8,11 @@ import re
 import socket
 import stat
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import urlsplit
 
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
@@ -196,22 +197,16 @@ async def programs_that_are_no_files(row: Row, world: World) -> None:
 )
 async def malformed_http(row: Row, world: World) -> None:
     """Send what is no HTTP to the page of an operator."""
-    keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
-    page = world.fleet.run("argosy", "ui", *keys)
-    try:
-        address = await _address(page)
+    async with _operators_page(world) as page:
         for sent in MALFORMED:
-            answer = await asyncio.to_thread(_answer, address.port or 0, sent)
+            answer = await asyncio.to_thread(_answer, page.port, sent)
             row.expect(not answer or re.match(rb"HTTP/1\.\d 4", answer), f"{sent[:20]!r} is refused: {answer[:60]!r}")
-        token = f"GET /?{address.query} HTTP/1.1\r\nHost: 127.0.0.1:{address.port}\r\n\r\n".encode()
-        answer = await asyncio.to_thread(_answer, address.port or 0, token, False)
+        answer = await page.answer()
         row.expect(answer.startswith(b"HTTP/1.1 303"), f"its operator is let in: {answer[:60]!r}")
-        await asyncio.to_thread(page.says, "malformed requests so far")
-        row.expect(not re.search(r"defect|Traceback|\x1b", page.text), page.text)
-        counted = [line for line in page.lines if "malformed" in line]
+        await asyncio.to_thread(page.process.says, "malformed requests so far")
+        row.expect(not re.search(r"defect|Traceback|\x1b", page.process.text), page.process.text)
+        counted = [line for line in page.process.lines if "malformed" in line]
         row.seen.append(f"`{counted[-1].removeprefix('argosy ui: ')}`")
-    finally:
-        page.kill()
 
 
 @attack(
@@ -222,31 +217,47 @@ async def malformed_http(row: Row, world: World) -> None:
 )
 async def silent_connections(row: Row, world: World) -> None:
     """Hold connections to the page of an operator."""
-    keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
-    page = world.fleet.run("argosy", "ui", *keys)
-    with ExitStack() as held:
-        held.callback(page.kill)
-        address = await _address(page)
-        port = address.port or 0
-        silent = [held.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(SILENT)]
-        for number, one in enumerate(silent):
-            with suppress(OSError):  # it is closed already
-                one.send(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" if number % 2 else b"")
-        began = time.monotonic()
-        token = f"GET /?{address.query} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
-        answer = await asyncio.to_thread(_answer, port, token, False)
-        seconds = time.monotonic() - began
-        row.expect(answer.startswith(b"HTTP/1.1 303"), f"its operator is let in: {answer[:60]!r}")
-        closed = sum(_is_closed(one) for one in silent)
-        row.expect(closed, "the oldest were closed")
-        row.expect(not re.search(r"defect|Traceback", page.text), page.text)
+    async with _operators_page(world) as page:
+        with ExitStack() as held:
+            silent = [held.enter_context(socket.create_connection(("127.0.0.1", page.port), 10)) for _ in range(SILENT)]
+            for number, one in enumerate(silent):
+                with suppress(OSError):  # it is closed already
+                    one.send(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" if number % 2 else b"")
+            began = time.monotonic()
+            answer = await page.answer()
+            seconds = time.monotonic() - began
+            row.expect(answer.startswith(b"HTTP/1.1 303"), f"its operator is let in: {answer[:60]!r}")
+            closed = sum(_is_closed(one) for one in silent)
+            row.expect(closed, "the oldest were closed")
+            row.expect(not re.search(r"defect|Traceback", page.process.text), page.process.text)
     row.seen.append(f"the operator has the page after {seconds:.1f} s; {closed} of {SILENT} silent connections closed")
 
 
-async def _address(page: Daemon) -> SplitResult:
-    """Return the address that `argosy ui` prints."""
-    await asyncio.to_thread(page.says, "open http://", SHOWN)
-    return urlsplit(next(line for line in page.lines if line.startswith("open "))[5:])
+@dataclass
+class _Page:
+    """An `argosy ui` that runs."""
+
+    process: Daemon
+    port: int
+    token: str
+    """The query of the address that it has printed."""
+
+    async def answer(self) -> bytes:
+        """Open it as its operator does; return the beginning of the answer."""
+        request = f"GET /?{self.token} HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\n\r\n".encode()
+        return await asyncio.to_thread(_answer, self.port, request, False)
+
+
+@asynccontextmanager
+async def _operators_page(world: World) -> AsyncIterator[_Page]:
+    keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
+    process = world.fleet.run("argosy", "ui", *keys)
+    try:
+        await asyncio.to_thread(process.says, "open http://", SHOWN)
+        address = urlsplit(next(line for line in process.lines if line.startswith("open "))[5:])
+        yield _Page(process, address.port or 0, address.query)
+    finally:
+        process.kill()
 
 
 def _is_closed(link: socket.socket) -> bool:
