@@ -218,8 +218,8 @@ class CompositeDriver:
                 failures.append(error)
             except DRIVER_RAISES as error:
                 failures.append(DriverError(name, f"adopt raised {describe_error(error)}"))
-        for failure in failures:
-            raise failure
+        if failures:
+            raise failures[0]
         self._manifest = manifest
         self.orders = self._known_orders()
 

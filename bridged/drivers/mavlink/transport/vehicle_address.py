@@ -87,8 +87,8 @@ class VehicleAddress:
         Such a part may be anywhere, but at one address at a time: where it was heard last, until it has been silent for
         `PART_MOVED`; the vehicle's own address always counts.
         """
-        home, _ = self.parts.get(component, (peer, now))
         if not self.is_home(component, peer, now):
+            home, _ = self.parts[component]
             return self._refuse(f"component {component} of system {self._system}", peer, f"it is at {home}", now)
         self.parts[component] = (peer, now)
         return True
