@@ -72,12 +72,12 @@ class LinkWatchdog:
             patience = self._patience.get(board, PATIENCE)
             if now - since < patience:
                 continue
-            self._patience[board] = min(2 * patience, PATIENCE_MOST)
             del self._deaf_since[board]
             if sum(_close_connection(*pair) for pair in ends[board]):
                 text = "event=%s board=%s after=%.0fs: it was linked, but its declarations were missing"
                 log.warning(text, RENEWED, board, now - since)
                 self.counters["links_renewed"] += 1
+                self._patience[board] = min(2 * patience, PATIENCE_MOST)
                 self._renewed[board] = now
 
     def health(self) -> Health:
