@@ -241,7 +241,8 @@ class ActionServer:
 
     def _look_at_lease(self) -> None:
         busy = bool(self._running) or self.paused
-        self.lease.step(active=self._driver.active, heard=self._driver.own.heard, busy=busy, now=self._now())
+        own, others = self._driver.own, bool(self._driver.own.overridden)
+        self.lease.step(active=self._driver.active, heard=own.heard, busy=busy, now=self._now(), others=others)
 
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""

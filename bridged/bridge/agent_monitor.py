@@ -71,12 +71,10 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     """
     robot, agents = mission.robots[part.name], part.agents
     boards, patience = mission.mailboxes, robot.agent_silence
-    answers = bridge.lease.answers  # it may have ended with our last run, or the mission has it no more
-    presence, silence = Presence({*agents, answers} - {""}, boards.get), Silence(patience)
+    presence, silence = Presence({*agents, bridge.lease.answers} - {""}, boards.get), Silence(patience)
     hangs = "it hangs, or an edited mission runs it on another board" if mission.boards else "it hangs"
     changed = asyncio.Event()
     idleness = Idleness(robot.idle_after)
-    presence.expect(answers, clock.wall())
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):
@@ -121,6 +119,8 @@ async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bri
     lost: dict[str, str] = {}
     elsewhere: dict[str, str] = {}
     while True:
+        if bridge.lease.inherited:  # it may have ended before or with the last run, or the mission has it no more
+            presence.expect(bridge.lease.answers, clock.wall())
         now_lost = elsewhere | presence.lost(clock.wall())
         for agent in silence.silent(clock.wall()):
             now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: {hangs}")

@@ -24,7 +24,12 @@ class Lease:
     ) -> None:
         """`on_change` is called when somebody else has it, or nobody; `arms`: the robot shows whether it is in use."""
         self.answers = ""
-        """The agent whose action was accepted last, until the robot is seen to be left: if it is lost, nobody flies."""
+        """The agent whose action was accepted last, until the robot is seen to be left: if it is lost, nobody flies.
+
+        If nobody is known to have acted and the robot was in use when it was first heard: one of its agents.
+        """
+        self.inherited = True
+        """Whether nobody has acted in this run of the bridge, and the robot may have been active ever since."""
         self.free = False
         """Whether another agent may take it from the one that answers for it."""
         self.closed = ""
@@ -66,7 +71,7 @@ class Lease:
 
     def take(self, agent: str, now: float) -> None:
         """An agent's action begins: from now on it has the robot."""
-        self._acted = now
+        self._acted, self.inherited = now, False
         if agent != self.holder:
             self._since = now
             self._become(agent, free=False)
@@ -97,8 +102,10 @@ class Lease:
         if self.holder:
             self._become(self.answers, free=True)
 
-    def step(self, *, active: bool, heard: bool, busy: bool, now: float) -> None:
-        """Look at the robot: the lease on one that is seen to be left ends."""
+    def step(self, *, active: bool, heard: bool, busy: bool, now: float, others: bool = False) -> None:
+        """Look at the robot: the lease on one that is seen to be left ends, and one that was found in use gets an agent
+        that answers for it, unless `others` (a pilot) have it.
+        """
         if busy:
             self._acted = now
         idle = not busy and now - self._acted >= IDLE
@@ -106,8 +113,11 @@ class Lease:
             self._held = True
             if idle and not self._arms:
                 self.let_go()
+            if self.inherited and heard and self._agents and not (others or self.answers):
+                absent = set(self._agents).difference(self.present or ())
+                self._become(min(self._agents, key=absent.__contains__), free=True)  # the first that is present
         elif heard and not busy and (idle or (self._arms and self._held)):
-            self._held = False
+            self._held = self.inherited = False
             if self.answers:
                 self._become("", free=False)
 

@@ -59,8 +59,11 @@ class Presence:
         self._router_up = True
 
     def expect(self, agent: str, wall: float) -> None:
-        """Expect an agent that was here before this process: from `wall` seconds on it is absent, and may be lost."""
-        if self._watches(agent):
+        """Expect an agent that was here before this process: from `wall` seconds on it is absent, and may be lost.
+
+        One that is known already is judged as it is.
+        """
+        if self._watches(agent) and agent not in self.known():
             self._absent_since[agent], self._expected[agent] = wall, wall + ROUTER_GRACE
 
     def token(self, agent: str, boot: str, alive: bool, wall: float) -> None:

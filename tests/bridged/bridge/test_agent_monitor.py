@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 from unittest.mock import Mock
 
+import pytest
+
 from bridged.bridge.agent_monitor import Idleness, watch_agents
-from commd.common.clock import Clock
+from schemas.liveness import ROUTER_GRACE
 from schemas.wire import keys
 from schemas.wire.records import AgentHealth, Health
+from tests.bridged.sky import VirtualClock
 from tests.support.buses import async_test
 
 
@@ -71,32 +75,62 @@ def test_at_high_speed_an_agent_has_the_wall_time_to_say_that_it_is_not_idle() -
     assert idle_for(told(uav=True), {"uav"}, seconds=160, speed=50) == 160
 
 
-@async_test
-async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daemon_ends() -> None:
-    handlers: dict[str, Any] = {}
-    bus = SimpleNamespace(
-        fleet="f",
-        on_router=Mock(),
-        watch=handlers.__setitem__,
-        subscribe=lambda key, _, word: handlers.update({key: word}),
-    )
-    robot = SimpleNamespace(agent_silence=5.0, idle_after=10.0)
-    mission = SimpleNamespace(robots={"uav1": robot}, mailboxes={"uav": "pi1"}, boards={})
-    part = SimpleNamespace(name="uav1", agents=("uav",), steps=(), idle_steps=())
-    lease, orders = SimpleNamespace(answers="uav", present=None), Mock(unattended=False, lost_agent="uav")
-    bridge = SimpleNamespace(lease=lease, orders=orders, driver=Mock(active=True))
-    watching = asyncio.create_task(watch_agents(*cast(Any, (bus, mission, part, bridge)), Clock(1.0)))
+class Watching:
+    """`watch_agents` of the robot `uav1` with the agent `uav`, on a bus that is not there."""
 
-    async def hear(key: str, handler: str, told: object) -> None:
+    def __init__(self, answers: str, *, inherited: bool = True) -> None:
+        self.handlers: dict[str, Any] = {}
+        bus = SimpleNamespace(
+            fleet="f",
+            on_router=partial(self.handlers.__setitem__, "router"),
+            watch=self.handlers.__setitem__,
+            subscribe=lambda key, _, word: self.handlers.update({key: word}),
+        )
+        robot = SimpleNamespace(agent_silence=5.0, idle_after=10.0)
+        mission = SimpleNamespace(robots={"uav1": robot}, mailboxes={"uav": "pi1"}, boards={})
+        part = SimpleNamespace(name="uav1", agents=("uav",), steps=(), idle_steps=())
+        self.lease = SimpleNamespace(answers=answers, inherited=inherited, present=None)
+        self.orders = Mock(unattended=False, lost_agent=answers)
+        bridge = SimpleNamespace(lease=self.lease, orders=self.orders, driver=Mock(active=True))
+        self.clock = VirtualClock()
+        self.task = asyncio.create_task(watch_agents(*cast(Any, (bus, mission, part, bridge)), self.clock))
+
+    async def hear(self, handler: str, *told: object) -> None:
+        """Call a handler, and let the monitor look."""
         await asyncio.sleep(0)
-        handlers[handler](key, told)
+        self.handlers[handler](*told)
         for _ in range(10):
             await asyncio.sleep(0)
 
+    async def look(self, at: float) -> None:
+        """Let the monitor look at a time in seconds."""
+        self.clock.time = at
+        await self.hear("router", True)
+
+
+@async_test
+async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daemon_ends() -> None:
+    watching = Watching("uav")
     token, health = keys.alive("f", "uav", "agentd", "b1"), keys.health("f", "pi1", "agentd")
-    await hear(token, keys.alive("f", "uav", "*", "*"), True)
-    await hear(health, health, Health(agents={"uav": AgentHealth(robot="uav2")}))
-    orders.agent_lost.assert_called_once()
-    await hear(token, keys.alive("f", "uav", "*", "*"), False)
-    orders.agent_back.assert_not_called()
-    watching.cancel()
+    await watching.hear(keys.alive("f", "uav", "*", "*"), token, True)
+    await watching.hear(health, health, Health(agents={"uav": AgentHealth(robot="uav2")}))
+    watching.orders.agent_lost.assert_called_once()
+    await watching.hear(keys.alive("f", "uav", "*", "*"), token, False)
+    watching.orders.agent_back.assert_not_called()
+    watching.task.cancel()
+
+
+@pytest.mark.parametrize("inherited", [True, False])
+@async_test
+async def test_an_agent_that_answers_for_a_robot_found_in_use_must_appear_and_one_in_whose_name_somebody_acts_not(
+    inherited: bool,
+) -> None:
+    watching = Watching("", inherited=True)
+    await watching.look(60.0)
+    watching.lease.answers, watching.lease.inherited = "uav", inherited
+    await watching.look(61.0)
+    await watching.look(61.0 + ROUTER_GRACE - 0.1)
+    watching.orders.agent_lost.assert_not_called()
+    await watching.look(61.0 + ROUTER_GRACE)
+    assert watching.orders.agent_lost.called is inherited
+    watching.task.cancel()

@@ -625,6 +625,29 @@ def test_a_bridge_that_cannot_read_who_had_the_robot_lets_its_first_agent_answer
     assert flying.bridge.lease.answers == "other"
 
 
+def test_a_vehicle_that_a_bridge_without_state_finds_in_use_has_an_agent_that_answers_for_it(
+    sky: Sky, tmp_path: Path
+) -> None:
+    found = Sky(tmp_path / "wiped", vehicle=sky.vehicle, clock=sky.clock)
+    found.bridge.lease.present = {"other"}
+    found.wait(2)
+    assert (found.bridge.lease.answers, found.bridge.lease.holder) == ("other", "")
+    assert found.begin("land")[0].state == "accepted"
+    assert found.bridge.lease.answers == "uav"
+
+
+def test_a_vehicle_that_a_bridge_without_state_finds_with_a_pilot_is_the_pilots_until_it_is_handed_over(
+    sky: Sky, tmp_path: Path
+) -> None:
+    take_over(sky)
+    found = Sky(tmp_path / "wiped", vehicle=sky.vehicle, clock=sky.clock)
+    found.wait(2)
+    assert found.bridge.lease.answers == ""
+    take_over(found, GUIDED)
+    found.wait(2)
+    assert found.bridge.lease.answers == "uav"
+
+
 @async_test
 async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
     sky: Sky, caplog: pytest.LogCaptureFixture
