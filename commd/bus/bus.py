@@ -284,7 +284,11 @@ class Bus(QuerySession):
         return (await self.claim_all([name]))[name]
 
     async def claim_all(self, names: Sequence[str]) -> dict[str, Token]:
-        """Claim several names together, all or none: two hundred take no longer than one."""
+        """Claim several names together, all or none: two hundred take no longer than one.
+
+        Whoever sees no other token beside its own has the name. Of two that come at the same moment the first in order
+        waits, as the other may have it already or will give way.
+        """
         until = self._loop.time() + CLAIM_PATIENCE
         while others := await self._claimed(names):
             if self._loop.time() >= until:
@@ -293,23 +297,29 @@ class Bus(QuerySession):
             await asyncio.sleep(0.2)
         tokens = {name: self.token(self._own(name)) for name in names}
         try:
-            there = await self._claimed(names)
-            while missing := [name for name in names if self._own(name) not in there.get(name, ())]:
-                if self._loop.time() >= until:
-                    what = [f"{access_probe.KINDS['token']} {self._own(name)}" for name in missing]
-                    if self.router_up and self.guarded:
-                        raise AccessDenied(await access_probe.denial_text(self, what))
-                    raise BusClosed(f"the router does not show the token of `{missing[0]}` within {CLAIM_PATIENCE:g} s")
-                await asyncio.sleep(0.02)
-                there = await self._claimed(names)
-            for name in names:
-                if there[name][0] != self._own(name):  # two came at the same moment: both choose the same one
-                    raise self._taken(name, there[name])
+            await self._alone(names, until)
         except BaseException:
             for token in tokens.values():
                 self.withdraw(token)
             raise
         return tokens
+
+    async def _alone(self, names: Sequence[str], until: float) -> None:
+        """Wait until the router shows no tokens of these names but our own. Raises what a claim does."""
+        while True:
+            there, late = await self._claimed(names), self._loop.time() >= until
+            if not (waiting := [name for name in names if there.get(name) != [self._own(name)]]):
+                return
+            for name in waiting:
+                others = [token for token in there.get(name, ()) if token != self._own(name)]
+                if others and (late or others[0] < self._own(name)):
+                    raise self._taken(name, others)
+            if late:
+                what = [f"{access_probe.KINDS['token']} {self._own(name)}" for name in waiting]
+                if self.router_up and self.guarded:
+                    raise AccessDenied(await access_probe.denial_text(self, what))
+                raise BusClosed(f"the router does not show the token of `{waiting[0]}` within {CLAIM_PATIENCE:g} s")
+            await asyncio.sleep(0.02)
 
     def _own(self, name: str) -> str:
         return keys.alive(self.fleet, name, self.daemon, self.boot)

@@ -269,6 +269,36 @@ async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Co
         await second.claim("uav")
 
 
+@bus_test
+async def test_of_two_that_claim_a_name_in_the_same_moment_one_has_it_whoever_looks_first(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 1.0)
+    early, late = sorted([await connect("uav"), await connect("uav")], key=lambda bus: bus.boot, reverse=True)
+    looks = late._claimed
+
+    async def claimed_after_the_look(names: Sequence[str]) -> dict[str, list[str]]:
+        found = await looks(names)
+        if not early._held:
+            await early.claim("uav")
+        return found
+
+    monkeypatch.setattr(late, "_claimed", claimed_after_the_look)
+    with pytest.raises(AlreadyRunning, match=f"boot {early.boot}"):
+        await late.claim("uav")
+    assert (len(early._held), len(late._held)) == (1, 0)
+
+
+@bus_test
+async def test_of_many_that_claim_a_name_in_the_same_moment_exactly_one_has_it(connect: Connect) -> None:
+    sessions = [await connect("uav") for _ in range(4)]
+    for _ in range(10):
+        claims = await asyncio.gather(*(one.claim("uav") for one in sessions), return_exceptions=True)
+        (token,) = [one for one in claims if not isinstance(one, AlreadyRunning)]
+        (winner,) = [one for one in sessions if one._held]
+        winner.withdraw(cast(Any, token))
+
+
 @pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
 @async_test
 async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_start(
