@@ -17,9 +17,8 @@ from typing import Any, Final, Literal, NamedTuple
 from msgspec import Struct, field
 
 from agentd.mind.persistence.rows import MindRows
-from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
-from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt, set_aside
-from commd.process.state_dir import make_private_file, make_private_folder
+from commd.process.sqlite_file import ENDING, SqliteFile, code_of
+from commd.process.state_dir import make_private_folder
 from schemas.wire.records import Note
 
 NUMBERINGS: Final = 1_000
@@ -28,16 +27,10 @@ DAMAGED: Final = "state_damaged"
 """Code of the notes about missing parts of a file."""
 CACHE: Final = 1024
 """Kibibytes of pages that SQLite keeps in memory."""
-STATEMENTS: Final = 64
-"""Compiled statements that SQLite keeps: more than this module has."""
-LOCK_PATIENCE: Final = 3.0
-"""Wall seconds to wait for a file that another process has open: that process may be about to end."""
 APPLICATION: Final = 0x4172_676F
 """SQLite's application id of a checkpoint of Argosy."""
 PAGE: Final = 1024
 """Bytes of a page: the cost of a small change on disk."""
-LOG_PAGES: Final = 4096
-"""Pages in the write-ahead log before they are moved into the database."""
 MIGRATIONS: Final = (
     """
     CREATE TABLE agent (
@@ -166,10 +159,15 @@ class Checkpoint:
 
     def __init__(self, path: Path, synchronous: Synchronous) -> None:
         self.path = path
-        self.notes: list[Note] = []
-        """Damage of the file that was found."""
+        self._file = SqliteFile(
+            path,
+            MIGRATIONS,
+            synchronous,
+            # one process only, and no file of shared memory
+            (f"page_size={PAGE}", "locking_mode=EXCLUSIVE", f"cache_size=-{CACHE}"),
+            APPLICATION,
+        )
         self._synchronous = synchronous
-        self._sums = PageChecksums(path)
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False
@@ -184,38 +182,23 @@ class Checkpoint:
         made = cls(path, synchronous)
         with _as_checkpoint_error(path, "opened"):
             make_private_folder(path.parent)
-            try:
-                damage = made._sums.damage()
-                damage_of_log = log_damage(path)
-                made._open()  # which refuses one of a newer version
-                if damage:
-                    made.close()
-                    raise corrupt(damage)
-                if damage_of_log:
-                    made.notes.append(Note(DAMAGED, f"{path}: {damage_of_log}", "log"))
-            except sqlite3.DatabaseError as error:
-                if code_of(error) not in CORRUPT:
-                    raise
-                aside = set_aside(path)
-                text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: its agents start without it"
-                made.notes.append(Note(DAMAGED, text, "file"))
-                made._open()
+            made._opened(made._file.open_or_replace())
         return made
 
-    def _open(self) -> None:
-        """Open the database at the present version, or make it.
+    @property
+    def notes(self) -> list[Note]:
+        """Damage of the file that was found."""
+        notes = [Note(DAMAGED, f"{self.path}: {why}", "log") for why in self._file.damaged]
+        for name, why in self._file.set_aside.items():
+            text = f"{self.path} is corrupt ({why}) and was set aside as {name}: its agents start without it"
+            notes.append(Note(DAMAGED, text, "file"))
+        return notes
 
-        Raises CheckpointError for a database of a newer version, and sqlite3.DatabaseError for a corrupt one.
-        """
-        self._sums.begin()
-        try:
-            _check_and_migrate(self.path, self._synchronous)
-        except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
-            raise corrupt(str(error)) from None
-        self._database = _connected(self.path, self._synchronous, STATEMENTS)
-        self._soft = False
-        self._sums.carry_over(self._database)
+    def _opened(self, database: sqlite3.Connection) -> sqlite3.Connection:
+        database.text_factory = lambda data: data.decode(errors="replace")  # the text of a damaged row
+        self._database, self._soft = database, False
         self._look_up()
+        return database
 
     def _look_up(self) -> None:
         """Read the numbers that rows refer to."""
@@ -270,25 +253,23 @@ class Checkpoint:
     @contextmanager
     def _transaction(self, soft: bool = False) -> Iterator[sqlite3.Connection]:
         with self._lock, _as_checkpoint_error(self.path, "written"):
-            if self._database is None:
-                self._open()
-                assert self._database is not None
+            database = self._database or self._opened(self._file.open())
             if soft != self._soft:
-                self._database.execute(f"PRAGMA synchronous={'NORMAL' if soft else self._synchronous}")
+                database.execute(f"PRAGMA synchronous={'NORMAL' if soft else self._synchronous}")
                 self._soft = soft
             try:
-                self._database.execute("BEGIN IMMEDIATE")
-                yield self._database
-                self._database.execute("COMMIT")
+                database.execute("BEGIN IMMEDIATE")
+                yield database
+                database.execute("COMMIT")
             except BaseException:
                 self._undo()
                 raise
 
     def shorten_log(self) -> None:
         """Move a long log into the database; errors are left to the next save."""
-        with self._lock, suppress(sqlite3.Error, OSError):
-            if self._database is not None and self._sums.due(LOG_PAGES * PAGE):
-                self._sums.carry_over(self._database)
+        with self._lock:
+            if self._database is not None:
+                self._file.shorten_log(self._database)
 
     def _write(self, database: sqlite3.Connection, savings: Mapping[str, AgentRows]) -> None:
         """Execute each statement once, with the rows of all agents."""
@@ -327,9 +308,7 @@ class Checkpoint:
         """Roll back a transaction that failed; if that fails too, the next save opens the file again."""
         assert self._database is not None
         try:
-            if self._database.in_transaction:
-                self._database.execute("ROLLBACK")
-                self._sums.carry_over(self._database)  # the log may hold some of it
+            self._file.roll_back(self._database)
             self._look_up()
         except (sqlite3.Error, OSError):
             database, self._database = self._database, None
@@ -349,10 +328,7 @@ class Checkpoint:
         with self._lock, _as_checkpoint_error(self.path, "closed"):
             database, self._database = self._database, None
             if database is not None:
-                with suppress(sqlite3.Error, OSError):
-                    self._sums.carry_over(database)
-                database.close()
-            self._sums.close()
+                self._file.close(database)
         if database is not None and not self._numbers:
             remove(self.path)
 
@@ -377,68 +353,10 @@ def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
     """Turn an error of the disk or the database into a CheckpointError; `what` is the participle of its text."""
     try:
         yield
-    except (sqlite3.Error, OSError) as error:
+    except (sqlite3.Error, OSError, UnicodeDecodeError) as error:
         locked = code_of(error) in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
         why = "another process has it open" if locked else str(error)
         raise CheckpointError(f"{path} cannot be {what}: {why}") from error
-
-
-def _check_and_migrate(path: Path, synchronous: Synchronous) -> None:
-    database = _connected(path, synchronous, 0)
-    try:
-        (version,) = database.execute("PRAGMA user_version").fetchone()
-        if version > len(MIGRATIONS):
-            raise CheckpointError(
-                f"{path} was written by a newer Argosy (its version is {version}, this one knows up to"
-                f" {len(MIGRATIONS)}): run that, or start over without what is kept there"
-            )
-        check(database)
-        (kind,) = database.execute("PRAGMA application_id").fetchone()
-        (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
-        if tables and kind != APPLICATION:
-            raise corrupt("it is a database of something else")
-        _migrate(database, version)
-    finally:
-        database.close()
-
-
-def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3.Connection:
-    """Connect and lock the file."""
-    make_private_file(path)
-    database = sqlite3.connect(
-        path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
-    )
-    database.text_factory = lambda data: data.decode(errors="replace")  # the text of a damaged row
-    try:
-        for statement in (
-            f"PRAGMA page_size={PAGE}",
-            "PRAGMA locking_mode=EXCLUSIVE",  # one process only, and no file of shared memory
-            "PRAGMA journal_mode=WAL",
-            f"PRAGMA synchronous={synchronous}",
-            f"PRAGMA cache_size=-{CACHE}",
-            "PRAGMA wal_autocheckpoint=0",  # `PageChecksums.carry_over` does it
-            f"PRAGMA journal_size_limit={LOG_PAGES * PAGE}",
-            "BEGIN EXCLUSIVE",
-            "COMMIT",
-        ):
-            database.execute(statement).close()
-    except BaseException:
-        database.close()
-        raise
-    return database
-
-
-def _migrate(database: sqlite3.Connection, version: int) -> None:
-    """Bring the database to the present version and lock it, in one transaction."""
-    database.execute("BEGIN EXCLUSIVE")
-    if version < len(MIGRATIONS):
-        for script in MIGRATIONS[version:]:
-            for statement in script.split(";"):
-                database.execute(statement)
-        database.execute(f"PRAGMA user_version={len(MIGRATIONS)}")
-    if not version:
-        database.execute(f"PRAGMA application_id={APPLICATION}")
-    database.execute("COMMIT")
 
 
 def remove(path: Path) -> None:

@@ -39,6 +39,7 @@ from agentd.persistence.checkpoint import (
     remove,
 )
 from commd.client.receive_once import Numbered
+from commd.process.sqlite_file import TooNew
 from commd.process.state_dir import make_private_folder, replace_file
 from schemas.wire.codec import BadRecord, Codec, R, codec
 from schemas.wire.records import Action, Message, Note
@@ -192,9 +193,8 @@ def _opened(
         raise
     for agent in fresh.difference(kept):
         forget_name(folder, agent)
-    for note in (*checkpoint.notes, *notes):
-        log.error("%s", note.text)
     for note in notes:
+        log.error("%s", note.text)
         states[note.about].notes.append(note)
     if kept:
         return checkpoint, states
@@ -203,11 +203,11 @@ def _opened(
 
 
 def _open(path: Path, synchronous: Synchronous, replace: bool) -> Checkpoint:
-    """Open a file; `replace` one that is refused and in nobody's use. Raises CheckpointError."""
+    """Open a file; `replace` one of a newer version. Raises CheckpointError."""
     try:
         return Checkpoint.open(path, synchronous)
     except CheckpointError as error:
-        if not replace or error.__cause__ is not None:  # another process has it open, or the disk fails
+        if not (replace and isinstance(error.__cause__, TooNew)):
             raise
         log.warning("what is kept is removed unread: %s", error)
         remove(path)

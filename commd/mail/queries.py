@@ -78,19 +78,6 @@ MIGRATIONS = (
 """One script for each version; `PRAGMA user_version` of a file counts those that were run."""
 
 
-class TooNew(Exception):
-    """A file of a newer version of this program."""
-
-
-def migrate(db: Connection) -> None:
-    """Bring a file to this version, each step in a transaction. Raises TooNew."""
-    (version,) = db.execute("PRAGMA user_version").fetchone()
-    if version > len(MIGRATIONS):
-        raise TooNew(f"it is of version {version}, this commd knows versions up to {len(MIGRATIONS)}")
-    for step in range(version, len(MIGRATIONS)):
-        db.executescript(f"BEGIN IMMEDIATE; {MIGRATIONS[step]} PRAGMA user_version = {step + 1}; COMMIT;")
-
-
 def keep(db: Connection, kind: str, name: str, value: bytes) -> None:
     """Store a fact, in place of the one with this kind and name."""
     db.execute("INSERT OR REPLACE INTO facts(kind, name, value) VALUES(?, ?, ?)", (kind, name, value))

@@ -361,8 +361,8 @@ class MailService:
         counters["waiting"] = self.waiting
         counters["dead"] = self._tally.dead
         aside = "a corrupt mail file was set aside: "
-        notes = [Note("mail_file_set_aside", aside + name, name) for name in self.store.set_aside]
-        notes += [Note("mail_file_damaged", f"{self.store.path}: {why}") for why in self.store.damaged]
+        notes = [Note("mail_file_set_aside", aside + name, name) for name in self.store.file.set_aside]
+        notes += [Note("mail_file_damaged", f"{self.store.path}: {why}") for why in self.store.file.damaged]
         if self.store.note:
             notes.append(Note("mail_refused", self.store.note))
         return Health(counters={name: float(count) for name, count in sorted(counters.items())}, notes=tuple(notes))

@@ -7,34 +7,24 @@ disk, or gets an error.
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import logging
+import os
 import sqlite3
 from collections import Counter, deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.bus.errors import CannotServe
-from commd.mail.page_checksums import PageChecksums, log_damage
-from commd.mail.queries import TooNew, migrate
-from commd.mail.sqlite_file import (
-    CORRUPT,
-    DISK,
-    LOG_BYTES,
-    PASSING,
-    alone,
-    check,
-    code_of,
-    connect,
-    corrupt,
-    may_pass,
-    set_aside,
-    words_for,
-)
+from commd.mail import queries
+from commd.process.sqlite_file import CORRUPT, SqliteFile, check, code_of
+from commd.process.state_dir import make_private_folder
 from schemas.files.findings import Findings
+from schemas.files.text_files import MAY_PASS
 
 T = TypeVar("T")
 Transaction: TypeAlias = Callable[[sqlite3.Connection], T]
@@ -48,6 +38,21 @@ OPEN_AGAIN = 1.0
 """Wall seconds between two attempts to open a file."""
 PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
+CACHE_KIB = 256
+"""KiB of pages that each of the two connections caches."""
+DISK = CORRUPT | {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_PERM,
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_NOMEM,
+}
+"""Errors of the disk or the file; any other error is a defect of the transaction."""
+PASSING = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM}
+"""Errors that may pass without opening the file again."""
 
 
 class StoreFailed(CannotServe, OSError):
@@ -63,11 +68,7 @@ class Store:
         """`commits`, and `db_errors`: commits that failed."""
         self.note = ""
         """What is wrong with the file now, for people."""
-        self.set_aside: list[str] = []
-        """Names of the corrupt files that were set aside since the start."""
-        self.damaged: list[str] = []
-        """What the file had lost at the start, for people."""
-        self._sums = PageChecksums(path)
+        self.file = SqliteFile(path, queries.MIGRATIONS, synchronous, (f"cache_size=-{CACHE_KIB}",))
         self._count = count
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[tuple[Transaction[Any], asyncio.Future[Any]]] = deque()
@@ -116,7 +117,7 @@ class Store:
             if self._reading is None or self._reading[0] != self._generation:
                 if self._reading is not None:
                     self._reading[1].close()
-                self._reading = self._generation, connect(self.path, self.synchronous)
+                self._reading = self._generation, self.file.connect()
             return question(self._reading[1])
         except (sqlite3.Error, UnicodeDecodeError) as error:
             code = code_of(error)
@@ -159,7 +160,7 @@ class Store:
     def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
         """Run a group of transactions as one. Returns the result, or the exception, of each."""
         try:
-            db = self._db or self._open()
+            db = self._db or self._opened(self.file.open_or_replace())
             if self._suspect:
                 self._suspect = False
                 check(db)
@@ -168,9 +169,8 @@ class Store:
             db.execute("BEGIN IMMEDIATE")
             outcomes = [self._run(db, transaction) for transaction in group]
             db.execute("COMMIT")
-            if self._sums.due(LOG_BYTES):
-                self._carry_over(db)
-        except (sqlite3.Error, OSError, TooNew) as error:
+            self.file.shorten_log(db)
+        except (sqlite3.Error, OSError) as error:
             self._failed(error)
             return [StoreFailed(words_for(error))] * len(group)
         except Exception as error:  # the writer thread must survive it
@@ -211,69 +211,28 @@ class Store:
             log.error("mail_store_failing file=%s why=%s: no mail is accepted until this ends", self.path, error)
         self.note = f"no mail is accepted: {words_for(error)} ({self.path})"
         try:
-            if self._db is not None and self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-                self._carry_over(self._db)  # the log may hold a part of it
+            if self._db is not None:
+                with suppress(sqlite3.Error, OSError):
+                    self.file.roll_back(self._db)
             if self._db is not None and code_of(error) in DISK - PASSING:
                 self._close()
                 if code_of(error) in CORRUPT:
-                    self._replace_corrupt(str(error))
+                    self._opened(self.file.replace(str(error)))
             if self._db is not None:
                 self._recount(self._db)
-        except (sqlite3.Error, OSError, TooNew) as another:
+        except (sqlite3.Error, OSError) as another:
             log.error("mail_store_failing file=%s why=%s", self.path, another)
 
-    def _open(self) -> sqlite3.Connection:
-        """Open the file, or a new one if it is corrupt. Raises sqlite3.Error, OSError and TooNew."""
-        try:
-            damage = self._sums.damage()
-            if told_of_log := log_damage(self.path):
-                self.damaged.append(told_of_log)
-                log.error("mail_store_damaged file=%s why=%s", self.path, told_of_log)
-            self._sums.begin()
-            db = connect(self.path, self.synchronous)
-            try:
-                check(db)
-                migrate(db)  # which refuses a newer version
-                if damage:
-                    raise corrupt(damage)
-            except BaseException:
-                db.close()
-                raise
-        except (sqlite3.Error, UnicodeDecodeError) as error:
-            if code_of(error) not in CORRUPT:
-                raise
-            return self._replace_corrupt(str(error))
-        return self._opened(db)
-
-    def _replace_corrupt(self, why: str) -> sqlite3.Connection:
-        """Set the corrupt file aside and make a new one."""
-        aside = set_aside(self.path)
-        text = "mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file is made"
-        log.error(text, self.path, why, aside)
-        self.set_aside.append(aside.name)
-        self._sums.begin()
-        db = connect(self.path, self.synchronous)
-        migrate(db)
-        return self._opened(db)
-
     def _opened(self, db: sqlite3.Connection) -> sqlite3.Connection:
-        self._sums.carry_over(db)
         self._db = db
         self._generation += 1
         self._uncounted = True
         self._recount(db)
         return db
 
-    def _carry_over(self, db: sqlite3.Connection) -> None:
-        """Move the log into the file; if that fails now, it is done later."""
-        with suppress(sqlite3.Error, OSError):
-            self._sums.carry_over(db)
-
     def _close(self) -> None:
         if self._db is not None:
-            self._carry_over(self._db)
-            self._db.close()
+            self.file.close(self._db)
         self._db = None
 
     async def open(self) -> None:
@@ -283,8 +242,8 @@ class Store:
         a router. Raises Findings for a file that can never be used: of a newer version, or without write permission.
         """
         try:
-            await asyncio.to_thread(self._open)
-        except (TooNew, OSError, sqlite3.Error) as error:
+            await asyncio.to_thread(lambda: self._opened(self.file.open_or_replace()))
+        except (OSError, sqlite3.Error) as error:
             if not may_pass(self.path, error):
                 raise Findings.about(self.path, f"cannot store mail in this file: {error}") from None
             self._failed(error)
@@ -298,7 +257,27 @@ class Store:
         if self._reading is not None:
             self._reader.submit(self._reading[1].close)
         await asyncio.to_thread(self._reader.shutdown)
-        self._sums.close()
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Lock a mail file for this process. Raises Findings if another process has it, OSError of `MAY_PASS`."""
+    try:
+        make_private_folder(path.parent)
+        lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        if error.errno in MAY_PASS:
+            raise
+        raise Findings.about(path, f"cannot store mail in this file: {error}") from None
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            text = "another commd stores its mail in this file: give each its own --state"
+            raise Findings.about(path, text) from None
+        yield
+    finally:
+        os.close(lock)
 
 
 @asynccontextmanager
@@ -327,3 +306,15 @@ def _settle(futures: list[asyncio.Future[Any]], outcomes: list[Any]) -> None:
             future.set_exception(outcome)
         else:
             future.set_result(outcome)
+
+
+def may_pass(path: Path, error: Exception) -> bool:
+    """Whether a file that cannot be opened now may be opened later: its disk is full or failing."""
+    if code_of(error) in DISK - {sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY}:
+        return not path.is_dir() and os.access(path if path.exists() else path.parent, os.R_OK | os.W_OK)
+    return isinstance(error, OSError) and error.errno in MAY_PASS
+
+
+def words_for(error: Exception) -> str:
+    """Return what is wrong with the disk or the file, for people."""
+    return "the disk is full" if code_of(error) == sqlite3.SQLITE_FULL else str(error)

@@ -1,1 +1,1 @@
-"""Process setup of each daemon: command line, logs, state directory, systemd, event loop lag, restarts."""
+"""Process setup of each daemon: command line, logs, state and its files, systemd, event loop lag, restarts."""

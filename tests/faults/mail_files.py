@@ -54,7 +54,7 @@ async def corrupt_mail(row: Row, boards: MailBoards) -> None:
         daemon = await boards.start("pi1")
         aside = sorted(one.name for one in boards.file("pi1").parent.glob("*.corrupt-1"))
         row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
-        row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
+        row.expect("database_corrupt" in daemon.text, "the log tells of it")
         health = await boards.reported(
             "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
         )

@@ -41,7 +41,8 @@ from bridged.drivers.registry import check_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.gateway.gateway import MAX_SOURCES, Allowance, BadDatagram, Gateway, read_message
 from commd.mail.inspection import mailboxes_of_file
-from commd.mail.queries import migrate
+from commd.mail.queries import MIGRATIONS
+from commd.process.sqlite_file import migrate
 from schemas.files.findings import Findings
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import load_mission
@@ -431,7 +432,7 @@ def _mail_file(message: bytes, text: str) -> Path:
     path.unlink(missing_ok=True)
     with closing(sqlite3.connect(path)) as db, db:
         db.execute("PRAGMA page_size = 512")
-        migrate(db)
+        migrate(db, MIGRATIONS)
         db.execute(
             "INSERT INTO mail(line, sender, receiver, numbering, number, posted, size, message)"
             " VALUES(?,?,?,?,?,?,?,?)",

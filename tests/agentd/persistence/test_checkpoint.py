@@ -338,7 +338,7 @@ def test_the_state_of_an_agent_is_removed_and_that_of_the_others_stays(path: Pat
 
 
 def test_a_file_that_is_in_use_is_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
+    monkeypatch.setattr("commd.process.sqlite_file.LOCK_PATIENCE", 0.05)
     checkpoint = Checkpoint.open(path)
     with pytest.raises(CheckpointError, match="another process has it open"):
         Checkpoint.open(path)

@@ -270,7 +270,7 @@ async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent
 def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
+    monkeypatch.setattr("commd.process.sqlite_file.LOCK_PATIENCE", 0.05)
     made, _ = open_state(tmp_path, "a", ["a"], [], "FULL")
     made.save({"a": AgentRows(life=LifeRow("n", 1, b""))})
     with pytest.raises(CheckpointError, match="another process has it open"):

@@ -72,7 +72,7 @@ def test_agents_that_go_to_other_daemons_and_back_keep_their_state_and_nothing_o
 def test_the_state_of_an_agent_that_another_daemon_has_open_is_not_taken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
+    monkeypatch.setattr("commd.process.sqlite_file.LOCK_PATIENCE", 0.05)
     keep(tmp_path, "a", "b")
     other, _ = opened(tmp_path, "a")
     with pytest.raises(CheckpointError, match="it has the state of b: end the agentd that had them before"):

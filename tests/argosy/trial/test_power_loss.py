@@ -10,7 +10,7 @@ import pytest
 
 from argosy.trial import power_loss
 from argosy.trial.power_loss import Disk, lose_power
-from commd.mail.sqlite_file import check, connect
+from commd.process.sqlite_file import SqliteFile, check
 
 ROWS = 40
 
@@ -33,7 +33,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_commits_that_are_synced_survive(state: Path) -> None:
     wal = state / "pi1.mail-wal"
-    database = connect(state / "pi1.mail", "FULL")
+    database = SqliteFile(state / "pi1.mail", (), "FULL").connect()
     database.execute("BEGIN")
     database.execute("CREATE TABLE row (number INTEGER)")
     database.execute("COMMIT")
@@ -44,7 +44,7 @@ def test_commits_that_are_synced_survive(state: Path) -> None:
 
 
 def test_last_commits_that_are_not_synced_may_be_lost_and_the_file_stays_whole(state: Path) -> None:
-    database = connect(state / "pi1.mail", "NORMAL")
+    database = SqliteFile(state / "pi1.mail", (), "NORMAL").connect()
     database.execute("BEGIN")
     database.execute("CREATE TABLE row (number INTEGER)")
     database.execute("COMMIT")
@@ -57,7 +57,7 @@ def test_last_commits_that_are_not_synced_may_be_lost_and_the_file_stays_whole(s
     copy = state / "copy.mail"  # as a process finds it that knows nothing of the one before
     for end in ("", "-wal"):
         copy.with_name(copy.name + end).write_bytes((state / f"pi1.mail{end}").read_bytes())
-    again = connect(copy, "FULL")
+    again = SqliteFile(copy, (), "FULL").connect()
     check(again)
     left = [number for (number,) in again.execute("SELECT number FROM row ORDER BY number")]
     assert left == list(range(len(left)))
@@ -82,7 +82,7 @@ def test_what_was_appended_after_the_last_sync_is_lost_in_part(state: Path) -> N
 def test_what_was_written_long_ago_is_on_the_disk_without_a_sync(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wal, now = state / "pi1.mail-wal", 0.0
     monkeypatch.setattr("time.monotonic", lambda: now)
-    database = connect(state / "pi1.mail", "NORMAL")
+    database = SqliteFile(state / "pi1.mail", (), "NORMAL").connect()
     for number, now in enumerate((0.0, 10.0, 50.0)):
         database.execute("BEGIN")
         database.execute(f"CREATE TABLE t{number} (number INTEGER)")

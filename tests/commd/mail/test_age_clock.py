@@ -8,7 +8,8 @@ from contextlib import closing
 import pytest
 
 from commd.mail.age_clock import WENT_BACK, MailClock, RollbackWitness
-from commd.mail.queries import migrate
+from commd.mail.queries import MIGRATIONS
+from commd.process.sqlite_file import migrate
 from schemas.wire.records import BoardServices, Header, MailSeen
 from tests.commd.offices import Time
 
@@ -16,7 +17,7 @@ from tests.commd.offices import Time
 def saved_after_50(boot: str) -> tuple[sqlite3.Connection, Time, MailClock]:
     """A file that a clock was saved in after 50 seconds, and both clocks."""
     db, now = sqlite3.connect(":memory:", isolation_level=None), Time()
-    migrate(db)
+    migrate(db, MIGRATIONS)
     clock = MailClock(now, boot)
     now.seconds += 50
     clock.save(db)
@@ -54,7 +55,7 @@ def test_where_the_kernel_does_not_tell_its_boots_each_start_counts_as_one() -> 
 
 def test_a_file_that_says_nothing_begins_at_zero() -> None:
     db = sqlite3.connect(":memory:", isolation_level=None)
-    migrate(db)
+    migrate(db, MIGRATIONS)
     clock = MailClock()
     clock.load(db)
     assert 0 <= clock.now() < 60
@@ -101,7 +102,7 @@ def test_a_file_that_went_on_is_not(found: float | None) -> None:
 
 def test_what_was_seen_is_on_disk() -> None:
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
-        migrate(db)
+        migrate(db, MIGRATIONS)
         RollbackWitness("pi2", "x", _clock(0.0)).keep(db, "pi1", MailSeen(boot="one", time=9.0, former=3.0))
         db.execute("INSERT INTO facts VALUES('mail_seen', 'pi3', x'00')")
         again = RollbackWitness("pi2", "y", _clock(0.0))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,8 +13,9 @@ from agentd.extensions.file_access import AgentFiles
 from agentd.persistence.checkpoint import Checkpoint
 from argosy.recording.writer import _opened
 from bridged.bridge.action_log import ActionLog
-from commd.mail.sqlite_file import alone, connect
+from commd.mail.store import alone
 from commd.process.restart_counter import note_start
+from commd.process.sqlite_file import SqliteFile
 
 
 @pytest.fixture
@@ -31,9 +31,9 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
     old = state / "fleet" / "old"
     with alone(state / "fleet" / "mail.sqlite"):
         old.write_bytes(b"")  # as an earlier version made it
-        database = connect(state / "fleet" / "mail.sqlite", "full")
+        database = SqliteFile(state / "fleet" / "mail.sqlite", (), "full").open()
         database.execute("CREATE TABLE t (a)")
-        connect(old, "full").close()
+        SqliteFile(old, (), "full").open().close()
         checkpoint = Checkpoint.open(state / "fleet" / "bob.minds")
         AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
         action_log = ActionLog(state / "fleet" / "uav1.actions")
@@ -53,5 +53,5 @@ def test_a_folder_that_was_there_keeps_the_mode_that_its_maker_gave_it(tmp_path:
     with alone(tmp_path / "mail.sqlite"):
         pass
     assert stat.S_IMODE(tmp_path.stat().st_mode) == 0o755
-    with pytest.raises(sqlite3.OperationalError):
-        connect(tmp_path / "none" / "mail.sqlite", "full")
+    with pytest.raises(FileNotFoundError):
+        SqliteFile(tmp_path / "none" / "mail.sqlite", (), "full").open()

@@ -11,8 +11,7 @@ import pytest
 from commd.mail import queries
 from commd.mail.inspection import list_mailboxes
 from commd.mail.message import DEEPEST, read, read_plain, stored, undelivered
-from commd.mail.queries import migrate
-from commd.mail.sqlite_file import connect
+from commd.process.sqlite_file import SqliteFile, migrate
 from schemas.wire.codec import codec
 from schemas.wire.records import Mail, Mailboxes, Message, Refusal
 from schemas.wire.terms import Structure, Term
@@ -21,7 +20,7 @@ from tests.commd.offices import message
 
 def memory() -> tuple[sqlite3.Connection, queries.Tally]:
     db, tally = sqlite3.connect(":memory:", isolation_level=None), queries.Tally()
-    migrate(db)
+    migrate(db, queries.MIGRATIONS)
     tally.count(db)
     return db, tally
 
@@ -89,8 +88,7 @@ def test_what_is_too_deep_in_an_older_file_is_told_of_without_its_content() -> N
 def test_a_board_numbers_anew_in_each_life_for_its_file_may_have_gone_back(tmp_path: Path) -> None:
     own = set()
     for _ in range(2):
-        db, tally = connect(tmp_path / "b.mail", "full"), queries.Tally()
-        migrate(db)
+        db, tally = SqliteFile(tmp_path / "b.mail", queries.MIGRATIONS, "full").open(), queries.Tally()
         tally.count(db)
         own.add(tally.numbering)
         db.close()

@@ -232,13 +232,13 @@ async def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, capl
     for number in (1, 2):
         rewrite(path, lambda _: os.urandom(8192))
         async with open_store(path) as store:
-            assert store.set_aside == [f"pi1.mail.corrupt-{number}"]
+            assert list(store.file.set_aside) == [f"pi1.mail.corrupt-{number}"]
             assert await store.read(kept) == {}
             await store.write(keep("new"))
             assert list(await store.read(kept)) == ["new"]
         aside = path.with_name(f"pi1.mail.corrupt-{number}")
         assert aside.stat().st_size == 8192
-        assert f"set_aside={aside}: its mail is lost, a new file is made" in caplog.text
+        assert f"set_aside={aside}: what it kept is lost, a new file is made" in caplog.text
 
 
 @async_test
@@ -249,7 +249,7 @@ async def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Pat
     rewrite(path, lambda content: content.replace(b"INTEGER PRIMARY KEY", b"INTEGER PRIMARY \xcbEY", 1))
     path.with_name("pi1.mail.sums").unlink()
     async with open_store(path) as store:
-        assert store.set_aside == ["pi1.mail.corrupt-1"]
+        assert list(store.file.set_aside) == ["pi1.mail.corrupt-1"]
 
 
 @async_test
@@ -259,7 +259,7 @@ async def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> N
             await store.write(keep(f"n{number}", bytes(3000)))
     rewrite(path, lambda content: content[:20_000] + os.urandom(4_000) + content[24_000:])
     async with open_store(path) as store:
-        assert store.set_aside == ["pi1.mail.corrupt-1"]
+        assert list(store.file.set_aside) == ["pi1.mail.corrupt-1"]
 
 
 @store_test
@@ -280,7 +280,7 @@ async def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(store: S
 
     with pytest.raises(StoreFailed, match=r"malformed|not a database"):
         await read()
-    await until(lambda: store.set_aside == ["pi1.mail.corrupt-1"], "the writer sets it aside")
+    await until(lambda: list(store.file.set_aside) == ["pi1.mail.corrupt-1"], "the writer sets it aside")
     with suppress(StoreFailed):
         await store.write(keep("lost"))  # may be of the commit that finds the damage
     await store.write(keep("new"))
@@ -303,14 +303,14 @@ async def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
 
     await store.write(keep("before"))
     with monkeypatch.context() as patched:
-        patched.setattr("commd.mail.store.set_aside", read_only)
+        patched.setattr("commd.process.sqlite_file.set_aside", read_only)
         with pytest.raises(StoreFailed, match="malformed"):
             await store.write(damaged)
         with pytest.raises(StoreFailed, match="read-only file system"):
             await store.write(keep("lost"))
         assert "read-only file system" in caplog.text
     await store.write(keep("new"))
-    assert store.set_aside == ["pi1.mail.corrupt-1"]
+    assert list(store.file.set_aside) == ["pi1.mail.corrupt-1"]
     assert list(await store.read(kept)) == ["new"]
     assert store.note == ""
 
