@@ -27,9 +27,9 @@ LINES = 10_000
 DEBUG, INFORMATIONAL, NOTICE, WARNING, ERROR, CRITICAL = 7, 6, 5, 4, 3, 2
 """Priorities as syslog(3) counts them."""
 _LEVELS: dict[int, Level] = {NOTICE: "notice", WARNING: "warning", ERROR: "error", CRITICAL: "error"}
-GATHERING = 0.005
-"""Wall seconds after a write in which further lines wait for the next one: to wake the thread for each of them costs
-the event loop more than the lines themselves."""
+GATHERING, WRITES_IN_A_ROW = 0.005, 10.0
+"""After more than `WRITES_IN_A_ROW` writes with less than `GATHERING` wall seconds between them on average, further
+lines wait that long for the next write: to wake the thread for each costs the event loop more than the lines do."""
 FLUSH = 0.5
 """Wall seconds for the reader to take the last lines when the daemon ends."""
 
@@ -98,6 +98,7 @@ class Output:
             time.sleep(0.005)
 
     def _run(self) -> None:
+        left, written = WRITES_IN_A_ROW, time.monotonic()
         while True:
             self._there.wait()
             self._there.clear()
@@ -106,7 +107,10 @@ class Output:
                 while self._waiting:
                     self._write_some()
                 self._writing = False
-                time.sleep(GATHERING)
+                now = time.monotonic()
+                left, written = min(WRITES_IN_A_ROW, left + (now - written) / GATHERING) - 1, now
+                if left < 0:
+                    time.sleep(GATHERING)
 
     def _write_some(self) -> None:
         """Write lines that wait: no more than arrive whole beside those of other processes, but one at least."""
