@@ -112,7 +112,8 @@ class ActionLog:
         self._wall = wall
         self._standing = _NOBODY
         """Who has the robot."""
-        self._entries: dict[str, Entry] = {}
+        self.entries: dict[str, Entry] = {}
+        """The record of each id that was begun within the last hour, or is one of the `LAST`."""
         self._syncer = ThreadPoolExecutor(1, thread_name_prefix="action-log")
         self._sync: Future[None] | None = None
         self._unsynced = False
@@ -197,10 +198,6 @@ class ActionLog:
         self._record(entry, f"how {status.id} ended")
         self.keep()
 
-    def find(self, action: str) -> Entry | None:
-        """Return the record of an id, None if it was not begun within the last hour and is not one of the `LAST`."""
-        return self._entries.get(action) if action else None
-
     def hold(self, agent: str, free: bool) -> None:
         """Record which agent answers for the robot, and whether another may take it."""
         standing = replace(self._standing, at=self._wall(), holder=agent, free=free)
@@ -213,7 +210,7 @@ class ActionLog:
         """
         if self._standing.at:
             return self._standing.holder, self._standing.free
-        begun = (one.agent for one in reversed(self._entries.values()) if one.state != "refused")
+        begun = (one.agent for one in reversed(self.entries.values()) if one.state != "refused")
         return next(begun, ""), False
 
     @property
@@ -285,20 +282,20 @@ class ActionLog:
         self._file, self._failure = None, error
 
     def _kept(self) -> list[Entry]:
-        return [*self._entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
+        return [*self.entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
 
     def _remember(self, entry: Entry) -> None:
         if entry.id == _STANDING:
             self._standing = entry
             return
-        self._entries.pop(entry.id, None)
-        self._entries[entry.id] = entry
+        self.entries.pop(entry.id, None)
+        self.entries[entry.id] = entry
         oldest = self._wall() - KEEP
-        while len(self._entries) > LAST:
-            first = next(iter(self._entries.values()))
-            if first.at >= oldest and len(self._entries) <= MAX_ENTRIES:
+        while len(self.entries) > LAST:
+            first = next(iter(self.entries.values()))
+            if first.at >= oldest and len(self.entries) <= MAX_ENTRIES:
                 break
-            del self._entries[first.id]
+            del self.entries[first.id]
 
     def _read(self) -> None:
         try:

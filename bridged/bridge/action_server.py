@@ -139,7 +139,7 @@ class ActionServer:
             hold = action.entry.cancel == "hold"
             why = f"cancelled by {agent if by is None else by[:MAX_ID] or 'hand'}{goes_on}"
             return self._end(action, Outcome("cancelled", why, "cancelled"), hold=hold)
-        known = self._action_log.find(action_id)
+        known = self._action_log.entries.get(action_id)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final
         unknown = Action(id=action_id[:MAX_ID], agent=agent)
@@ -246,7 +246,7 @@ class ActionServer:
 
     def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""
-        action, entry = self._running.get(request.id), self._action_log.find(request.id)
+        action, entry = self._running.get(request.id), self._action_log.entries.get(request.id)
         if action is not None:
             used_by, used_for = action.request.agent, action.request.name
         elif entry is not None:

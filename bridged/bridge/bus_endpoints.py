@@ -140,9 +140,23 @@ class Service:
         if robot not in (None, self._robot):  # by an edited mission: the other one's bridge answers
             log.warning("robot=%s action %s of %s ignored: it is for the robot %s", self._robot, name, agent, robot)
             return None
-        following = _Following(query, self.put_percepts)
-        self._bridge.action_server.ask(agent, name, query.record, following.hear, inject=self._inject)
-        return following.ended.result() if following.ended.done() else following.wait()
+        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def reply(status: ActionStatus | None) -> None:
+            """Reply a status without waiting for anything else; None: a newer query takes the place. Never raises."""
+            if ended.done():
+                return
+            try:
+                if status is not None:
+                    self.put_percepts()
+                    query.reply(status)
+                if status is None or status.final:
+                    ended.set_result(None)
+            except Exception as error:  # a status that cannot be sent must not fail its publisher
+                ended.set_exception(error)
+
+        self._bridge.action_server.ask(agent, name, query.record, reply, inject=self._inject)
+        return ended.result() if ended.done() else _end_of(ended)
 
     def _describe(self, agent: str, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
@@ -213,33 +227,11 @@ def _tell_outcome(query: Query[StopOrder], outcome: Outcome) -> None:
     query.reply(OutcomeRecord(ok=outcome.state == "succeeded", reason=outcome.reason))
 
 
-class _Following:
-    """Replies to one query with each status of its action, without waiting for anything else."""
-
-    def __init__(self, query: Query[Action], put_percepts: Callable[[], None]) -> None:
-        """`put_percepts` puts those that a status refers to."""
-        self._query, self._put_percepts = query, put_percepts
-        self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        """Done when the action has ended; its exception is what was wrong with a status."""
-
-    def hear(self, status: ActionStatus | None) -> None:
-        """Take in a status; None: a newer query takes the place. Never raises."""
-        if self.ended.done():
-            return
-        try:
-            if status is not None:
-                self._put_percepts()
-                self._query.reply(status)
-            if status is None or status.final:
-                self.ended.set_result(None)
-        except Exception as error:  # a status that cannot be sent must not fail its publisher
-            self.ended.set_exception(error)
-
-    async def wait(self) -> None:
-        """Wait for the end of the action, for `FOLLOW_AT_MOST` at most. Raises what was wrong with a status."""
-        with suppress(TimeoutError):
-            async with asyncio.timeout(FOLLOW_AT_MOST):
-                await self.ended
+async def _end_of(action: asyncio.Future[None]) -> None:
+    """Wait for the end of an action, for `FOLLOW_AT_MOST` at most. Raises what was wrong with a status."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(FOLLOW_AT_MOST):
+            await action
 
 
 Progress = tuple[type[VehicleParameters] | type[StoredPlan], str, str]

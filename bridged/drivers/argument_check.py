@@ -13,7 +13,7 @@ from schemas.files.findings import Finding
 from schemas.humanize import count
 from schemas.manifest.loader import ActionEntry, Argument, FieldValue, Manifest, Parameter, ParameterType, Values
 from schemas.wire.term_text import BadTerm, read, write
-from schemas.wire.terms import Atom, Structure, Term, to_float
+from schemas.wire.terms import Atom, Structure, Term
 
 MAX_SHOWN = 80
 """Characters of an argument that an error shows."""
@@ -161,8 +161,7 @@ def _as(kind: ParameterType, term: Term) -> Argument | None:
             return term.name.strip("'") if isinstance(term, Atom) else term if isinstance(term, str) else None
         case "list":
             return None
-    number = to_float(term)
-    if number is None or not math.isfinite(number):
+    if isinstance(term, bool) or not isinstance(term, int | float) or not math.isfinite(number := float(term)):
         return None
     if kind == "int":
         return int(number) if number.is_integer() else None

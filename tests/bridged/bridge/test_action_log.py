@@ -61,11 +61,11 @@ def begun(action: str) -> Action:
 
 
 def known(action_log: ActionLog, action: str) -> bool:
-    return action_log.find(action) is not None
+    return action_log.entries.get(action) is not None
 
 
 def final(action_log: ActionLog, action: str) -> ActionStatus | None:
-    entry = action_log.find(action)
+    entry = action_log.entries.get(action)
     return entry.final
 
 

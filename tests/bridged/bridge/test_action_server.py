@@ -135,14 +135,14 @@ def test_an_id_of_any_length_is_not_kept(desk: Desk) -> None:
     refused = desk.ask("a0", id="x" * 1000)[-1]
     assert end_of(refused) == ("refused", f"an id has {MAX_ID} characters at most, got 1000")
     assert refused.id == "x" * MAX_ID
-    assert desk.action_log.find(refused.id) is None
+    assert desk.action_log.entries.get(refused.id) is None
 
 
 def test_what_an_action_was_asked_for_with_is_not_kept_on_disk(desk: Desk) -> None:
     refused = desk.ask("a0", id="x", parameters=("y" * 100_000,))
     assert refused[-1].state == "refused"
     assert desk.action_log.path.stat().st_size < 1000
-    kept = desk.action_log.find("x")
+    kept = desk.action_log.entries.get("x")
     assert (kept.agent, kept.name, kept.reason) == ("uav", "a0", refused[-1].reason)
 
 
