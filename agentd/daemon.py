@@ -88,7 +88,6 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         fleet=mission.fleet,
         name=name,
         daemon="agentd",
-        stamp=clock.stamp,
         wire=mission.wire,
         stop=stop,
         tls=tls_of(args),

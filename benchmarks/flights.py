@@ -177,7 +177,7 @@ class Flight:
     async def _until_minds_say_so(self, until: float) -> None:
         mission = self.setup.mission
         async with open_bus(
-            self.setup.router, fleet=mission.fleet, name="bench", daemon="bench", stamp=time.time_ns, wire=mission.wire
+            self.setup.router, fleet=mission.fleet, name="bench", daemon="bench", wire=mission.wire
         ) as bus:
             while not all([await done(bus, agent) for agent in dict.fromkeys(one.agent for one in mission.done)]):
                 self._look_after(until)

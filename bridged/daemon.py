@@ -79,7 +79,6 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         fleet=mission.fleet,
         name=parts[0].name,
         daemon="bridged",
-        stamp=clock.stamp,
         wire=mission.wire,
         stop=stop,
         tls=tls_of(args),

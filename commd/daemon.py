@@ -161,7 +161,6 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             fleet=mission.fleet,
             name=board,
             daemon="commd",
-            stamp=clock.stamp,
             wire=mission.wire,
             mode=router.mode,
             listen=router.listen,

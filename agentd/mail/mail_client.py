@@ -7,6 +7,7 @@ checkpoint with its effects is on disk; only then `commd` gets the receipt. Outg
 from __future__ import annotations
 
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
@@ -255,7 +256,7 @@ class MailClient:
             content = detached(content)
         given = Mail(self._agent, mail.performative, content, identity, answered)
         message = NearMessage(given, receiver, mail.in_reply_to, self._own, seq)
-        if small or len(message.encoded(self._bus.wire, self._bus.stamp())) <= MOST_BYTES:
+        if small or len(message.encoded(self._bus.wire, time.time_ns())) <= MOST_BYTES:
             return message
         return None
 
@@ -279,12 +280,12 @@ class MailClient:
                 other.inbox.take(message)
                 other.given()
             else:  # it has left
-                self.outbox.put(message.encoded(self._bus.wire, self._bus.stamp()), message.receiver, message.seq)
+                self.outbox.put(message.encoded(self._bus.wire, time.time_ns()), message.receiver, message.seq)
         self.counters["near"] += len(held)
 
     def rows(self) -> list[tuple[int, bytes]]:
         """Return the new rows of messages that the mind, as it was captured last, has not taken."""
-        wire, stamp = self._bus.wire, self._bus.stamp()
+        wire, stamp = self._bus.wire, time.time_ns()
         return [(message.number, message.encoded(wire, stamp)) for message in self.inbox.store()]
 
     def restore(self, number: int, message: Message) -> None:
@@ -316,7 +317,7 @@ class MailClient:
     def return_left(self) -> None:
         """Notify the senders in this daemon of what the mind has not taken: there is no next life."""
         for message in self.inbox.left():
-            self._return(message.message(self._bus.stamp()), Refusal(code="receiver_left"))
+            self._return(message.message(time.time_ns()), Refusal(code="receiver_left"))
 
     def _return(self, message: Message, why: Refusal) -> None:
         log.warning("mail_refused id=%s receiver=%s why=%s", message.id, message.receiver, why)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -87,7 +88,7 @@ class Outbox:
 
     def post(self, receivers: Sequence[str], performative: str, content: Term, identity: str, answers: str) -> None:
         """Accept one message for each receiver, all or none; no receiver comes twice. Raises Unsendable."""
-        stamp, size = self._bus.stamp(), 0
+        stamp, size = time.time_ns(), 0
         new: list[Outgoing] = []
         for number, receiver in enumerate(receivers, self._number + 1):
             message = Message(

@@ -7,7 +7,6 @@ The router of a board accepts an operator's own requests, but not those that ano
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
@@ -183,7 +182,6 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
             opened = open_bus(
                 endpoint,
                 fleet=mission.fleet,
-                stamp=time.time_ns,
                 patience=patience,
                 tls=tls,
                 make=FleetBus,

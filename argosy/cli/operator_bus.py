@@ -129,7 +129,6 @@ async def operator_bus(place: Where) -> AsyncIterator[Bus]:
         fleet=place.fleet if place.fleet != ANY else "operator",
         name=who,
         daemon="argosy",
-        stamp=time.time_ns,
         patience=ROUTER_PATIENCE,
         tls=place.tls,
     ) as bus:

@@ -7,6 +7,7 @@ import json
 import logging
 import shutil
 import sys
+import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -102,10 +103,10 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
     reached = [board for board, report in boards.items() if isinstance(report, BoardReport)]
     from_here = await measure_all(bus, reached)
     there = {row.name for row in fleet_status.rows() if row.daemon == "bridged" and row.well}
-    now, robots = bus.stamp(), {}
+    now, robots = time.time_ns(), {}
     for robot in mission.robots:
         if robot in there and mission.agents_of(robot):
-            now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
+            now, robots[robot] = time.time_ns(), await _robot(bus, mission, robot)
     boxes: dict[str, Mailboxes] = {}
     key = keys.mailboxes(bus.fleet, "*")
     await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, mail: boxes.__setitem__(mail.board, mail))

@@ -130,7 +130,6 @@ async def _two(bus: Bus, endpoint: str) -> AsyncIterator[tuple[Bus, Bus]]:
                     fleet=bus.fleet,
                     name=bus.name,
                     daemon="argosy",
-                    stamp=time.time_ns,
                     tls=bus.tls,
                     patience=PATIENCE,
                 )

@@ -7,7 +7,6 @@ import json
 import re
 import signal
 import sys
-import time
 from argparse import ArgumentParser, Namespace
 from collections import Counter
 from collections.abc import AsyncIterator, Iterable
@@ -124,9 +123,7 @@ async def _bus(place: Where, fleet: str) -> AsyncIterator[Bus]:
         async with operator_bus(place) as bus:
             yield bus
         return
-    async with open_bus(
-        place.router, fleet=fleet, name="replay", daemon="argosy", stamp=time.time_ns, mode="router"
-    ) as bus:
+    async with open_bus(place.router, fleet=fleet, name="replay", daemon="argosy", mode="router") as bus:
         print(f"no router at {place.router}: this replay is the router until it ends", flush=True)
         yield bus
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
@@ -150,7 +149,6 @@ class MissionRunner:
                 fleet=self._mission.fleet,
                 name="operator",
                 daemon="argosy",
-                stamp=time.time_ns,
                 wire=self._mission.wire,
                 patience=STARTUP_PATIENCE,
             )

@@ -6,7 +6,6 @@ import asyncio
 import math
 import random
 import signal
-import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -221,7 +220,7 @@ class World:
             with suppress(BusClosed):
                 router = next(iter(self.routers.values()))
                 async with open_bus(
-                    router, fleet=self.fleet, name="operator", daemon="argosy", stamp=time.time_ns, patience=PATIENCE
+                    router, fleet=self.fleet, name="operator", daemon="argosy", patience=PATIENCE
                 ) as bus:
                     if (await order_robot(bus, self.fleet, robot, order)).ok:
                         return

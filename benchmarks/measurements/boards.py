@@ -174,7 +174,7 @@ class Member:
 @asynccontextmanager
 async def member(endpoint: str, name: str) -> AsyncIterator[Member]:
     """A member with a session of its own at its board's router."""
-    async with open_bus(endpoint, fleet=FLEET, name=name, daemon="agentd", stamp=time.time_ns, patience=20) as bus:
+    async with open_bus(endpoint, fleet=FLEET, name=name, daemon="agentd", patience=20) as bus:
         yield Member(bus, name)
 
 

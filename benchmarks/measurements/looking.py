@@ -164,7 +164,7 @@ async def costs(
     taken: dict[str, list[float]] = {one.key: [] for one in order}
     heard = dict.fromkeys(taken, 0)
     mixed = random.Random(1)
-    async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench", stamp=time.time_ns) as bus:
+    async with open_bus(endpoint, fleet=FLEET, name="onlooker", daemon="bench") as bus:
         bursts = _Bursts(endpoint, bus, agentd)
         for _ in range(warm_up):
             await bursts.one(NOBODY, PAUSE)
@@ -199,7 +199,7 @@ class _Bursts:
         async with AsyncExitStack() as stack:
             self.heard = 0
             if onlooker.traces:
-                opened = open_bus(self._endpoint, fleet=FLEET, name="ear", daemon="bench", stamp=time.time_ns)
+                opened = open_bus(self._endpoint, fleet=FLEET, name="ear", daemon="bench")
                 ear = await stack.enter_async_context(opened)
                 for part in onlooker.traces:
                     ear.subscribe(keys.trace(FLEET, AGENT, part), TRACES[part], self._hear)

@@ -71,7 +71,7 @@ def measure(quick: bool) -> Figures:
 async def _beside(crowd: int, seconds: float) -> list[ViewerCost]:
     """Return what each viewer takes beside a crowd of so many."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    bus = open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+    bus = open_bus(endpoint, fleet="crowd", name="board", daemon="commd", mode="router")
     fleet = running("tests.argosy.fleet_model.crowd", endpoint, str(crowd))
     with ExitStack() as stack:
         file = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "crowd.mcap"

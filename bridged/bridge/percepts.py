@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -290,7 +291,7 @@ class PerceptPublisher:
     ) -> None:
         for agent in agents:
             present = self.sets[agent]
-            header = Header(seq=present.seq + 1, stamp=self._clock.stamp(), source=self._robot, boot=self._boot)
+            header = Header(seq=present.seq + 1, stamp=time.time_ns(), source=self._robot, boot=self._boot)
             perception = Perception(header=header, name=name, parameters=parameters, update=update, key=key)
             present.apply(perception)
             self._publish(agent, perception)

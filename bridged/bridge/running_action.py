@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -170,7 +171,7 @@ class Statuses:
                 if isinstance(value, Real) and math.isfinite(figure := float(value)):
                     figures[legible(what, MAX_FIGURE_NAME)] = figure
         return ActionStatus(
-            header=Header(seq=self._seq, stamp=self._clock.stamp(), source=self._robot, boot=self._boot),
+            header=Header(seq=self._seq, stamp=time.time_ns(), source=self._robot, boot=self._boot),
             id=request.id,
             state=state,
             reason=legible(reason, MAX_REASON),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -52,14 +53,12 @@ class Bus(QuerySession):
         daemon: str,
         boot: str,
         wire: Wire,
-        stamp: Callable[[], int],
         mode: Literal["client", "router"],
         endpoint: str,
         tls: Tls | None = None,
     ) -> None:
         super().__init__(session, wire, daemon)
-        self.fleet, self.name, self.boot, self.stamp = fleet, name, boot, stamp
-        """`stamp()` returns the time of this board as headers have it, Unix nanoseconds."""
+        self.fleet, self.name, self.boot = fleet, name, boot
         self.mode, self.endpoint, self.tls = mode, endpoint, tls
         self.guarded = mode == "client" and not endpoint.startswith("tcp/")
         """Whether the router may deny what this session does: it is identified by its certificate or its board."""
@@ -104,7 +103,7 @@ class Bus(QuerySession):
         """Return the next header of one stream of records of `source` (this daemon by default), counted from 1."""
         source = source or self.name
         self._seq[source, stream] += 1
-        return Header(seq=self._seq[source, stream], stamp=self.stamp(), source=source, boot=self.boot)
+        return Header(seq=self._seq[source, stream], stamp=time.time_ns(), source=source, boot=self.boot)
 
     def put(self, key: str, record: Record, *, urgent: bool = False, publisher: Publisher | None = None) -> None:
         """Publish a record. It is lost silently while the router is away: only for what is repaired or repeated.
@@ -194,7 +193,6 @@ class Bus(QuerySession):
             fleet=self.fleet,
             name=self.name,
             daemon="access",
-            stamp=lambda: 0,
             tls=self.tls,
             patience=patience,
         )
@@ -385,7 +383,6 @@ async def open_bus(
     fleet: str,
     name: str,
     daemon: str,
-    stamp: Callable[[], int],
     wire: Wire = "json",
     mode: Literal["client", "router"] = "client",
     listen: Sequence[str] = (),
@@ -424,7 +421,6 @@ async def open_bus(
         daemon=daemon,
         boot=boot_id(),
         wire=wire,
-        stamp=stamp,
         mode=mode,
         endpoint=endpoint,
         tls=tls,

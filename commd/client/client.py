@@ -379,9 +379,7 @@ async def join(
 @asynccontextmanager
 async def _bus(endpoint: str, fleet: str, name: str, clock: Clock, wire: Wire, patience: float) -> AsyncIterator[Bus]:
     try:
-        async with open_bus(
-            endpoint, fleet=fleet, name=name, daemon="client", stamp=clock.stamp, wire=wire, patience=patience
-        ) as bus:
+        async with open_bus(endpoint, fleet=fleet, name=name, daemon="client", wire=wire, patience=patience) as bus:
             yield bus
     except BusClosed as closed:
         raise NotJoined(str(closed)) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from math import inf
@@ -141,7 +142,7 @@ class Sending:
             raise NotSent(message, f"commd has not answered for a message before it ({patience:g} s)") from None
         try:
             seq, bus = self._numbers[receiver] + 1, self._bus
-            header = Header(seq=seq, stamp=bus.stamp(), source=self._name, boot=bus.boot)
+            header = Header(seq=seq, stamp=time.time_ns(), source=self._name, boot=bus.boot)
             made = identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}"
             message = replace(message, header=header, id=made)
             self._last[receiver] = message

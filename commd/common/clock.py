@@ -26,10 +26,6 @@ class Clock:
         """Return wall seconds since the start; for acknowledgements, liveliness, retries and link loss."""
         return time.monotonic() - self._start
 
-    def stamp(self) -> int:
-        """Return Unix time in nanoseconds, for headers and logs."""
-        return time.time_ns()
-
     def to_wall(self, mission_seconds: float) -> float:
         """Return the wall seconds of a span of mission seconds."""
         return mission_seconds / self.speed

@@ -115,7 +115,7 @@ async def _serves(router: str, fleet: str) -> bool:
     """Whether a daemon of a fleet (empty: of any) is at a router."""
     try:
         async with open_bus(
-            router, fleet=fleet or "any", name="operator", daemon="argosy", stamp=time.time_ns, patience=PROBE_PATIENCE
+            router, fleet=fleet or "any", name="operator", daemon="argosy", patience=PROBE_PATIENCE
         ) as bus:
             return bool(await bus.tokens(keys.alive(fleet or "*", "*", "*", "*"), PROBE_PATIENCE))
     except BusError:

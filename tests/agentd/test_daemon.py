@@ -101,7 +101,7 @@ def test_decisions_are_kept_for_observers_unless_none_are_asked_for(tmp_path: Pa
     path = mission(tmp_path, wait='!go. +!go <- .print("here").')
 
     async def mind() -> MindView:
-        async with open_bus(endpoint, fleet="two", name="observer", daemon="test", stamp=time.time_ns) as bus:
+        async with open_bus(endpoint, fleet="two", name="observer", daemon="test") as bus:
             return await bus.ask_one(keys.mind("two", "b"), None, MindView, 10.0)
 
     for arguments, events in (("b --fresh", ["+!go"]), ("b --fresh --decisions 0", [])):

@@ -136,7 +136,7 @@ async def daemon(kind: str, mission_file: str, router: str, speed: float) -> Non
     mission, clock, stop = load_mission(mission_file), Clock(speed), asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     name = {"bridged": "uav1", "agentd": "uav"}[kind]
-    async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stamp=time.time_ns, stop=stop) as bus:
+    async with open_bus(router, fleet=mission.fleet, name=name, daemon=kind, stop=stop) as bus:
         agents = {"uav": lambda: AgentHealth(idle=False)} if kind == "agentd" else {}
         named = THIS_MACHINE if agents else name
         health = asyncio.create_task(report_health(bus, named, clock, agents=lambda: agents))

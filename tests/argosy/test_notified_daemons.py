@@ -53,7 +53,7 @@ def tokens(endpoint: str, name: str, daemon: str) -> list[str]:
     """The liveliness tokens of a daemon that are there now."""
 
     async def ask() -> list[str]:
-        async with open_bus(endpoint, fleet="told", name="looks", daemon="test", stamp=time.time_ns) as bus:
+        async with open_bus(endpoint, fleet="told", name="looks", daemon="test") as bus:
             return await bus.tokens(keys.alive("told", name, daemon, "*"))
 
     return asyncio.run(ask())

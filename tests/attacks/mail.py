@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from contextlib import AsyncExitStack
 
 import zenoh
@@ -62,15 +61,12 @@ async def plans_by_mail(row: Row, _: World) -> None:
         with Secured(text) as fleet:
             await asyncio.to_thread(_begin, fleet)
             async with (
-                open_bus(
-                    fleet.socket("pi1"), fleet=NAME, name="x", daemon="attack", stamp=time.time_ns, patience=5
-                ) as looker,
+                open_bus(fleet.socket("pi1"), fleet=NAME, name="x", daemon="attack", patience=5) as looker,
                 open_bus(
                     fleet.link("pi1"),
                     fleet=NAME,
                     name="pi3",
                     daemon="attack",
-                    stamp=time.time_ns,
                     tls=fleet.tls("pi3"),
                     patience=5,
                 ) as attacker,

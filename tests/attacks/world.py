@@ -60,9 +60,7 @@ class World:
     @asynccontextmanager
     async def member(self, board: str, name: str = "x") -> AsyncIterator[Bus]:
         """A daemon on a board."""
-        async with open_bus(
-            self.fleet.socket(board), fleet=NAME, name=name, daemon="agentd", stamp=time.time_ns, patience=5
-        ) as bus:
+        async with open_bus(self.fleet.socket(board), fleet=NAME, name=name, daemon="agentd", patience=5) as bus:
             yield bus
 
     @asynccontextmanager
@@ -70,7 +68,7 @@ class World:
         """A machine that shows the keys of `name` to the router of a board."""
         tls = tls or self.fleet.tls(name)
         async with open_bus(
-            self.fleet.link(at), fleet=NAME, name=name, daemon="attack", stamp=time.time_ns, tls=tls, patience=patience
+            self.fleet.link(at), fleet=NAME, name=name, daemon="attack", tls=tls, patience=patience
         ) as bus:
             yield bus
 

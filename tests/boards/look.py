@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
-import time
 from typing import Any
 
 import msgspec
@@ -46,7 +45,7 @@ async def answer(bus: Bus, what: str, *names: str) -> Any:
 async def main(fleet: str, endpoint: str) -> None:
     """Answer until stdin ends."""
     loop = asyncio.get_running_loop()
-    async with open_bus(endpoint, fleet=fleet, name="look", daemon="test", stamp=time.time_ns) as bus:
+    async with open_bus(endpoint, fleet=fleet, name="look", daemon="test") as bus:
         while line := await loop.run_in_executor(None, sys.stdin.readline):
             try:
                 found = await answer(bus, *json.loads(line))

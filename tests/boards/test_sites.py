@@ -37,7 +37,7 @@ from schemas.wire.records import Perception
 from tests.support.buses import subscribed, until
 async def main(what, endpoint, count, size):
     key = keys.percept("letters", "uav1", "global_pos")
-    async with open_bus(endpoint, fleet="letters", name=what, daemon="test", stamp=time.time_ns, patience=20) as bus:
+    async with open_bus(endpoint, fleet="letters", name=what, daemon="test", patience=20) as bus:
         if what != "listen":
             if what == "tell":
                 await subscribed(bus, key)

@@ -88,7 +88,6 @@ class Airfield:
             fleet="test",
             name=name,
             daemon=daemon,
-            stamp=time.time_ns,
             mode="router" if mode == "router" else "client",
         )
 

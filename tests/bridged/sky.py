@@ -64,10 +64,6 @@ class VirtualClock(Clock):
         while self.time < until:
             await asyncio.sleep(0)
 
-    def stamp(self) -> int:
-        """Unix nanoseconds, counted from the start of the test."""
-        return int(self.wall() * 1e9)
-
 
 class Sky:
     """One vehicle, one bridge, and the air between them."""

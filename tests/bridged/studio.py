@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -68,7 +67,7 @@ async def in_the_studio(
 ) -> AsyncIterator[Studio]:
     """Yield a studio whose daemon serves; it leaves at the end without an error."""
     declared = mission or load_mission(MISSIONS / "turtle.yaml")
-    bus = partial(open_bus, endpoint, fleet=declared.fleet, daemon="agentd", stamp=time.time_ns, patience=10)
+    bus = partial(open_bus, endpoint, fleet=declared.fleet, daemon="agentd", patience=10)
     async with bus(name="board", mode="router"), bus(name="agent", mode="client") as client:
         studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
         arguments = command_line(endpoint, state, studio.robot, simulated=True)

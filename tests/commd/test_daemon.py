@@ -148,7 +148,7 @@ def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str) -> None:
     async def body() -> float:
         with running("commd", "serve", MISSION, "--router", endpoint) as commd:
             await asyncio.to_thread(commd.says, "router board=local")
-            async with open_bus(endpoint, fleet=FLEET, name="uav", daemon="agentd", stamp=time.time_ns) as bus:
+            async with open_bus(endpoint, fleet=FLEET, name="uav", daemon="agentd") as bus:
                 await bus.claim("uav")
                 commd.signal(signal.SIGSTOP)
                 await until(lambda: not bus.router_up, "the router is missed")
@@ -168,7 +168,7 @@ def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
         opened.close()
 
     async def body() -> None:
-        async with open_bus(endpoint, fleet=FLEET, name="b", daemon="commd", stamp=time.time_ns, mode="router"):
+        async with open_bus(endpoint, fleet=FLEET, name="b", daemon="commd", mode="router"):
             monkeypatch.setattr(session, "_close", close)
             monkeypatch.setattr(session, "CLOSE_PATIENCE", 0.1)
 
@@ -293,7 +293,7 @@ async def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_s
         try:
             async with (
                 asyncio.timeout(240),
-                open_bus(endpoint, fleet=mission.fleet, name="uav", daemon="agentd", stamp=time.time_ns) as bus,
+                open_bus(endpoint, fleet=mission.fleet, name="uav", daemon="agentd") as bus,
             ):
                 await body(bus)
         finally:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -77,10 +76,7 @@ class MailBoards:
     @asynccontextmanager
     async def bus(self, board: str = "pi1") -> AsyncIterator[Bus]:
         """A session of nobody in particular, which notes the health of all commd."""
-        stamp = time.time_ns
-        async with open_bus(
-            self.endpoints[board], fleet=FLEET, name="test", daemon="test", stamp=stamp, patience=30
-        ) as bus:
+        async with open_bus(self.endpoints[board], fleet=FLEET, name="test", daemon="test", patience=30) as bus:
             bus.subscribe(keys.health(FLEET, "*", "commd"), Health, self._note)
             yield bus
 

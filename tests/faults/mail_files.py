@@ -6,7 +6,6 @@ import asyncio
 import random
 import shutil
 import sqlite3
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -77,7 +76,7 @@ def _keep(endpoint: str) -> None:
         def heard(key: str, health: Health) -> None:
             saved.update(name for name, its in each_health(key, health) if its.counters.get("kept_saved"))
 
-        async with open_bus(endpoint, fleet=FLEET, name="observer", daemon="test", stamp=time.time_ns) as bus:
+        async with open_bus(endpoint, fleet=FLEET, name="observer", daemon="test") as bus:
             bus.subscribe(keys.health(FLEET, "*", "agentd"), Health, heard)
             await until(lambda: len(saved) == 2, "both minds are on disk")
 

@@ -81,7 +81,7 @@ async def _operator(fleet: Secured, secured: bool) -> AsyncIterator[Bus]:
             yield bus
         return
     async with open_bus(
-        fleet.socket("pi1"), fleet=fleet.mission.fleet, name="ops", daemon="argosy", stamp=time.time_ns, patience=5
+        fleet.socket("pi1"), fleet=fleet.mission.fleet, name="ops", daemon="argosy", patience=5
     ) as alone:
         yield alone
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-import time
 
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
@@ -18,7 +17,7 @@ from schemas.wire.mind_records import MindView
 async def ask(endpoint: str, fleet: str, agent: str) -> str:
     """Return in words what the agent says."""
     try:
-        async with open_bus(endpoint, fleet=fleet, name="asks", daemon="test", stamp=time.time_ns, patience=2.0) as bus:
+        async with open_bus(endpoint, fleet=fleet, name="asks", daemon="test", patience=2.0) as bus:
             async for reply in bus.query(keys.mind(fleet, agent), None, MindView, 2.0):
                 if reply.record is None:
                     return reply.error

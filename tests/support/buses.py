@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from inspect import Parameter, Signature, signature
@@ -35,7 +34,7 @@ def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]]
                 name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
             ) -> Bus:
                 bus = await stack.enter_async_context(
-                    open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
+                    open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode)
                 )
                 await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
                 return bus
@@ -124,7 +123,7 @@ async def session(
     """A session of its own, for tests with several routers; a client has seen its router then."""
     mode: Literal["client", "router"] = "router" if router else "client"
     async with open_bus(
-        endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode, listen=listen, connect=connect
+        endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode, listen=listen, connect=connect
     ) as bus:
         await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
         yield bus

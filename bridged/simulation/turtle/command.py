@@ -6,7 +6,6 @@ import argparse
 import asyncio
 import logging
 import sys
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -133,9 +132,7 @@ async def simulate(
 
     `started` is called when its keys are there. Raises BusClosed if the router does not come before the stop.
     """
-    async with open_bus(
-        endpoint, fleet="simulation", name=prefix.strip("/"), daemon="turtle", stamp=time.time_ns, stop=stop
-    ) as bus:
+    async with open_bus(endpoint, fleet="simulation", name=prefix.strip("/"), daemon="turtle", stop=stop) as bus:
         keys = TurtleKeys(turtle, bus.raw, prefix)
         started()
         loop = asyncio.get_running_loop()

@@ -75,7 +75,7 @@ class Camera:
 async def publish_sightings(camera: Camera, router: str, key: str, stop: asyncio.Event) -> None:
     """Put each sighting on `key` until `stop`. Raises BusClosed if the router does not come before the stop."""
     name = key.replace("/", ".")
-    async with open_bus(router, fleet="simulation", name=name, daemon="camera", stamp=time.time_ns, stop=stop) as bus:
+    async with open_bus(router, fleet="simulation", name=name, daemon="camera", stop=stop) as bus:
         publisher = bus.raw.publisher(key)
         while not stop.is_set():
             for sighting in camera.sightings(time.monotonic()):

@@ -302,7 +302,7 @@ def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Pat
         raise AssertionError("nobody shows its mind")
 
     async def talk() -> None:
-        async with open_bus(endpoint, fleet="two", name="op", daemon="test", stamp=time.time_ns) as bus:
+        async with open_bus(endpoint, fleet="two", name="op", daemon="test") as bus:
             await served(bus, keys.control("two", "ana"))
             await served(bus, keys.control("two", "bob"))
             assert (await order(bus, "ana", "pause", fleet="two")).ok

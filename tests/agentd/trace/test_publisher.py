@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import time
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -283,8 +282,7 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
     (tmp_path / "a.asl").write_text(MAKES + "+!extra : told(X) <- .print(extra, X).\n")
 
     async def record(stack: ExitStack) -> dict[str, Recorder]:
-        stamp = time.time_ns
-        async with open_bus(endpoint, fleet="one", name="recorder", daemon="tool", stamp=stamp) as bus:
+        async with open_bus(endpoint, fleet="one", name="recorder", daemon="tool") as bus:
             recorders = {name: Recorder(bus, name) for name in ("a", "kid", "helper", "twin")}
             daemon = stack.enter_context(running("agentd", "serve", path, "--router", endpoint, "--speed", "2"))
             assert await asyncio.to_thread(daemon.ends) == 0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-import time
 from contextlib import AsyncExitStack, suppress
 
 from commd.bus.bus import Bus, Query, open_bus
@@ -102,9 +101,7 @@ async def crowd(router: str, agents: int) -> None:
     """Be so many agents until the process is ended."""
     async with AsyncExitStack() as stack:
         buses = [
-            await stack.enter_async_context(
-                open_bus(router, fleet=FLEET, name=f"crowd{one}", daemon="crowd", stamp=time.time_ns)
-            )
+            await stack.enter_async_context(open_bus(router, fleet=FLEET, name=f"crowd{one}", daemon="crowd"))
             for one in range(max(1, agents // 10))
         ]
         board = buses[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from contextlib import AsyncExitStack
 
 from argosy.fleet_model.mission_clock import steady_clock
@@ -18,7 +17,7 @@ from tests.support.buses import async_test, session, until
 
 
 async def _observer(stack: AsyncExitStack, endpoint: str) -> Bus:
-    opening = open_bus(endpoint, fleet="operator", name="operator", daemon="argosy", stamp=time.time_ns)
+    opening = open_bus(endpoint, fleet="operator", name="operator", daemon="argosy")
     return await stack.enter_async_context(opening)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-import time
 from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
@@ -57,9 +56,7 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
             until_home=False,
             logs=None,
         )
-        async with open_bus(
-            endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"
-        ) as bus:
+        async with open_bus(endpoint, fleet="pond", name="board", daemon="commd", mode="router") as bus:
             bridge = asyncio.create_task(serve(read_mission(MISSION, folder / "pond.yaml"), args, stop))
             await until(lambda: bridges(bus, "pond"), "the bridge serves")
             ready.set()

@@ -54,7 +54,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     folder, endpoint, told = tmp_path_factory.mktemp("done"), f"tcp/127.0.0.1:{free_port()}", list[RunState]()
 
     async def listen() -> None:
-        async with open_bus(endpoint, fleet="single-uav", name="ears", daemon="argosy", stamp=time.time_ns) as bus:
+        async with open_bus(endpoint, fleet="single-uav", name="ears", daemon="argosy") as bus:
             bus.subscribe(keys.run("single-uav", "*"), RunState, lambda key, state: told.append(state))
             await until(lambda: bool(told) and told[-1].phase in ("done", "failed"), "the run ends", 240)
 

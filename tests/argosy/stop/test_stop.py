@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import re
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
@@ -49,7 +48,6 @@ def fleet(endpoint: str, **bridges: Outcome | None) -> Iterator[list[tuple[str, 
                         fleet="sar",
                         name=name,
                         daemon="commd" if name == "board" else "bridged",
-                        stamp=time.time_ns,
                         mode="router" if name == "board" else "client",
                     )
                 )
@@ -203,7 +201,7 @@ def _bridges(made: Secured, *robots: str) -> Iterator[list[tuple[str, str]]]:
         async with AsyncExitStack() as stack:
             for robot in robots:
                 at = made.socket(made.mission.robots[robot].board)
-                opened = open_bus(at, fleet="three", name=robot, daemon="bridged", stamp=time.time_ns)
+                opened = open_bus(at, fleet="three", name=robot, daemon="bridged")
                 await _bridge(await stack.enter_async_context(opened), robot, Outcome(ok=True), orders)
             ready.set()
             await asyncio.to_thread(stop.wait)

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from typing import Any, cast
 
@@ -47,8 +46,8 @@ def talking(endpoint: str, say: Callable[[Bus], Coroutine[Any, Any, None]], wire
 
     async def serve() -> None:
         async with (
-            open_bus(endpoint, fleet="sar", name="b", daemon="commd", stamp=time.time_ns, mode="router"),
-            open_bus(endpoint, fleet="sar", name="uav1", daemon="bridged", stamp=time.time_ns, wire=wire) as bus,
+            open_bus(endpoint, fleet="sar", name="b", daemon="commd", mode="router"),
+            open_bus(endpoint, fleet="sar", name="uav1", daemon="bridged", wire=wire) as bus,
         ):
             await bus.claim("uav1")
             ready.set()

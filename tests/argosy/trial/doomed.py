@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-import time
 
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire.records import Action, ActionStatus
@@ -27,7 +26,7 @@ def serve_forever(bus: Bus) -> None:
 
 async def main(endpoint: str) -> None:
     """Do it until killed."""
-    async with open_bus(endpoint, fleet=FLEET, name="doomed", daemon="agentd", stamp=time.time_ns) as bus:
+    async with open_bus(endpoint, fleet=FLEET, name="doomed", daemon="agentd") as bus:
         serve_forever(bus)
         print("ready", flush=True)
         await asyncio.Event().wait()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any, Literal, TypeVar
@@ -42,7 +41,7 @@ class Stage:
         self, name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client", **options: Any
     ) -> AbstractAsyncContextManager[Bus]:
         """Return a session that the scenario itself opens and closes."""
-        return open_bus(self.endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode, **options)
+        return open_bus(self.endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode, **options)
 
     async def start_router(self) -> None:
         """Start the router."""

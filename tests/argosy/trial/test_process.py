@@ -6,7 +6,6 @@ import asyncio
 import fcntl
 import gc
 import signal
-import time
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
@@ -176,15 +175,13 @@ def test_a_killed_process_leaves_the_bus_its_addresses_and_its_locks(trial: Tria
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         present.locks.append(file.fileno())
         await trial.loop.create_datagram_endpoint(asyncio.DatagramProtocol, local_addr=PLACE)
-        async with open_bus("tcp/r", fleet="test", name="a", daemon="agentd", stamp=time.time_ns) as bus:
+        async with open_bus("tcp/r", fleet="test", name="a", daemon="agentd") as bus:
             bus.token("argosy/test/a")
             served.append("begun")
             return await forever()
 
     async def play() -> None:
-        async with open_bus(
-            "tcp/r", fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router"
-        ) as router:
+        async with open_bus("tcp/r", fleet="test", name="board", daemon="commd", mode="router") as router:
             process = await trial.start(main)
             assert await router.tokens("argosy/**") == ["argosy/test/a"]
             with lock.open() as other, pytest.raises(BlockingIOError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
@@ -100,7 +99,7 @@ class Agent:
 @asynccontextmanager
 async def router(endpoint: str) -> AsyncIterator[Bus]:
     """A router of the fleet."""
-    async with open_bus(endpoint, fleet=FLEET, name="board", daemon="commd", stamp=time.time_ns, mode="router") as bus:
+    async with open_bus(endpoint, fleet=FLEET, name="board", daemon="commd", mode="router") as bus:
         yield bus
 
 
@@ -113,7 +112,7 @@ async def fleet(
         await stack.enter_async_context(router(endpoint))
 
         async def client(name: str, daemon: str) -> Bus:
-            opened = open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns)
+            opened = open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon)
             bus = await stack.enter_async_context(opened)
             await until(lambda: bus.router_up, "the router is there")
             return bus

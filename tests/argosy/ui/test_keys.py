@@ -34,7 +34,7 @@ async def page_of(made: Secured, who: str) -> AsyncIterator[tuple[Browser, Feed,
     place = where(Namespace(mission=str(made.path), fleet=None, router=None, keys=made.keys(who)))
     assert place.tls is not None
     async with AsyncExitStack() as stack:
-        opened = open_bus(made.socket("pi1"), fleet="three", name="r1", daemon="bridged", stamp=time.time_ns)
+        opened = open_bus(made.socket("pi1"), fleet="three", name="r1", daemon="bridged")
         robot = Robot(await stack.enter_async_context(opened), "r1", "a", Outcome(ok=True), fleet="three")
         identity = identity_of(place.tls, time.time()).name
         browser = await stack.enter_async_context(served(place, made.mission, identity=identity))

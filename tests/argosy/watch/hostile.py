@@ -64,7 +64,7 @@ def saying(*arguments: str) -> AbstractContextManager[None]:
 async def serve(router: str) -> None:
     """Say it until the process is ended."""
     mode = "router" if OPEN else "client"
-    async with open_bus(router, fleet=FLEET, name="h", daemon="agentd", stamp=time.time_ns, mode=mode) as bus:
+    async with open_bus(router, fleet=FLEET, name="h", daemon="agentd", mode=mode) as bus:
         for name, daemon in ((AGENT, "agentd"), (ROBOT, "bridged"), ("pi1", "commd"), (f"bad{IN_KEY}name", "agentd")):
             bus.token(keys.alive(FLEET, name, daemon, "b"))
         bus.token(keys.alive(f"other{IN_KEY}", "scout", "agentd", "b"))

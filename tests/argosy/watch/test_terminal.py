@@ -22,7 +22,7 @@ ROUTER = """
 import asyncio, sys, time
 from commd.bus.bus import open_bus
 async def serve():
-    async with open_bus(sys.argv[1], fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
+    async with open_bus(sys.argv[1], fleet="crowd", name="board", daemon="commd", mode="router"):
         print("there", flush=True)
         await asyncio.sleep(600)
 asyncio.run(serve())

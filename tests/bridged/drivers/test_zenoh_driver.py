@@ -409,4 +409,4 @@ async def test_a_router_that_is_away_is_named(endpoint: str) -> None:
 
 
 def _bus(endpoint: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
-    return open_bus(endpoint, fleet="test", name=mode, daemon="lamp", stamp=time.time_ns, mode=mode)
+    return open_bus(endpoint, fleet="test", name=mode, daemon="lamp", mode=mode)

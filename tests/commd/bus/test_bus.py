@@ -67,7 +67,7 @@ async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon
     who = {"fleet": "test", "name": "pi", "daemon": "commd", "mode": "router", "stop": stop}
     config = zenoh.Config.from_json5(long)
     with pytest.raises(BusClosed, match=r"Zenoh does not open a session for tcp/127\.0\.0\.1:0"):
-        async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
+        async with open_bus("tcp/127.0.0.1:0", config=config, **who):
             pass
 
 
@@ -198,12 +198,8 @@ async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its
     endpoint: str,
 ) -> None:
     async with AsyncExitStack() as router, AsyncExitStack() as client:
-        await router.enter_async_context(
-            open_bus(endpoint, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
-        )
-        bus = await client.enter_async_context(
-            open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
-        )
+        await router.enter_async_context(open_bus(endpoint, fleet="test", name="board", daemon="commd", mode="router"))
+        bus = await client.enter_async_context(open_bus(endpoint, fleet="test", name="uav", daemon="agentd"))
         await until(lambda: bus.router_up, "the router is seen")
         session, bus._session = bus._session, (hung := Mock())
         replies = bus.query("argosy/test/a", None, ActionStatus, 3600)
@@ -306,7 +302,7 @@ async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_st
 ) -> None:
     monkeypatch.setattr("commd.bus.session.STARTS_WITHIN", starts_within)
     with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
-        async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.3):
+        async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", patience=0.3):
             pass
     assert caplog.text.count("waiting for the router") == logged
 

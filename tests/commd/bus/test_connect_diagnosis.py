@@ -49,7 +49,6 @@ async def router(free_port: Port, tls: Tls, *, at: str = "", dials: str = "", na
         fleet="test",
         name=name,
         daemon="commd",
-        stamp=time.time_ns,
         mode="router",
         listen=[at] if at else [],
         connect=[dials] if dials else [],
@@ -102,7 +101,7 @@ async def test_who_has_no_good_keys_does_not_come_in_and_is_told_why(
         assert not await asyncio.to_thread(comes_in, at, tls)
         assert words in await why_not(at, tls)
         with pytest.raises(BusClosed, match=r"no router at tls/.*: ") as error:
-            async with open_bus(at, fleet="test", name="x", daemon="x", stamp=time.time_ns, tls=tls, patience=0):
+            async with open_bus(at, fleet="test", name="x", daemon="x", tls=tls, patience=0):
                 raise AssertionError("came in")
         assert words in str(error.value)
         good = fleet.make("pi2")
@@ -132,7 +131,7 @@ async def test_what_answers_as_no_router_does_is_named(free_port: Port) -> None:
     async with server:
         assert await why_not(f"tcp/127.0.0.1:{port}", None) == "what listens there is no Zenoh router"
     at = f"tcp/127.0.0.1:{free_port()}"
-    async with open_bus(at, fleet="test", name="pi1", daemon="commd", stamp=time.time_ns, mode="router"):
+    async with open_bus(at, fleet="test", name="pi1", daemon="commd", mode="router"):
         with socket.create_connection(("127.0.0.1", int(at.rpartition(":")[2])), 2) as connection:
             connection.settimeout(60)
             connection.sendall(connect_diagnosis.EMPTY_FRAME)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from pathlib import Path
 
 from commd.bus.bus import open_bus
@@ -25,7 +24,7 @@ async def test_mail_flows_through_a_router_that_somebody_else_runs(tmp_path: Pat
     path.write_text(MISSION.format(endpoint=endpoint))
     (tmp_path / "a.asl").write_text("!start.\n+!start : peer(P) <- .send(P, tell, hello).\n")
     (tmp_path / "b.asl").write_text('+hello[source(A)] <- .print("hello from ", A).\n')
-    async with open_bus(endpoint, fleet="x", name="router", daemon="zenohd", stamp=time.time_ns, mode="router"):
+    async with open_bus(endpoint, fleet="x", name="router", daemon="zenohd", mode="router"):
         with running("commd", "serve", str(path)) as commd, running("agentd", "serve", str(path)) as agents:
             await asyncio.to_thread(agents.says, "[b] hello from a")
             await asyncio.to_thread(commd.says, "client board=local")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any
 
@@ -65,10 +64,10 @@ def test_declared_keys_outlive_their_router(endpoint: str) -> None:
                 await until(lambda: got[-5:] == of_late[-5:], "the others hear the same")
 
     def router(at: str) -> AbstractAsyncContextManager[Bus]:
-        return open_bus(at, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+        return open_bus(at, fleet="test", name="board", daemon="commd", mode="router")
 
     def client(name: str) -> AbstractAsyncContextManager[Bus]:
-        return open_bus(endpoint, fleet="test", name=name, daemon="agentd", stamp=time.time_ns)
+        return open_bus(endpoint, fleet="test", name=name, daemon="agentd")
 
     def heard(bus: Bus) -> list[Any]:
         got: list[Any] = []

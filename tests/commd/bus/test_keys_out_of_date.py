@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -49,9 +48,7 @@ def test_the_board_goes_on_alone_and_all_are_told_why(made: timedelta, ends: tim
                 notes = found[-1].notes if found else ()
                 return any(note.code == "link_missing" and note.about != "pi3" for note in notes)
 
-            async with open_bus(
-                fleet.socket(board), fleet="three", name="x", daemon="agentd", stamp=time.time_ns, patience=10
-            ) as bus:
+            async with open_bus(fleet.socket(board), fleet="three", name="x", daemon="agentd", patience=10) as bus:
                 bus.subscribe(keys.health("three", board, "commd"), Health, lambda _, one: found.append(one))
                 await until(missed, f"{board} misses a link")
                 return found[-1]

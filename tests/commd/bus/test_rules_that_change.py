@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 
 import pytest
 
@@ -42,9 +41,7 @@ def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back
 
     async def body(fleet: Secured) -> None:
         router = start(fleet, "")
-        async with open_bus(
-            fleet.socket("pi1"), fleet=NAME, name="a", daemon="agentd", stamp=time.time_ns, patience=10
-        ) as bus:
+        async with open_bus(fleet.socket("pi1"), fleet=NAME, name="a", daemon="agentd", patience=10) as bus:
             bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
             await bus.permitted()
             await until(lambda: not bus.access.note, "it is allowed")

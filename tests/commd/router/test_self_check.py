@@ -7,6 +7,7 @@ import time
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -23,7 +24,7 @@ AHEAD = 3600.0
 
 
 async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
-    """Two boards, the routers of which are linked; the clock of the second is an hour ahead."""
+    """Two boards, the routers of which are linked."""
     link = f"tcp/127.0.0.1:{free_port()}"
 
     def router(name: str, **links: list[str]) -> AbstractAsyncContextManager[Bus]:
@@ -31,7 +32,6 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
 
     one = await stack.enter_async_context(router("pi1", listen=[link]))
     two = await stack.enter_async_context(router("pi2", connect=[link]))
-    two.stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
     for bus, name in ((one, "pi1"), (two, "pi2")):
         SelfCheck(bus, name, ["pi1", "pi2"], folder)
     for bus, other in ((one, "pi2"), (two, "pi1")):
@@ -49,7 +49,11 @@ async def answered(bus: Bus, board: str) -> bool:
 
 
 @async_test
-async def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path: Path) -> None:
+async def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimpleNamespace(time_ns=lambda: time.time_ns() + int(AHEAD * 1e9))
+    monkeypatch.setattr(self_check, "time", clock)  # of the board that measures
     async with asyncio.timeout(240), AsyncExitStack() as stack:
         one, _ = await pair(stack, tmp_path)
         report = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(links=True), BoardReport, 20)

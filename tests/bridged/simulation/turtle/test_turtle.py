@@ -6,7 +6,6 @@ import asyncio
 import json
 import math
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -272,7 +271,7 @@ async def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_s
 
 def test_as_a_process_it_ends_when_it_is_told_and_leaves_its_drawing(endpoint: str, tmp_path: Path) -> None:
     async def draw(process: Any) -> None:
-        async with open_bus(endpoint, fleet="t", name="b", daemon="commd", stamp=time.time_ns, mode="router") as bus:
+        async with open_bus(endpoint, fleet="t", name="b", daemon="commd", mode="router") as bus:
             await asyncio.to_thread(process.says, "simulated turtle on zoo/leo/*")
             poses: list[Sample] = []
             bus.raw.subscribe("zoo/leo/pose", poses.append)
