@@ -49,7 +49,7 @@ def to_wire(term: Any) -> wire.Term:
     if kind is float or kind is str:  # most arguments of actions
         return wire.number(term) if kind is float else term
     try:
-        return _ToWire().term(term, 0)
+        return _to_wire(term, 0, ToSyntax(MAX_DEPTH))
     except NoSyntax as bad:
         raise BadTerm(str(bad)) from None
     except RecursionError:  # code that holds code that holds code ...
@@ -61,7 +61,7 @@ def from_wire(term: wire.Term) -> Any:
     kind = type(term)
     if kind is float or kind is str:  # most values of percepts
         return term
-    return float(term) if kind is int else _FromWire().term(term)  # type: ignore[arg-type]
+    return float(term) if kind is int else _from_wire(term, {})  # type: ignore[arg-type]
 
 
 def perceived(perception: Perception) -> Literal:
@@ -78,136 +78,134 @@ def _belief(name: str, arity: int) -> Signature:
     return signature(name, arity)
 
 
-class _ToWire:
-    """Converts one message; different variables get different names."""
+def _to_wire(term: Any, depth: int, syntax: ToSyntax) -> wire.Term:
+    """Convert a term that is `depth` levels deep in the message, 0 to `MAX_DEPTH`. Raises BadTerm.
 
-    def __init__(self) -> None:
-        self._syntax = ToSyntax(MAX_DEPTH)
+    `syntax` gives different variables of the message different names.
+    """
+    if depth > MAX_DEPTH:
+        raise BadTerm(f"nested deeper than {MAX_DEPTH}")
+    syntax.count()
+    term = deref(term)
+    match term:
+        case float():
+            return wire.number(term)
+        case str():
+            return term
+        case Literal():
+            return _literal(term, depth, syntax)
+        case Var():
+            return wire.Variable(syntax.names.of(term))
+        case List():
+            items, tail = split(term)
+            sent = [_to_wire(item, depth + 1, syntax) for item in items]
+            closed = type(tail) is List
+            return sent if closed else wire.OpenList(tuple(sent), _to_wire(tail, depth + 1, syntax))
+        case Code():
+            return _code(term, syntax)
+        case Expression() | Open():
+            return _expression(term, depth, syntax)
+        case Collection():
+            return _collection(term, depth, syntax)
+    raise BadTerm(f"a {type(term).__name__} cannot be sent")
 
-    def term(self, term: Any, depth: int) -> wire.Term:
-        """Convert a term that is `depth` levels deep in the message, 0 to `MAX_DEPTH`. Raises BadTerm."""
-        if depth > MAX_DEPTH:
-            raise BadTerm(f"nested deeper than {MAX_DEPTH}")
-        self._syntax.count()
-        term = deref(term)
-        match term:
-            case float():
-                return wire.number(term)
-            case str():
-                return term
-            case Literal():
-                return self._literal(term, depth)
-            case Var():
-                return wire.Variable(self._syntax.names.of(term))
-            case List():
-                items, tail = split(term)
-                sent = [self.term(item, depth + 1) for item in items]
-                closed = type(tail) is List
-                return sent if closed else wire.OpenList(tuple(sent), self.term(tail, depth + 1))
-            case Code():
-                return self._code(term)
-            case Expression() | Open():
-                return self._expression(term, depth)
-            case Collection():
-                return self._collection(term, depth)
-        raise BadTerm(f"a {type(term).__name__} cannot be sent")
 
-    def _several(self, terms: tuple[Any, ...], depth: int) -> tuple[wire.Term, ...]:
-        return tuple(self.term(term, depth + 1) for term in terms if type(term) is not Rest)
+def _several(terms: tuple[Any, ...], depth: int, syntax: ToSyntax) -> tuple[wire.Term, ...]:
+    return tuple(_to_wire(term, depth + 1, syntax) for term in terms if type(term) is not Rest)
 
-    def _literal(self, term: Literal, depth: int) -> wire.Term:
-        sig = term.sig
-        annotations = self._several(term.annots, depth)  # what is left of a tail without value is nothing
-        if not (term.args or annotations or sig.negated) and sig.namespace == DEFAULT:
-            return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
-        return wire.Structure(
-            sig.functor,
-            self._several(term.args, depth),
-            annotations,
-            sig.negated,
-            "" if sig.namespace == DEFAULT else sig.namespace,
+
+def _literal(term: Literal, depth: int, syntax: ToSyntax) -> wire.Term:
+    sig = term.sig
+    annotations = _several(term.annots, depth, syntax)  # what is left of a tail without value is nothing
+    if not (term.args or annotations or sig.negated) and sig.namespace == DEFAULT:
+        return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
+    return wire.Structure(
+        sig.functor,
+        _several(term.args, depth, syntax),
+        annotations,
+        sig.negated,
+        "" if sig.namespace == DEFAULT else sig.namespace,
+    )
+
+
+def _expression(term: Expression | Open, depth: int, syntax: ToSyntax) -> wire.Term:
+    if isinstance(term, Open) and term.literal is None and isinstance(deref(term.variable), Var):
+        return wire.Variable(
+            syntax.names.of(deref(term.variable)),
+            _several(term.annots or (), depth, syntax),
+            term.negated,
+            term.namespace if isinstance(term.namespace, str) else "",
         )
-
-    def _expression(self, term: Expression | Open, depth: int) -> wire.Term:
-        if isinstance(term, Open) and term.literal is None and isinstance(deref(term.variable), Var):
-            return wire.Variable(
-                self._syntax.names.of(deref(term.variable)),
-                self._several(term.annots or (), depth),
-                term.negated,
-                term.namespace if isinstance(term.namespace, str) else "",
-            )
-        text = source_text(self._syntax.term(term, depth))
-        return wire.Source("expression", text if text.startswith("(") else f"({text})")
-
-    def _code(self, term: Code) -> wire.Term:
-        node = self._syntax.code(term.syntax, term.values)
-        match node:
-            case nodes.Plan():
-                return wire.Source("plan", source_text(nodes.PlanTerm(node)))
-            case nodes.Trigger():
-                return wire.Source("trigger", source_text(nodes.TriggerTerm(node)))
-            case nodes.Rule():
-                return wire.Source("rule", source_text(nodes.RuleTerm(node)))
-            case nodes.Body():
-                return wire.Source("body", source_text(nodes.BodyTerm(node)))
-        raise BadTerm(f"a {type(node).__name__} cannot be sent")
-
-    def _collection(self, term: Collection, depth: int) -> wire.Term:
-        if term.kind == "map":
-            pairs = ((self.term(key, depth + 1), self.term(value, depth + 1)) for key, value in term.content.items())
-            return wire.Map(tuple(pairs))
-        items = self._several(tuple(term.content), depth)
-        return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
+    text = source_text(syntax.term(term, depth))
+    return wire.Source("expression", text if text.startswith("(") else f"({text})")
 
 
-class _FromWire:
-    """Converts one term; its variables are shared by name within it."""
+def _code(term: Code, syntax: ToSyntax) -> wire.Term:
+    node = syntax.code(term.syntax, term.values)
+    match node:
+        case nodes.Plan():
+            return wire.Source("plan", source_text(nodes.PlanTerm(node)))
+        case nodes.Trigger():
+            return wire.Source("trigger", source_text(nodes.TriggerTerm(node)))
+        case nodes.Rule():
+            return wire.Source("rule", source_text(nodes.RuleTerm(node)))
+        case nodes.Body():
+            return wire.Source("body", source_text(nodes.BodyTerm(node)))
+    raise BadTerm(f"a {type(node).__name__} cannot be sent")
 
-    def __init__(self) -> None:
-        self._values: dict[str, Any] = {}
 
-    def term(self, term: wire.Term) -> Any:
-        """Return the term of the mind for one of the wire."""
-        match term:
-            case bool():
-                return atom("true" if term else "false")
-            case int() | float():
-                return float(term)
-            case str():
-                return term
-            case list():
-                return make_list(map(self.term, term))
-            case wire.Atom(name=name):
-                return atom(name)
-            case wire.Number(text=text):
-                return float(text)
-            case wire.Structure():
-                sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
-                return Literal(sig, tuple(map(self.term, term.args)), sorted_annots(map(self.term, term.annotations)))
-            case wire.Variable():
-                return self._variable(term)
-            case wire.OpenList(items=items, tail=tail):
-                return make_list([self.term(item) for item in items], self.term(tail))
-            case wire.Source():
-                return self._source(term)
-            case wire.Map(entries=entries):
-                return Collection("map", {self.term(key): self.term(value) for key, value in entries})
-            case wire.Set(items=items):
-                return Collection("set", list(map(self.term, items)))
-            case wire.Queue(items=items, priority=priority):
-                return Collection("priority" if priority else "queue", list(map(self.term, items)))
+def _collection(term: Collection, depth: int, syntax: ToSyntax) -> wire.Term:
+    if term.kind == "map":
+        return wire.Map(tuple(_several(pair, depth, syntax) for pair in term.content.items()))  # type: ignore[misc]
+    items = _several(tuple(term.content), depth, syntax)
+    return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
 
-    def _variable(self, term: wire.Variable) -> Any:
-        variable = Var(term.name) if term.name.startswith("_") else self._values.setdefault(term.name, Var(term.name))
-        if not (term.annotations or term.negated or term.namespace):
-            return variable
-        noted = tuple(map(self.term, term.annotations)) if term.annotations else None
-        return Open(variable, noted, term.negated, term.namespace or None)
 
-    def _source(self, term: wire.Source) -> Any:
-        try:
-            return instantiate(parse_term(term.text, "<message>"), self._values)
-        except SyntaxErrors as errors:
-            raise BadTerm(f"`{term.text}`: {errors.findings[0].message}") from None
-        except RecursionError:
-            raise BadTerm("nested too deeply") from None
+def _from_wire(term: wire.Term, values: dict[str, Any]) -> Any:
+    """Return the term of the mind for one of the wire; `values` has the variables of the whole, by name."""
+    match term:
+        case bool():
+            return atom("true" if term else "false")
+        case int() | float():
+            return float(term)
+        case str():
+            return term
+        case list():
+            return make_list([_from_wire(one, values) for one in term])
+        case wire.Atom(name=name):
+            return atom(name)
+        case wire.Number(text=text):
+            return float(text)
+        case wire.Structure():
+            sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
+            args = tuple([_from_wire(one, values) for one in term.args])
+            return Literal(sig, args, sorted_annots([_from_wire(one, values) for one in term.annotations]))
+        case wire.Variable():
+            return _variable(term, values)
+        case wire.OpenList(items=items, tail=tail):
+            return make_list([_from_wire(item, values) for item in items], _from_wire(tail, values))
+        case wire.Source():
+            return _source(term, values)
+        case wire.Map(entries=entries):
+            return Collection("map", {_from_wire(key, values): _from_wire(value, values) for key, value in entries})
+        case wire.Set(items=items):
+            return Collection("set", [_from_wire(one, values) for one in items])
+        case wire.Queue(items=items, priority=priority):
+            return Collection("priority" if priority else "queue", [_from_wire(one, values) for one in items])
+
+
+def _variable(term: wire.Variable, values: dict[str, Any]) -> Any:
+    variable = Var(term.name) if term.name.startswith("_") else values.setdefault(term.name, Var(term.name))
+    if not (term.annotations or term.negated or term.namespace):
+        return variable
+    noted = tuple([_from_wire(one, values) for one in term.annotations]) if term.annotations else None
+    return Open(variable, noted, term.negated, term.namespace or None)
+
+
+def _source(term: wire.Source, values: dict[str, Any]) -> Any:
+    try:
+        return instantiate(parse_term(term.text, "<message>"), values)
+    except SyntaxErrors as errors:
+        raise BadTerm(f"`{term.text}`: {errors.findings[0].message}") from None
+    except RecursionError:
+        raise BadTerm("nested too deeply") from None

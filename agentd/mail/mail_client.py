@@ -10,6 +10,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from msgspec.structs import replace
 
@@ -61,7 +62,7 @@ class AgentInbox(ReceiveOnce):
         """The callables are those of `ReceiveOnce`."""
         self.near = 0
         """Messages of other agents of the daemon that wait, or are about to."""
-        self._waiting: deque[tuple[Numbered, int, NearMessage | None]] = deque()
+        self.waiting: deque[tuple[Numbered, int, NearMessage | None]] = deque()
         """The messages in the mind's mailbox, in its order; number 0: one without a number."""
         self._absorbed: dict[Numbered, int] = {}
         """The last numbers that the mind has taken and that no save holds."""
@@ -82,9 +83,6 @@ class AgentInbox(ReceiveOnce):
         super().restore(done)
         self._by_commd |= done.keys()
 
-    def _handed_over(self, whose: Numbered, seq: int) -> None:
-        self._waiting.append((whose, seq, None))
-
     def expect(self, progress: Progress, seq: int) -> None:
         """Note that the next message of a numbering will be handed over by its sender."""
         progress.arrived = progress.handed = progress.done = seq
@@ -92,7 +90,7 @@ class AgentInbox(ReceiveOnce):
 
     def take(self, message: NearMessage) -> None:
         """Note that an expected message was put into the mind's mailbox."""
-        self._waiting.append((message.whose, message.seq, message))
+        self.waiting.append((message.whose, message.seq, message))
         self._unstored.append(message)
         self.counters["received"] += 1
 
@@ -100,15 +98,15 @@ class AgentInbox(ReceiveOnce):
         """The same for a message that a former life has left in its row; `refused`: the mind does not get it."""
         self.expect(self.of(message.whose), message.seq)
         self._rows = message.number
-        self._waiting.append((message.whose, message.seq, message))
         if refused:
-            self._waiting.pop()
             self.near -= 1
             self._taken.append(message.number)
+        else:
+            self.waiting[-1] = message.whose, message.seq, message
 
     def absorb(self, left: int) -> bool:
         """Note that the mind has `left` messages in its mailbox. Return whether `commd` waits for a save."""
-        waiting = self._waiting
+        waiting = self.waiting
         while len(waiting) > left:
             whose, seq, message = waiting.popleft()
             if message is not None:
@@ -125,9 +123,9 @@ class AgentInbox(ReceiveOnce):
     def taken_last(self, left: int) -> tuple[str, str, int] | None:
         """Return sender, numbering and number of the last message that a mind with `left` messages has taken and that
         no save holds."""
-        place = len(self._waiting) - left - 1
-        if place >= 0 and self._waiting[place][1]:
-            whose, seq, _ = self._waiting[place]
+        place = len(self.waiting) - left - 1
+        if place >= 0 and self.waiting[place][1]:
+            whose, seq, _ = self.waiting[place]
         elif self._absorbed:
             whose, seq = next(reversed(self._absorbed.items()))
         else:
@@ -159,7 +157,7 @@ class AgentInbox(ReceiveOnce):
 
     def left(self) -> list[NearMessage]:
         """Return the messages of other agents of the daemon that the mind has not taken."""
-        return [message for _, _, message in self._waiting if message is not None]
+        return [message for _, _, message in self.waiting if message is not None]
 
 
 _NOBODY = Numbered("", "")
@@ -324,14 +322,11 @@ class MailClient:
         if (sender := self._neighbours.get(message.sender)) is not None:
             sender._undelivered(message, why)
 
-    def tell(self, mail: Mail) -> None:
-        """Give the mind a message that is not from `commd`."""
-        self._feed(mail)
-        self.inbox._handed_over(_NOBODY, 0)
-
-    def _feed(self, mail: Mail) -> None:
+    def tell(self, mail: Mail, whose: Numbered = _NOBODY, seq: int = 0) -> None:
+        """Give the mind a message; one that is not from `commd` has no number."""
         self._directory.met(mail.sender)
         self._runner.feed(mail)
+        self.inbox.waiting.append((whose, seq, None))
 
     def _read(self, message: Message) -> Callable[[], None]:
         # The answer to a question of a former life keeps its whole id: nobody waits for it.
@@ -344,13 +339,12 @@ class MailClient:
             self.counters["bad"] += 1
             log.warning("agent=%s bad_mail sender=%s why=%s", self._agent, message.sender, bad)
             raise MessageRefused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
-        number = message.sender, message.header.boot, message.header.seq
-        poison = self.poison
-        if poison is not None and poison.is_set_aside(number, lambda: event_of(self.mind, message, content)):
+        whose, seq, poison = Numbered(message.sender, message.header.boot), message.header.seq, self.poison
+        if poison is not None and poison.is_set_aside((*whose, seq), lambda: event_of(self.mind, message, content)):
             text = "set aside: the receiver's process has died at it several times"
             raise MessageRefused(Refusal(code="set_aside", text=text))
         mail = Mail(message.sender, message.performative, content, message.id, answered)
-        return lambda: self._feed(mail)
+        return partial(self.tell, mail, whose, seq)
 
     def _missing(self, sender: str, count: int) -> None:
         """Notify the mind that messages of a sender have not arrived."""

@@ -137,12 +137,6 @@ class AgentRows(Struct):
     """Ids of the actions to remove."""
     life: LifeRow | None = None
 
-    def __bool__(self) -> bool:
-        return self != _NOTHING
-
-
-_NOTHING: Final = AgentRows()
-
 
 class LifeRow(NamedTuple):
     """What is different in each life of an agent: a row of the table, without its name."""

@@ -205,7 +205,7 @@ class Checkpointer:
             saving.next_seq |= {one.receiver: one.seq + 1 for one in sent}
             saving.ended += ended
             saving.actions = {one: action for one, action in begun.items() if one not in saving.ended}
-            if saving:
+            if saving != AgentRows():
                 batch.savings[self._agent] = saving
                 batch.members.append(self)
                 batch.soft &= not (sent or absorbed or saving.actions or exposed)

@@ -46,7 +46,6 @@ from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
-from schemas.humanize import escape_line
 from schemas.mission.access_rules import MailRights
 from schemas.wire.mind_records import InitialMind
 from schemas.wire.records import AgentHealth, Note
@@ -326,7 +325,7 @@ class AgentHost:
                 case Print(text=text):
                     self._prints.append(text)
                     for line in text.split("\n"):  # each with the agent's name: none may pass for another agent's
-                        stdout().write(escape_line(line), agent=self.part.name)
+                        stdout().write(line, agent=self.part.name)
                 case Log(level=level):
                     log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
                 case PerformAction():

@@ -18,7 +18,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -478,13 +478,13 @@ class Checkers:
         from agentd.mind.data.inputs import Mail as GivenMail
         from argosy.trial.process import PRESENT
 
-        feed = MailClient._feed
+        tell = MailClient.tell
 
-        def fed(client: MailClient, mail: GivenMail) -> None:
+        def told(client: MailClient, mail: GivenMail, *numbers: Any) -> None:
             self.mail.fed(PRESENT.get(), _Letter(mail.sender, client._agent, mail.msg_id))
-            feed(client, mail)
+            tell(client, mail, *numbers)
 
-        MailClient._feed = fed  # type: ignore[assignment, method-assign]
+        MailClient.tell = told  # type: ignore[assignment, method-assign]
 
 
 def _actions_of(mission: Mission, robot: str) -> dict[str, ActionEntry]:

@@ -29,6 +29,7 @@ import threading
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -69,6 +70,17 @@ class _NoThread:
 
     def join(self, timeout: float | None = None) -> None:
         """Do nothing."""
+
+
+class _Notifying(SimpleQueue[Any]):
+    """A queue that calls `added()` after each `put`."""
+
+    def __init__(self, added: Callable[[], object]) -> None:
+        self._added = added
+
+    def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
+        super().put(item)
+        self._added()
 
 
 class Authority:
@@ -185,9 +197,13 @@ def swap_bus(loop: VirtualLoop) -> Any:
         def __init__(self, *args: Any, **options: Any) -> None:
             super().__init__(*args, **options)
             self._writer = _NoThread()  # type: ignore[assignment]
+            self._waiting = _Notifying(lambda: loop.call_soon(self._write_now))
 
-        def _wake(self) -> None:
-            loop.call_soon(self._work if self._closing else self._write_group)
+        def _write_now(self) -> None:
+            if self._closing:
+                self._work()
+            elif not self._waiting.empty():
+                self._write_group()
 
     store.Store = InlineStore  # type: ignore[misc]
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import AsyncGenerator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -366,22 +366,19 @@ class QuerySession:
             raise
 
 
+@dataclass(eq=False)
 class _Asked(Generic[R]):
     """A query that waits for replies; `heard` and `timeout` as in `QuerySession.ask`."""
 
-    def __init__(
-        self,
-        session: QuerySession,
-        key: str,
-        answer: type[R],
-        timeout: float,
-        heard: Callable[[Reply[R] | None], None],
-    ) -> None:
-        self.token = zenoh.CancellationToken()
-        self.over = False
-        self.late: asyncio.TimerHandle
-        """Ends it without Zenoh."""
-        self._session, self._key, self._answer, self._timeout, self._heard = session, key, answer, timeout, heard
+    _session: QuerySession
+    _key: str
+    _answer: type[R]
+    _timeout: float
+    _heard: Callable[[Reply[R] | None], None]
+    token: zenoh.CancellationToken = field(default_factory=zenoh.CancellationToken)
+    late: asyncio.TimerHandle = field(init=False)
+    """Ends it without Zenoh."""
+    over: bool = False
 
     def arrived(self, reply: zenoh.Reply | None) -> None:
         """Take a reply, None: the end."""

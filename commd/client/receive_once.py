@@ -104,9 +104,6 @@ class ReceiveOnce:
         for whose, seq in done.items():
             self._progress.setdefault(whose.sender, OrderedDict())[whose.numbering] = Progress(seq, seq, seq)
 
-    def _handed_over(self, whose: Numbered, seq: int) -> None:
-        """Act on a message that was handed over; seq 0: one without a number."""
-
     def of(self, whose: Numbered) -> Progress:
         """Return the numbers of a numbering that is used now; the one used longest ago may be forgotten for it."""
         sender, numbering = whose
@@ -166,7 +163,6 @@ class ReceiveOnce:
             else:
                 self._arrived(whose, progress, seq)
                 hand_over()
-                self._handed_over(whose, seq)
                 self.counters["received"] += 1
                 if seq:
                     progress.handed = seq
@@ -184,17 +180,15 @@ class ReceiveOnce:
 
     async def _until_done(self, waits: Sequence[Waiting]) -> list[int]:
         """Wait within bounds until messages are done with. Returns the places of those that are not."""
-        left = waits
+        left = list(waits)
         with suppress(TimeoutError):
             async with asyncio.timeout(self._patience()) as bound:
                 self._bounds.add(bound)
                 try:
-                    while (left := _not_done(left)) and not self._leaving:
+                    while (
+                        left := [one for one in left if one.message.header.seq > one.progress.done]
+                    ) and not self._leaving:
                         await self._changed.wait()
                 finally:
                     self._bounds.discard(bound)
-        return [one.place for one in _not_done(left)]
-
-
-def _not_done(waits: Sequence[Waiting]) -> list[Waiting]:
-    return [one for one in waits if one.message.header.seq > one.progress.done]
+        return [one.place for one in left]

@@ -126,8 +126,8 @@ class MailService:
         if name not in self._hosted:
             fleet = self._bus.fleet
             self._hosted[name] = (
-                self._bus.serve(keys.outbox(fleet, name), Mail, self._post),
-                self._bus.serve(keys.mail(fleet, name, "*"), Mail, self._receive),
+                self._bus.serve(keys.outbox(fleet, name), Mail, partial(self._post, name)),
+                self._bus.serve(keys.mail(fleet, name, "*"), Mail, partial(self._receive, name)),
             )
             if self._tally.messages[name]:
                 self._moving = asyncio.create_task(self._lines_moved())
@@ -185,9 +185,9 @@ class MailService:
         own = all(one.sender in RESERVED for one in messages)
         return await self._write(rows, now, None if own else self._rules.mailbox, also)
 
-    async def _post(self, query: Query[Mail]) -> None:
+    async def _post(self, sender: str, query: Query[Mail]) -> None:
         """Serve the outbox of a sender of this board."""
-        mail, sender, now = query.required(EXPECTED), keys.parse(query.key)[1], self.clock.now()  # type: ignore[index]
+        mail, now = query.required(EXPECTED), self.clock.now()
         if mail.numberings and not mail.messages:  # how much of it has this board taken?
             former, *left_out = mail.numberings
             numbers = partial(queries.numbers_of, sender=sender, former=former, left_out=left_out)
@@ -207,12 +207,10 @@ class MailService:
         ]
         query.reply(await self._write(rows, now, self._rules.mailbox))
 
-    async def _receive(self, query: Query[Mail]) -> None:
+    async def _receive(self, receiver: str, query: Query[Mail]) -> None:
         """Serve mail of another board to a receiver of this one."""
-        mail = query.required(EXPECTED)
+        mail, now, sender = query.required(EXPECTED), self.clock.now(), query.key.rpartition("/")[2]
         self.counters["received"] += len(mail.messages)
-        _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
-        now = self.clock.now()
         right = is_name(sender)
         turned_away = self._one_too_many(sender) if right else None
         rows = [

@@ -11,12 +11,13 @@ import fcntl
 import logging
 import os
 import sqlite3
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
-from threading import Condition, Thread
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from commd.bus.errors import CannotServe
@@ -71,8 +72,8 @@ class Store:
         self.file = SqliteFile(path, queries.MIGRATIONS, synchronous, (f"cache_size=-{CACHE_KIB}",))
         self._count = count
         self._loop = asyncio.get_running_loop()
-        self._waiting: deque[tuple[Transaction[Any], asyncio.Future[Any]]] = deque()
-        self._ready = Condition()
+        self._waiting: SimpleQueue[tuple[Transaction[Any], asyncio.Future[Any]] | None] = SimpleQueue()
+        """Transactions for the writer; None: it looks at the rest."""
         self._closing = False
         self._suspect = False
         """Whether the reader found corruption, which the writer must check."""
@@ -94,10 +95,9 @@ class Store:
         future: asyncio.Future[T] = self._loop.create_future()
         if self._closing:
             raise StoreFailed("the mail file is closed")
-        if len(self._waiting) >= QUEUE:
+        if self._waiting.qsize() >= QUEUE:
             raise StoreFailed(f"busy: {QUEUE} transactions wait for the disk")
-        self._waiting.append((transaction, future))
-        self._wake()
+        self._waiting.put((transaction, future))
         try:
             async with asyncio.timeout(PATIENCE):
                 return await future
@@ -128,34 +128,28 @@ class Store:
                 self._reading = None
             if code in CORRUPT:
                 self._suspect = True
-                self._wake()
+                self._waiting.put(None)
             raise StoreFailed(words_for(error)) from None
 
-    def _wake(self) -> None:
-        """Have the writer look at what waits."""
-        with self._ready:
-            self._ready.notify()
-
     def _work(self) -> None:
-        """Write the waiting transactions, one commit after the other, until the store closes."""
-        while True:
-            with self._ready:
-                while not (self._waiting or self._closing or self._suspect):
-                    if not self._ready.wait(OPEN_AGAIN if self._db is None else None) and self._db is None:
-                        break  # an empty group opens the file
-                if not self._waiting and self._closing:
-                    break
+        """Write the waiting transactions until the store closes."""
+        while not (self._closing and self._waiting.empty()):
             self._write_group()
         self._close()
 
     def _write_group(self) -> None:
-        """Write the transactions that wait now, at most `GROUP` of them, in one commit."""
-        group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
+        """Wait for transactions, and write those that wait together in one commit."""
+        group = []
+        with suppress(Empty):
+            group.append(self._waiting.get(timeout=OPEN_AGAIN if self._db is None else None))
+            while len(group) < GROUP:
+                group.append(self._waiting.get_nowait())
         # A transaction whose caller got an error, or has stopped waiting, is not written.
-        group = [one for one in group if not one[1].done()]
-        outcomes = self._commit([transaction for transaction, _ in group])
-        with suppress(RuntimeError):  # the loop is closed: nobody waits
-            self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
+        left = [one for one in group if one is not None and not one[1].done()]
+        if left or not self._closing:  # an empty group opens or checks the file
+            outcomes = self._commit([transaction for transaction, _ in left])
+            with suppress(RuntimeError):  # the loop is closed: nobody waits
+                self._loop.call_soon_threadsafe(_settle, [future for _, future in left], outcomes)
 
     def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
         """Run a group of transactions as one. Returns the result, or the exception, of each."""
@@ -252,7 +246,7 @@ class Store:
     async def close(self) -> None:
         """Write the waiting transactions and close the file."""
         self._closing = True
-        self._wake()
+        self._waiting.put(None)
         await asyncio.to_thread(self._writer.join, PATIENCE)
         if self._reading is not None:
             self._reader.submit(self._reading[1].close)

@@ -292,7 +292,11 @@ class Reader:
     def read(self, message: Message) -> Callable[[], None]:
         if message.content == "bad":
             raise MessageRefused(Refusal(code="unreadable"))
-        return lambda: self.fed.append(message.content)
+        return lambda: self.take(message)
+
+    def take(self, message: Message) -> None:
+        self.fed.append(message.content)
+        self.inbox.waiting.append((Numbered(message.sender, message.header.boot), message.header.seq, None))
 
     async def hand_over(self, *messages: Message) -> Receipt:
         mail = Mail(messages=messages)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from agentd.mind.data.effects import Print
 from agentd.runtime.agent_host import AgentHost
 from commd.process.log_handler import LineFormatter
+from commd.process.output import Output
 from schemas.files.findings import Finding
 from schemas.humanize import escape_line, escape_lines
 from tests.agentd.teams import played
@@ -25,12 +27,8 @@ def test_what_a_program_prints_sends_no_terminal_a_command() -> None:
 
 
 def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    written: list[tuple[str, str]] = []
-
-    class Out:
-        @staticmethod
-        def write(text: str, *, agent: str) -> None:
-            written.append((agent, text))
+    reader, writer = os.pipe()
+    out = Output(writer)
 
     class Told:
         name = "bob"
@@ -43,13 +41,15 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
     beliefs = SimpleNamespace(mark=lambda now: None)
     host._mind = SimpleNamespace(cycle=0, now=0.0, beliefs=beliefs)  # type: ignore[assignment]
     host.part, host._prints = Told(), []  # type: ignore[assignment]
-    monkeypatch.setattr("agentd.runtime.agent_host.stdout", Out)
+    monkeypatch.setattr("agentd.runtime.agent_host.stdout", lambda: out)
     for plain in (False, True):
         host._carry_out([Print(HOSTILE, plain=plain)])
-    assert written == 2 * [
-        ("bob", "\\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR"),
-        ("bob", "ERROR bridged orders robot=uav1 lost"),
+    out.flush(10)
+    assert os.read(reader, 10_000).decode().splitlines() == 2 * [
+        "[bob] \\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR",
+        "[bob] ERROR bridged orders robot=uav1 lost",
     ]
+    os.close(reader)
 
 
 def test_a_log_line_and_a_finding_show_what_they_name_as_text() -> None:
