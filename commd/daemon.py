@@ -232,7 +232,8 @@ async def open_parts(
         if router.tls is not None:
             links = Links(bus, mission, board, router.tls, most=router.most_links)
             parts.add("the links", links.health, links.watch())
-        watchdog = LinkWatchdog(bus, [other for other in mission.boards if other != board])
+        others = [other for other in mission.boards if other != board]
+        watchdog = LinkWatchdog(bus, others, [router.endpoint, *router.listen])
         parts.add("the watch over the links", watchdog.health, watchdog.run())
     if router.tls is not None and not router.secured:
         log.warning("%s", NO_RULES.text)
