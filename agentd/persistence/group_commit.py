@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from agentd.persistence.checkpoint import AgentRows, Checkpoint, CheckpointError
 from commd.common.tasks import Alarm
+
+if TYPE_CHECKING:
+    from agentd.persistence.checkpointer import Checkpointer
 
 log = logging.getLogger("keeping")
 
@@ -49,7 +51,7 @@ class Batch:
 
     savings: dict[str, AgentRows] = field(default_factory=dict)
     """By agent."""
-    members: list[Member] = field(default_factory=list)
+    members: list[Checkpointer] = field(default_factory=list)
     """The agents that it holds."""
     soft: bool = True
     """Whether it must survive the end of the process only, not a power cut: nobody else has heard of what it keeps."""
@@ -59,23 +61,6 @@ class Batch:
     """To be called when it is on disk."""
 
 
-class Member(Protocol):
-    """An agent of the daemon, as its commits see it."""
-
-    counters: Counter[str]
-    """`saved` and `failed`: transactions that had changes of it."""
-
-    def capture(self, batch: Batch, now: float) -> bool:
-        """Add the changes since the last call, at a loop time. Return whether they may be written now."""
-
-    def add_mail(self, batch: Batch) -> None:
-        """Add the mail of other agents of the daemon that the mind, as captured last, has not taken."""
-
-    @property
-    def atomic(self) -> bool:
-        """Whether an atomic plan runs."""
-
-
 class GroupCommit:
     """The transactions of one daemon."""
 
@@ -83,15 +68,15 @@ class GroupCommit:
         """`checkpoint` is None if no agent of the daemon is kept; then nothing waits."""
         self.problem = ""
         """Why saving fails now; empty: it does not."""
-        self.busy: set[Member] = set()
+        self.busy: set[Checkpointer] = set()
         """Agents amid their work of whose messages others know more than was captured."""
         self._checkpoint, self._writer = checkpoint, writer
         self._loop = asyncio.get_running_loop()
-        self._asked: dict[Member, None] = {}
+        self._asked: dict[Checkpointer, None] = {}
         """Agents with changes."""
-        self._mail: dict[Member, None] = {}
+        self._mail: dict[Checkpointer, None] = {}
         """Agents that others of the daemon have given mail since the last commit."""
-        self._flushes: list[tuple[Member, asyncio.Future[None]]] = []
+        self._flushes: list[tuple[Checkpointer, asyncio.Future[None]]] = []
         self._due: float | None = None
         """Loop time at which the next commit is due; None: nothing asks for it."""
         self._hurry = False
@@ -108,7 +93,7 @@ class GroupCommit:
 
     # --- when ---
 
-    def ask(self, member: Member, within: float) -> None:
+    def ask(self, member: Checkpointer, within: float) -> None:
         """Commit the changes of an agent, `within` wall seconds from the beginning of the last commit; 0: now."""
         self._asked[member] = None
         if within:
@@ -119,11 +104,11 @@ class GroupCommit:
             self._due = due
         self.look()
 
-    def give(self, member: Member) -> None:
+    def give(self, member: Checkpointer) -> None:
         """Note that an agent was given mail by another one of the daemon."""
         self._mail[member] = None
 
-    def leave(self, member: Member) -> None:
+    def leave(self, member: Checkpointer) -> None:
         """Forget an agent that has ended."""
         self._asked.pop(member, None)
         self._mail.pop(member, None)
@@ -144,7 +129,7 @@ class GroupCommit:
         else:
             self._alarm.by(due)
 
-    async def flush(self, member: Member) -> None:
+    async def flush(self, member: Checkpointer) -> None:
         """Wait until the present changes of an agent are on disk. Its mind must be at rest or leave."""
         done = self._loop.create_future()
         self._flushes.append((member, done))
@@ -173,7 +158,7 @@ class GroupCommit:
         if batch.savings and self._checkpoint is not None:
             self._saving = batch
             self._slow.by(now + SLOW)
-            self._hand_in(self._checkpoint, batch, RETRY_FIRST)
+            self._hand_in(RETRY_FIRST)
         else:  # behind the turn that has asked for it: an action is requested after the cancellation of another one
             for done in batch.done:
                 self._loop.call_soon(done)
@@ -188,9 +173,12 @@ class GroupCommit:
             self.problem = f"the disk has not answered for {SLOW:g} s"
             log.error("nothing is kept, and mail waits: %s", self.problem)
 
-    def _hand_in(self, checkpoint: Checkpoint, batch: Batch, pause: float) -> None:
-        """Let the writer save; `pause` wall seconds later again if that fails."""
-        ended = partial(self._written, checkpoint, batch, pause)
+    def _hand_in(self, pause: float) -> None:
+        """Let the writer save the commit under way; `pause` wall seconds later again if that fails."""
+        batch, checkpoint = self._saving, self._checkpoint
+        if batch is None or checkpoint is None:  # closed meanwhile
+            return
+        ended = partial(self._written, batch, pause)
 
         def save() -> None:
             """Save; called on the writer's thread."""
@@ -203,14 +191,12 @@ class GroupCommit:
                 self._loop.call_soon_threadsafe(ended, error)
             checkpoint.shorten_log()  # nothing waits for this
 
-        if self._saving is None:  # closed meanwhile
-            return
         try:
             self._writer.submit(save)
         except RuntimeError as closed:
             self._loop.call_soon(ended, closed)
 
-    def _written(self, checkpoint: Checkpoint, batch: Batch, pause: float, error: Exception | None) -> None:
+    def _written(self, batch: Batch, pause: float, error: Exception | None) -> None:
         """Continue what has waited for a commit, or repeat one that failed."""
         if self._saving is None:
             return
@@ -222,8 +208,7 @@ class GroupCommit:
             if not self.problem:
                 log.error("nothing is kept, and mail waits: %s", error)
             self.problem = str(error)
-            again = min(pause * 2, RETRY_MOST)
-            self._loop.call_later(pause, self._hand_in, checkpoint, batch, again)
+            self._loop.call_later(pause, self._hand_in, min(pause * 2, RETRY_MOST))
             return
         if self.problem:
             log.info("the agents are kept again")

@@ -128,16 +128,12 @@ def decode_hook(expected: type, value: Any) -> Any:
     """Turn decoded JSON or MessagePack into a term: msgspec's `dec_hook`. Raises ValueError that says what is wrong."""
     if expected.__name__ != "Term":
         raise NotImplementedError(f"no decoding for {expected!r}")
-    return _term(value)
-
-
-def _term(value: Any) -> Any:
     if isinstance(value, _PLAIN):
         if type(value) is float and not math.isfinite(value):
             return number(value)
         return value
     if isinstance(value, list):
-        return [_term(item) for item in value]
+        return [decode_hook(expected, item) for item in value]
     if isinstance(value, dict):
         if "kind" not in value:
             raise ValueError("Expected a term: an object needs `kind`, one of " + ", ".join(_TAGS))
