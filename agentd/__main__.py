@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import gc
 import importlib
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from agentd.process import guarded
-from commd.process.command_line import Help, check_command
+from commd.process.command_line import Help, check_command, interruptible
 
 _COMMANDS = {
     "run": ("agentd.standalone.command", "run agents in this process, without a bus", "hello.asl --exit-when-idle"),
@@ -24,7 +23,7 @@ _COMMANDS = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input, 128 + N for signal N."""
-    with _starting():
+    with interruptible(), _starting():
         args = _read(sys.argv[1:] if argv is None else argv)
         entry = importlib.import_module(_COMMANDS[args.command][0])
         importlib.import_module("agentd.extensions.plugins").discover()
@@ -37,8 +36,6 @@ def _starting() -> Iterator[None]:
     gc.disable()
     try:
         yield
-    except KeyboardInterrupt:  # imports take seconds on a small board
-        sys.exit(128 + signal.SIGINT)
     finally:
         gc.freeze()
         gc.enable()

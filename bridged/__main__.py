@@ -6,12 +6,17 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from commd.process.command_line import Help, check_command
+from commd.process.command_line import Help, check_command, interruptible
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Returns the exit code. Each command imports only what it needs: daemons stay small."""
-    argv = sys.argv[1:] if argv is None else list(argv)
+    """Run the command line. Returns the exit code."""
+    with interruptible():
+        return _main(list(sys.argv[1:] if argv is None else argv))
+
+
+def _main(argv: list[str]) -> int:
+    """Run the command line; each command imports only what it needs: daemons stay small."""
     about = "Argosy's bridge between robots and their agents."
     parser = argparse.ArgumentParser(prog="bridged", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)

@@ -6,12 +6,18 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from commd import daemon
-from commd.process.command_line import Help, check_command
+from commd.process.command_line import Help, check_command, interruptible
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code."""
+    with interruptible():
+        return _main(sys.argv[1:] if argv is None else argv)
+
+
+def _main(given: Sequence[str]) -> int:
+    from commd import daemon
+
     about = "Argosy's comm daemon: router and mail of a board."
     parser = argparse.ArgumentParser(prog="commd", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)
@@ -19,7 +25,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     example = "example: commd serve missions/search_and_rescue.yaml --board pi1"
     serve = commands.add_parser("serve", help=what, description=what, epilog=example, formatter_class=Help)
     daemon.add_arguments(serve)
-    given = sys.argv[1:] if argv is None else list(argv)
     check_command(parser, given, ("serve",))
     return daemon.run(parser.parse_args(given))
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from importlib.abc import MetaPathFinder
 
 import pytest
 
@@ -41,3 +43,31 @@ def test_without_a_command_the_usage_is_told(
         program([])
     assert ended.value.code == 2
     assert "usage: " in capsys.readouterr().err
+
+
+class Interrupted(MetaPathFinder):
+    """Stands for ctrl-C in an import."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("program", "given", "imported"),
+    [
+        (agentd, ["check", "bob.asl"], "agentd.check.command"),
+        (bridged, ["serve", "m.yaml"], "bridged.daemon"),
+        (bridged, ["simulate", "copter"], "bridged.simulation.command"),
+        (commd, ["serve", "m.yaml"], "commd.daemon"),
+    ],
+)
+def test_ctrl_c_while_a_command_is_imported_ends_it_without_a_traceback(
+    program: Callable[[list[str]], int], given: list[str], imported: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package, _, name = imported.rpartition(".")
+    monkeypatch.delitem(sys.modules, imported, raising=False)
+    monkeypatch.delattr(f"{package}.{name}", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Interrupted()])
+    with pytest.raises(SystemExit) as ended:
+        program(given)
+    assert ended.value.code == 130

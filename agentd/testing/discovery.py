@@ -69,10 +69,12 @@ def find_cases(places: Iterable[str], paths: TestPaths, wanted: str | None) -> I
     """Yield the test plans of files and folders, in order, and what could not be read."""
     files: dict[str, bool] = {}
     for place in places:
-        path = Path(place)
-        if path.is_dir():
-            for file in sorted(path.rglob("*.asl")):
-                if _has_marks(file):
+        if Path(place).is_dir():
+            closed: list[OSError] = []
+            below = [Path(folder, name) for folder, _, names in os.walk(place, onerror=closed.append) for name in names]
+            yield from (Unread(each.filename, f"{each.filename}: error: {each.strerror}") for each in closed)
+            for file in sorted(below):
+                if file.suffix == ".asl" and _has_marks(file):
                     files.setdefault(str(file), False)
         else:
             files[place] = True

@@ -6,12 +6,12 @@ import asyncio
 import os
 import sys
 import time
-from argparse import SUPPRESS, ArgumentParser, Namespace
+from argparse import SUPPRESS, Action, ArgumentError, ArgumentParser, Namespace
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from argosy.cli.arguments import name
 from argosy.cli.errors import BadInput, CommandError, complain
@@ -70,8 +70,17 @@ def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
 
 def add_mission_argument(parser: ArgumentParser, text: str) -> None:
     """Declare the mission, as the argument or as `--mission`, by which commands with other arguments take it."""
-    parser.add_argument("mission", nargs="?", default=SUPPRESS, help=text)
-    parser.add_argument("--mission", metavar="FILE", help="the same")
+    parser.add_argument("mission", nargs="?", default=SUPPRESS, action=_OnlyMission, help=text)
+    parser.add_argument("--mission", metavar="FILE", action=_OnlyMission, help="the same")
+
+
+class _OnlyMission(Action):
+    """Takes the mission, and refuses a second one, which might be of another fleet."""
+
+    def __call__(self, parser: ArgumentParser, namespace: Namespace, values: Any, option: str | None = None) -> None:
+        if (first := getattr(namespace, self.dest, None)) is not None:
+            raise ArgumentError(self, f"{first} and {values} are two missions: name one")
+        setattr(namespace, self.dest, values)
 
 
 def add_router_argument(parser: ArgumentParser, default: str) -> None:

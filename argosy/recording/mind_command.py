@@ -34,9 +34,9 @@ FOR_A_MIND: Mapping[str, tuple[str, object]] = {
     "--show": ("show", SHOWN),
 }
 """Options that have a meaning with `--mind` only: the name and the default of each."""
-NOT_FOR_A_MIND: Mapping[str, tuple[str, object]] = {
-    "--info": ("info", False),
-    "--json": ("json", False),
+OF_CONTENTS: Mapping[str, tuple[str, object]] = {"--info": ("info", False), "--json": ("json", False)}
+"""Those that print what a recording holds."""
+OF_PUBLISHING: Mapping[str, tuple[str, object]] = {
     "--speed": ("speed", 1.0),
     "--from": ("begin", 0.0),
     "--to": ("end", None),
@@ -46,7 +46,7 @@ NOT_FOR_A_MIND: Mapping[str, tuple[str, object]] = {
     "--router": ("router", None),
     "--keys": ("keys", None),
 }
-"""And those that have none with it."""
+"""And those of a replay on the bus."""
 
 
 def add_mind_arguments(parser: ArgumentParser) -> None:
@@ -76,8 +76,6 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
 
 def run_mind(args: Namespace) -> int:
     """Replay the mind of an agent. Returns 0 if all agrees, 1 if it differs or is incomplete. Raises BadInput."""
-    if ignored := _given(args, NOT_FOR_A_MIND):
-        raise BadInput(f"{ignored}: not with --mind, which publishes nothing")
     try:
         edited = {path: _text(path) for path in args.program}
     except SyntaxErrors as errors:
@@ -104,15 +102,22 @@ def _text(path: Path) -> str:
         raise BadInput(f"{path}: {error.strerror}") from None
 
 
-def without_a_mind(args: Namespace) -> str:
-    """Return what is wrong with the arguments of a replay without `--mind`; empty = nothing."""
-    ignored = _given(args, FOR_A_MIND)
-    return f"{ignored}: only with --mind AGENT" if ignored else ""
+def check_options(args: Namespace) -> None:
+    """Check that each option of a replay has a meaning with `--mind`, `--info` or without them. Raises BadInput."""
+    if args.mind is not None:
+        _refuse(args, {**OF_CONTENTS, **OF_PUBLISHING}, "not with --mind, which publishes nothing")
+        return
+    _refuse(args, FOR_A_MIND, "only with --mind AGENT")
+    if args.info:
+        _refuse(args, OF_PUBLISHING, "not with --info, which publishes nothing")
+    else:
+        _refuse(args, OF_CONTENTS, "only with --info")
 
 
-def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
-    """Return the first of these options that was given; empty = none."""
-    return next((option for option, (name, default) in options.items() if getattr(args, name) != default), "")
+def _refuse(args: Namespace, options: Mapping[str, tuple[str, object]], why: str) -> None:
+    for option, (name, default) in options.items():
+        if getattr(args, name) != default:
+            raise BadInput(f"{option}: {why}")
 
 
 def _fleet(recording: Recording, args: Namespace) -> str:

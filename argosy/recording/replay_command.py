@@ -21,7 +21,7 @@ from argosy.cli.errors import BadInput, CommandError, progress
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
 from argosy.recording.metadata import SECOND
-from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
+from argosy.recording.mind_command import add_mind_arguments, check_options, run_mind
 from argosy.recording.mind_inputs import MOST_MISSING, PART, RecordedMind, range_text
 from argosy.recording.player import LATE, Part, Player, foreign
 from argosy.recording.reader import Recording
@@ -74,10 +74,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Replay. Returns 0 when everything was published, 1 if that failed, 130 for ctrl-C."""
+    check_options(args)
     if args.mind is not None:
         return run_mind(args)
-    if wrong := without_a_mind(args):
-        raise BadInput(wrong)
     recording = Recording(args.file)
     if args.info:
         print(contents(recording, as_json=args.json), end="")
@@ -171,11 +170,15 @@ class _Replay:
         self._report()
         if self._somebody:
             raise CommandError(f"stopped: {_danger(self._somebody)}")
-        return EXIT_DONE if self._signal is None else 128 + self._signal
+        if self._signal is not None:
+            return 128 + self._signal
+        if not self._player.figures.republished:
+            raise CommandError("nothing was published: no message of this part and on these keys can be")
+        return EXIT_DONE
 
     async def _play(self) -> None:
         await self._player.play(self._part)
-        while self._args.loop:
+        while self._args.loop and self._player.figures.republished:
             self._player.clear()
             await self._player.play(self._part)
 

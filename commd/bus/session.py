@@ -43,7 +43,7 @@ DIAGNOSE_EVERY = 10.0
 """Wall seconds between two diagnoses of a router that is not reached."""
 STARTS_WITHIN = 3.0
 """Wall seconds in which a router that is started together with its clients opens their sessions: nothing is logged."""
-UNKNOWN = "it is reached and opens no session: a commd at its maximum of links (see its log and health), or no router"
+UNKNOWN = "it opens no session: a commd that hangs or is at its maximum of links (see its log), or no router"
 """Why a router that can be reached lets nobody in."""
 MOST_KEYS: Final = 10_000
 """Keys that a session declares, and keys used once that it remembers; further ones are not declared."""

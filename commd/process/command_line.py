@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from argparse import ArgumentParser, HelpFormatter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 
 class Help(HelpFormatter):
@@ -13,6 +15,15 @@ class Help(HelpFormatter):
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=_columns() - 2)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let ctrl-C end the process without a traceback, also while it imports, which takes seconds on a small board."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGINT)
 
 
 def command_parser(program: str, name: str, text: str, example: str) -> ArgumentParser:

@@ -7,11 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 from time import process_time, sleep
-from unittest.mock import Mock
 
 import pytest
 
-from agentd.__main__ import main
 from agentd.process import loading_notice
 from tests.agentd.conftest import Command, Ran, agentd
 
@@ -81,13 +79,6 @@ def test_a_closed_standard_output_is_reported(folder: Path, command: str) -> Non
     done = subprocess.run(["sh", "-c", shell], cwd=folder, capture_output=True, text=True, timeout=60, check=False)
     assert done.stderr == "agentd: error: standard output is closed; send it to /dev/null if nobody wants it\n"
     assert done.returncode == 2
-
-
-def test_ctrl_c_while_a_command_is_imported_ends_it_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("importlib.import_module", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(SystemExit) as ended:
-        main(["check", "bob.asl"])
-    assert ended.value.code == 130
 
 
 @pytest.mark.parametrize("value", ["inf", "nan", "-1", "0", "1e300", "soon"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 import time
 from itertools import takewhile
@@ -444,6 +446,19 @@ def test_files_that_are_links_in_a_loop_are_unreadable_and_the_others_run(run, t
     ran = run(None, str(tmp_path))
     assert ran.verdict("ok") == "ok"
     assert "one.asl: error: cannot read the program: it is no file, or a link to none" in ran.err
+
+
+def test_a_folder_that_cannot_be_read_is_no_success(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    scandir = os.scandir
+
+    def closed(path: str) -> object:
+        if path == "./a":
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", closed)
+    ran = run(None, ".", **{"a/one.asl": "@t[test] +!t <- .fail.", "two.asl": "@u[test] +!u <- !force_pass."})
+    assert (ran.code, ran.lines, ran.err) == (2, ["ok      two.asl:1 u"], "./a: error: Permission denied\n")
 
 
 def test_a_folder_is_searched_for_marks_over_several_lines(run, tmp_path: Path) -> None:

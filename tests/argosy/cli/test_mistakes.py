@@ -67,6 +67,14 @@ def test_ctrl_c_while_the_command_is_imported_ends_it_without_a_traceback(monkey
     assert ended.value.code == 130
 
 
+@pytest.mark.parametrize("command", ["status", "mail", "doctor", "metrics"])
+@pytest.mark.parametrize("given", [["a.yaml", "--mission", "b.yaml"], ["--mission", "a.yaml", "b.yaml"]])
+def test_a_second_mission_is_refused(command: str, given: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main([command, *given])
+    assert "yaml are two missions: name one" in capsys.readouterr().err
+
+
 def test_the_doctor_needs_a_mission(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor"]) == 2
     assert capsys.readouterr().err == "error: argosy doctor: expected a MISSION\n"

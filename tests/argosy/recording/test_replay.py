@@ -253,8 +253,11 @@ async def test_what_cannot_be_read_is_left_out_and_told(studio: Studio) -> None:
             made.add_message(channel, BEGIN, data, BEGIN)
         made.finish()
     code, out, err = await replayed(studio)
-    assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
-    assert err == "warning: 3 messages were not published: they cannot be read\n"
+    assert (code, out.splitlines()[-1]) == (1, "replayed 0.0 s: 0 messages")
+    nothing = "error: nothing was published: no message of this part and on these keys can be\n"
+    assert err == f"warning: 3 messages were not published: they cannot be read\n{nothing}"
+    code, _, err = await replayed(studio, "--loop", "--only", "nobody/**")
+    assert (code, err) == (1, nothing)
 
 
 @studio_test
@@ -287,6 +290,8 @@ async def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> No
         ("b.mcap", 2, "error: b.mcap: not an MCAP file: it does not begin like one"),
         ("a.mcap --from 5", 2, "error: --from 5: a.mcap ends after 0.2 s"),
         ("a.mcap --from 0.1 --to 0.1", 2, "error: --to 0.1: expected more than --from 0.1"),
+        ("a.mcap --json", 2, "error: --json: only with --info"),
+        ("a.mcap --info --only x", 2, "error: --only: not with --info, which publishes nothing"),
         ("a.mcap --fleet a/b", 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
         ("c.mcap --fleet a", 2, "error: --fleet a: c.mcap has several fleets: second, test"),
         ("a.mcap --router tcp/192.0.2.1:7447", 1, "error: no router at tcp/192.0.2.1:7447"),
