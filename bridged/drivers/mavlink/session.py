@@ -20,15 +20,14 @@ from bridged.drivers.mavlink.actions.context import (
     NOBODYS_FAILSAFE,
     BoundAction,
     Ended,
-    LimitWatch,
     ProcedureContext,
     ProcedureRun,
     Steps,
+    mode_action,
 )
-from bridged.drivers.mavlink.actions.flight import HOLD, LEAVE_HOLD, SECURE, STAY, mode_action
+from bridged.drivers.mavlink.actions.flight import HOLD, LEAVE_HOLD, SECURE, STAY
 from bridged.drivers.mavlink.actions.parameters import spellings
-from bridged.drivers.mavlink.autopilots.ardupilot import ArduPilot
-from bridged.drivers.mavlink.autopilots.autopilot import VelocityStream
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot, VelocityStream
 from bridged.drivers.mavlink.autopilots.px4 import Px4
 from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
@@ -63,7 +62,7 @@ TEXT = "VEHICLE_TEXT"
 MAX_RUNS = 16
 """Executions under way at a time; the bridge allows fewer."""
 NO_LIMITS = Limits()
-AUTOPILOTS = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPilot(), dialect.MAV_AUTOPILOT_PX4: Px4()}
+AUTOPILOTS = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: Autopilot(), dialect.MAV_AUTOPILOT_PX4: Px4()}
 """Those that are commanded, by MAV_AUTOPILOT; the first as long as a vehicle has not been heard."""
 ARDUPILOT = AUTOPILOTS[dialect.MAV_AUTOPILOT_ARDUPILOTMEGA]
 log = logging.getLogger("mavlink")
@@ -97,7 +96,6 @@ class VehicleSession:
             self.vehicle, ARDUPILOT, self.commands, self.texts, self._send_known, speed, limits, on_reading, failsafe
         )
         self.failsafe = FailsafeCheck(failsafe, identity, self._send_known, speed)
-        self._limits = LimitWatch(self.flight)
         self.received = 0
         """Messages of the vehicle so far."""
         self._speaks_for_agent = True
@@ -340,7 +338,7 @@ class VehicleSession:
         own = (
             Note("other_vehicle_kind", self.vehicle.contradiction),
             Note("mission_broken", self.flight.plan.broken),
-            Note("outside_limits", self._limits.outside),
+            Note("outside_limits", self.flight.outside),
             *(Note("hold_failed", run.trouble) for run in self._runs),
         )
         unsent = [] if late else self.streams.notes()
@@ -447,7 +445,7 @@ class VehicleSession:
 
     def _keep_limits(self) -> None:
         """Stop a vehicle that agents fly where it leaves the mission's limits."""
-        if self.vehicle.overridden or not (left := self._limits.look()):
+        if self.vehicle.overridden or not (left := self.flight.left_limits()):
             return
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
         for run in [run for run in self._runs if run.moves]:

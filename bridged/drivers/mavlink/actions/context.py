@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.api import Execution, FinalState, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from commd.process.state_dir import make_private_folder, replace_file
@@ -42,6 +43,8 @@ POSITION_IGNORED, VELOCITY_IGNORED, YAW_IGNORED, YAW_RATE_IGNORED = 0b111, 0b111
 ALL_IGNORED = 0b110111111111
 """Parts of a type mask (POSITION_TARGET_TYPEMASK); a force is not meant."""
 
+MARGIN = 2.0
+"""Metres beyond a limit that are no excursion: arriving at the limit itself overshoots a little."""
 GUIDED_TIMEOUT = 3.0
 """Seconds after which a vehicle that is given no new velocity stops (ArduPilot's GUID_TIMEOUT)."""
 MAX_PARAMETERS = 256
@@ -119,6 +122,12 @@ class BoundAction:
     """The mission's limits hold; not for what brings a vehicle to a stop where it is."""
     arguments: Mapping[str, Value] = field(default_factory=dict)
     """Arguments of a `call` of the driver."""
+
+
+def mode_action(modes: ModeTable, mode: int) -> BoundAction:
+    """Return DO_SET_MODE to a mode of the vehicle, by its number (custom_mode)."""
+    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), *modes.request(mode), 0.0, 0.0, 0.0, 0.0)
+    return BoundAction(dialect.MAV_CMD_DO_SET_MODE, parameters, mode=mode)
 
 
 @dataclass(frozen=True)
@@ -230,6 +239,8 @@ class ProcedureContext:
         self.autopilot_component = commands.identity.autopilot
         self.texts = texts
         self.limits = limits
+        self.outside = ""
+        """Which limit of the mission is broken now, for people; empty = none."""
         self.failsafe = failsafe
         self.now = 0.0
         self.asked_last = -1
@@ -403,6 +414,26 @@ class ProcedureContext:
                 return ""
         return f"in {GUIDED_TIMEOUT:g} s at that velocity: {broken}" if broken else ""
 
+    def left_limits(self) -> str:
+        """Return which limit of the mission was just left; empty if none was, or if others or RTL fly the vehicle."""
+        limits, vehicle, modes = self.limits, self.vehicle, self.vehicle.modes
+        before, beyond, broken = self.outside, -math.inf, ""
+        if vehicle.position is not None and limits.altitude is not None:
+            beyond = vehicle.position.altitude - limits.altitude
+            if beyond > MARGIN:
+                broken = f"{vehicle.position.altitude:.1f} m above home, the limit is {limits.altitude:g} m"
+        if vehicle.position is not None and limits.radius is not None and vehicle.home is not None:
+            away = vehicle.home.distance(vehicle.position)
+            beyond = max(beyond, away - limits.radius)
+            if not broken and away - limits.radius > MARGIN:
+                broken = f"{away:.0f} m from home, the limit is {limits.radius:g} m"
+        if broken or beyond <= 0.0:
+            self.outside = broken
+        if not broken or before or not vehicle.aloft or vehicle.mode not in (*modes.targets, modes.auto):
+            return ""
+        leaving = self.expects(modes.rtl) or self.expects(modes.land)
+        return "" if leaving else f"the vehicle left the mission's limits: {broken}"
+
     def with_texts(self, reason: str, since: float) -> str:
         """Return a reason with the vehicle's texts since then, or with its state if there were none."""
         texts = self._texts_since(since)
@@ -435,36 +466,3 @@ class ProcedureContext:
         armed = "armed" if vehicle.armed else "not armed"
         where = "" if vehicle.modes.ground else " in flight," if vehicle.aloft else " on the ground,"
         return f"the vehicle is {armed},{where} in {vehicle.mode_name}"
-
-
-MARGIN = 2.0
-"""Metres beyond a limit that are no excursion: arriving at the limit itself overshoots a little."""
-
-
-class LimitWatch:
-    """Whether one vehicle is outside the limits of the mission file."""
-
-    def __init__(self, flight: ProcedureContext) -> None:
-        self._flight = flight
-        self.outside = ""
-        """Which limit is broken now, for people; empty = none."""
-
-    def look(self) -> str:
-        """Return which limit was just left; empty if none was, or if others or RTL fly the vehicle."""
-        limits, vehicle, modes = self._flight.limits, self._flight.vehicle, self._flight.vehicle.modes
-        before, beyond, broken = self.outside, -math.inf, ""
-        if vehicle.position is not None and limits.altitude is not None:
-            beyond = vehicle.position.altitude - limits.altitude
-            if beyond > MARGIN:
-                broken = f"{vehicle.position.altitude:.1f} m above home, the limit is {limits.altitude:g} m"
-        if vehicle.position is not None and limits.radius is not None and vehicle.home is not None:
-            away = vehicle.home.distance(vehicle.position)
-            beyond = max(beyond, away - limits.radius)
-            if not broken and away - limits.radius > MARGIN:
-                broken = f"{away:.0f} m from home, the limit is {limits.radius:g} m"
-        if broken or beyond <= 0.0:
-            self.outside = broken
-        if not broken or before or not vehicle.aloft or vehicle.mode not in (*modes.targets, modes.auto):
-            return ""
-        leaving = self._flight.expects(modes.rtl) or self._flight.expects(modes.land)
-        return "" if leaving else f"the vehicle left the mission's limits: {broken}"

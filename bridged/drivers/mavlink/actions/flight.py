@@ -46,10 +46,10 @@ from bridged.drivers.mavlink.actions.context import (
     ProcedureContext,
     ProcedureRun,
     Steps,
+    mode_action,
 )
 from bridged.drivers.mavlink.actions.mission_actions import download, mission_protocol
 from bridged.drivers.mavlink.actions.parameters import read_parameter, write_parameter
-from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.state import OFF_GROUND
 
 HOLD_EVERY = (2.0, 1.0)
@@ -313,12 +313,6 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
         if not vehicle.armed:
             return Outcome("failed", flight.with_texts(f"the vehicle disarmed {metres(away)} from home", asked))
         yield
-
-
-def mode_action(modes: ModeTable, mode: int) -> BoundAction:
-    """Return DO_SET_MODE to a mode of the vehicle, by its number (custom_mode)."""
-    parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), *modes.request(mode), 0.0, 0.0, 0.0, 0.0)
-    return BoundAction(dialect.MAV_CMD_DO_SET_MODE, parameters, mode=mode)
 
 
 def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:

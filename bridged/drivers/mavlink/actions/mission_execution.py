@@ -29,8 +29,8 @@ from bridged.drivers.mavlink.actions.context import (
     ProcedureContext,
     ProcedureRun,
     Steps,
+    mode_action,
 )
-from bridged.drivers.mavlink.actions.flight import mode_action
 from bridged.drivers.mavlink.actions.mission_actions import (
     download,
     go_to_item,

@@ -1,26 +1,32 @@
 """What procedures need to know of an autopilot: how it is commanded, what it streams, how it numbers and encodes.
 
 Actions, percepts and their meaning are the same for agents whichever autopilot flies: altitudes of targets count from
-home, items of a mission from 1, and parameters are numbers.
+home, items of a mission from 1, and parameters are numbers. The conventions that procedures are written in are those of
+ArduPilot 4.6 and later (ArduCopter, ArduPlane, Rover); another autopilot overrides what it does otherwise.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.actions.context import (
+    BoundAction,
+    LocalTarget,
+    ProcedureContext,
+    ProcedureRun,
+    mode_action,
+)
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.readings import BATTERY, RC_INPUT, SERVO_OUTPUTS, WIND_ESTIMATE
 
-if TYPE_CHECKING:
-    from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, ProcedureContext, ProcedureRun
-
+OWN_SPEED = -1.0
+"""param1 of DO_REPOSITION."""
 SETPOINT_EVERY = 0.2
 """Mission seconds between two setpoints: PX4 needs two a second, and takes 1 s without any for a loss."""
 
@@ -47,11 +53,18 @@ class VelocityStream:
             self.send()
 
 
-class Autopilot(ABC):
-    """One kind of autopilot, without state: that is the vehicle's. All times are mission seconds."""
+class Autopilot:
+    """One kind of autopilot, ArduPilot, without state: that is the vehicle's. All times are mission seconds."""
 
-    name: ClassVar[str]
-    needs: ClassVar[Mapping[str, float]]
+    name: ClassVar[str] = "ArduPilot"
+    needs: ClassVar[Mapping[str, float]] = {
+        "GLOBAL_POSITION_INT": 5.0,
+        "SYS_STATUS": 1.0,
+        "GPS_RAW_INT": 2.0,
+        "EKF_STATUS_REPORT": 2.0,
+        "EXTENDED_SYS_STATE": 2.0,
+        "POSITION_TARGET_GLOBAL_INT": 2.0,
+    }
     """Hz at least of the messages that readiness and the confirmations look at."""
     unrequestable: ClassVar[frozenset[str]] = frozenset()
     """Messages that it sends by itself and that cannot be requested."""
@@ -64,17 +77,17 @@ class Autopilot(ABC):
         WIND_ESTIMATE: "WIND",
     }
     """Messages of which readings of the driver's own sources are made."""
-    stream_denials: ClassVar[frozenset[int]]
+    stream_denials: ClassVar[frozenset[int]] = frozenset({dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED})
     """Results (MAV_RESULT) of SET_MESSAGE_INTERVAL that say that it does not have the message."""
-    pre_arm: ClassVar[str]
-    """Prefix of its texts of failed arming checks."""
-    texts_for_stations_only: ClassVar[bool]
+    pre_arm: ClassVar[str] = "PreArm: "
+    """Prefix of its texts of failed arming checks (AP_Arming::check_failed)."""
+    texts_for_stations_only: ClassVar[bool] = False
     """Whether it sends STATUSTEXT only on a link on which it hears the HEARTBEAT of a ground station."""
-    typed_parameters: ClassVar[bool]
+    typed_parameters: ClassVar[bool] = False
     """Whether a parameter is set only by its own type, and errors are reported (PARAM_ERROR)."""
-    outputs_show: ClassVar[bool]
+    outputs_show: ClassVar[bool] = True
     """Whether outputs and parameters show what a gripper and every servo do; otherwise its acknowledgement suffices."""
-    local_places: ClassVar[bool]
+    local_places: ClassVar[bool] = True
     """Whether it takes SET_POSITION_TARGET_LOCAL_NED with a place in the mode that takes targets."""
     fence_switch: ClassVar[tuple[str, float] | None] = None
     """The parameter that switches the fence, and its value for on; None = DO_FENCE_ENABLE does."""
@@ -94,25 +107,34 @@ class Autopilot(ABC):
     outgoing: ClassVar[Mapping[str, Callable[[dialect.MAVLink_message], None]]] = {}
     """By message: what brings one of procedures into the vehicle's numbering and encoding."""
 
-    @abstractmethod
     def station_failsafe(self, modes: ModeTable) -> str:
         """Return the name of the parameter that switches the ground-station failsafe; at 0 it is off."""
+        return "FS_GCS_ENABL" if modes.vehicle == "plane" else "FS_GCS_ENABLE"
 
-    @abstractmethod
     def hold(self, modes: ModeTable) -> BoundAction:
-        """Return the command of the order `hold`: the vehicle stays where it is, whatever it did."""
+        """Return the command of the order `hold`: the vehicle stays where it is, whatever it did.
 
-    @abstractmethod
+        A mode of its own: BRAKE, LOITER or HOLD.
+        """
+        return mode_action(modes, modes.hold)
+
     def takeoff(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
         """Return the command of a takeoff to param7 metres above home. Raises Ended where it must not be sent."""
+        return action
 
-    @abstractmethod
     def reposition(self, flight: ProcedureContext, action: BoundAction) -> BoundAction:
-        """Return the DO_REPOSITION of an action that has a target."""
+        """Return the DO_REPOSITION of an action that has a target; the frame of its altitude is honoured."""
+        return action
 
-    @abstractmethod
     def offer_target(self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> MavlinkCommand | None:
-        """Send the target of an action once. Returns the command that carries it; None = a message does."""
+        """Send the target of an action once. Returns the command that carries it; None = a message does.
+
+        SET_POSITION_TARGET_GLOBAL_INT, which a plane ignores in silence: that one takes DO_REPOSITION.
+        """
+        if flight.vehicle.modes.can_stop and action.target is not None:
+            flight.send_target(action.target, action.frame, action.yaw)
+            return None
+        return flight.submit(run, reposition_action(action), in_frame=True)
 
     def servo(
         self, flight: ProcedureContext, run: ProcedureRun, action: BoundAction
@@ -121,11 +143,29 @@ class Autopilot(ABC):
         return action
         yield
 
-    @abstractmethod
     def begin_velocity(
         self, flight: ProcedureContext, run: ProcedureRun, target: LocalTarget
     ) -> Generator[None, None, Callable[[], None]]:
         """Prepare the vehicle for a velocity that ends `GUIDED_TIMEOUT` s after the last. Raises Ended.
 
-        Returns what sends the velocity once more.
+        Returns what sends the velocity once more. GUIDED takes velocities without preparation.
         """
+        return lambda: flight.send_local(target)
+        yield
+
+
+def reposition_action(action: BoundAction) -> BoundAction:
+    """Return DO_REPOSITION to the target of an action, in its frame and at the vehicle's own speed."""
+    if action.target is None:
+        raise ValueError("an action without a target")
+    yaw = float("nan") if action.yaw is None else action.yaw
+    flags = float(dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+    place = (action.target.latitude, action.target.longitude, action.target.altitude)
+    return BoundAction(
+        dialect.MAV_CMD_DO_REPOSITION,
+        (OWN_SPEED, flags, 0.0, yaw, *place),
+        retry=action.retry,
+        target=action.target,
+        frame=action.frame,
+        by_int=True,
+    )

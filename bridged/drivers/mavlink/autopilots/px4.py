@@ -24,11 +24,10 @@ from bridged.drivers.mavlink.actions.context import (
     LocalTarget,
     ProcedureContext,
     ProcedureRun,
+    mode_action,
 )
-from bridged.drivers.mavlink.actions.flight import mode_action
 from bridged.drivers.mavlink.actions.parameters import read_parameters
-from bridged.drivers.mavlink.autopilots.ardupilot import reposition_action
-from bridged.drivers.mavlink.autopilots.autopilot import Autopilot, VelocityStream
+from bridged.drivers.mavlink.autopilots.autopilot import Autopilot, VelocityStream, reposition_action
 from bridged.drivers.mavlink.transport import further_messages as _  # noqa: F401  - PX4's messages become known
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_OFFBOARD, ModeTable
