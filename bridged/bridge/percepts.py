@@ -229,7 +229,7 @@ class PerceptPublisher:
 
         `key`: places of the parameters, from 0, that identify it.
         """
-        if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
+        if all(one.parameters != parameters for one in self.sets[agent].named(name)):
             self._send((agent,), name, parameters, "replace", key)
 
     def show_all(self, name: str, parameters: Parameters | None) -> None:
@@ -242,8 +242,8 @@ class PerceptPublisher:
 
     def withdraw(self, agent: str, name: str, first: Parameters = ()) -> None:
         """Remove the percepts that were shown to one agent under a name and begin with these arguments."""
-        for one in self.sets[agent].present():
-            if one.name == name and one.parameters[: len(first)] == first:
+        for one in self.sets[agent].named(name):
+            if one.parameters[: len(first)] == first:
                 self._send((agent,), name, one.parameters, "remove", tuple(range(len(one.parameters))))
 
     def _believe(self, name: str, entry: PerceptEntry, parameters: Parameters, now: float) -> None:

@@ -394,7 +394,7 @@ class SafetyOrders:
 
     def _on_control(self) -> None:
         """End the sequence and forget the lost agent: an agent takes control."""
-        self._ended = (self._lost, self._back_at) if self._loss and self._lost is not None else None
+        self._ended = (self._lost, self._back_at) if self._lost is not None and self._loss else None
         self._lost = None
         self.call_off()
 

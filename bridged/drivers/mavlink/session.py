@@ -159,8 +159,8 @@ class VehicleSession:
                 for asked in spellings(message.param_id):  # one that was requested once is reported when others set it
                     if self.flight.parameters.get(asked, message.param_value) != message.param_value:
                         self.flight.learn(asked, message.param_value)
-            case "GLOBAL_POSITION_INT":
-                self._keep_limits()
+            case "GLOBAL_POSITION_INT" if left := self.flight.left_limits():
+                self._hold_outside(left)
         self._step()
         self.flight.message = None
 
@@ -443,10 +443,8 @@ class VehicleSession:
     def _mode_and_arming(self) -> str:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"
 
-    def _keep_limits(self) -> None:
-        """Stop a vehicle that agents fly where it leaves the mission's limits."""
-        if self.vehicle.overridden or not (left := self.flight.left_limits()):
-            return
+    def _hold_outside(self, left: str) -> None:
+        """Stop a vehicle that agents fly where it has left a limit of the mission; `left` says which, for people."""
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
         for run in [run for run in self._runs if run.moves]:
             self.stop(run, Outcome("failed", left, "limits"))

@@ -417,6 +417,8 @@ class ProcedureContext:
     def left_limits(self) -> str:
         """Return which limit of the mission was just left; empty if none was, or if others or RTL fly the vehicle."""
         limits, vehicle, modes = self.limits, self.vehicle, self.vehicle.modes
+        if vehicle.overridden:
+            return ""
         before, beyond, broken = self.outside, -math.inf, ""
         if vehicle.position is not None and limits.altitude is not None:
             beyond = vehicle.position.altitude - limits.altitude
