@@ -12,6 +12,7 @@ from bridged.bridge.agent_monitor import watch_agents
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.bus_endpoints import Service
 from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
+from bridged.bridge.two_bridges import run_alone
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
 from commd.process.garbage import look_seldom
@@ -92,7 +93,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         bus.restarts, bus.former_failure = note_start(folder, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
-        work = [asyncio.create_task(bridge.run()) for bridge in bridges]
+        work = [asyncio.create_task(run_alone(bus, bridge, service, clock)) for bridge, service in bound]
         for part, (bridge, service) in zip(parts, bound, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, service.health)))
             work.append(asyncio.create_task(watch_agents(bus, mission, part, bridge, clock)))

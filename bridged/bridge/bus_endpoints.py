@@ -70,6 +70,8 @@ class Service:
         for agent in self._agents:
             bus.listened(keys.percept(bus.fleet, agent, "*"), partial(self._observe, agent))
         self._statuses = {agent: bus.raw.publisher(keys.status(bus.fleet, agent, "*")) for agent in self._agents}
+        self._serving: list[Callable[[], None]] = []
+        """What ends each kind of answers."""
         self._stops = 0
         """Orders that have arrived and are not begun."""
 
@@ -115,12 +117,21 @@ class Service:
         action behind a stop is refused."""
         self._bridge, bus, fleet = bridge, self._bus, self._bus.fleet
         for agent in self._agents:
-            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent))
-            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent), at_most=ACTION_BYTES)
-            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent), urgent=True)
-        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, self._read_or_change)
-        VehicleRequests(bus, self._robot, bridge.driver.own, self._inject).open()
-        bus.serve(keys.stop(fleet, self._robot), StopOrder, self._stop, urgent=True)
+            self._serving += (
+                bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent)),
+                bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent), at_most=ACTION_BYTES),
+                bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent), urgent=True),
+            )
+        self._serving += (
+            bus.serve(keys.manifest(fleet, self._robot), ManifestChange, self._read_or_change),
+            *VehicleRequests(bus, self._robot, bridge.driver.own, self._inject).open(),
+            bus.serve(keys.stop(fleet, self._robot), StopOrder, self._stop, urgent=True),
+        )
+
+    def close(self) -> None:
+        """Answer no more queries: another bridge of the robot does."""
+        while self._serving:
+            self._serving.pop()()
 
     async def _repair(self, agent: str, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""
@@ -249,11 +260,13 @@ class VehicleRequests:
         self._busy = False
         """A request is being carried out; another one would share its link."""
 
-    def open(self) -> None:
-        """Begin to serve."""
+    def open(self) -> tuple[Callable[[], None], ...]:
+        """Begin to serve. Returns what ends that."""
         bus, most = self._bus, REQUEST_BYTES
-        bus.serve(keys.parameters(bus.fleet, self._robot), ParameterRequest, self._parameters, at_most=most)
-        bus.serve(keys.stored_plan(bus.fleet, self._robot), StoredPlan, self._plan, at_most=most)
+        return (
+            bus.serve(keys.parameters(bus.fleet, self._robot), ParameterRequest, self._parameters, at_most=most),
+            bus.serve(keys.stored_plan(bus.fleet, self._robot), StoredPlan, self._plan, at_most=most),
+        )
 
     async def _parameters(self, query: Query[ParameterRequest]) -> None:
         """Answer with all parameters, or set the one of the request: then the last reply has its value."""

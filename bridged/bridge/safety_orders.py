@@ -132,6 +132,8 @@ class SafetyOrders:
         self._unheard: Note | None = None
         self._deferred: Note | None = None
         self._stopping = False
+        self._other = ""
+        """Which other bridge the robot is left to."""
         self._secured = False
         """Whether the robot carries out the order of `shut_down`."""
         action_server.on_control, action_server.on_refused = self._on_control, self._on_refused
@@ -512,12 +514,23 @@ class SafetyOrders:
                 await asyncio.sleep(AGAIN)
         return outcome
 
+    def leave_to_other(self, other: str) -> None:
+        """End everything without an order to the robot: from now on `other` serves it."""
+        self.call_off()
+        self._ask("shutdown")
+        self._stopping, self._other = True, other
+        self._server.block(_stops())
+        self._server.end_pause()
+        self._server.end_all("", _stops(f": {other}"))
+
     async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> RobotLeft:
         """Order what leaves the robot safe at the end of the bridge. Returns how it was left.
 
         Stay for at most `stay` mission seconds until it is disarmed, is heard in a pilot's mode, or `leave` is set. If
         an agent answers for a robot that was not heard yet, wait up to `FIRST_HEARD` wall seconds for it.
         """
+        if self._other:
+            return self._left_as("piloted", f"left as it is: {self._other}")
         left, until, leave = await self._leave_safe(order), self._clock.now() + stay, leave or asyncio.Event()
         hear_by = self._clock.wall() + FIRST_HEARD if self._server.lease.answers else 0.0
 

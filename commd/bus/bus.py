@@ -291,7 +291,7 @@ class Bus(QuerySession):
         while others := await self._claimed(names):
             if self._loop.time() >= until:
                 name, lives = next(iter(others.items()))
-                raise self._taken(name, lives)
+                raise self.taken(name, lives)
             await asyncio.sleep(0.2)
         tokens = {name: self.token(self._own(name)) for name in names}
         try:
@@ -311,7 +311,7 @@ class Bus(QuerySession):
             for name in waiting:
                 others = [token for token in there.get(name, ()) if token != self._own(name)]
                 if others and (late or others[0] < self._own(name)):
-                    raise self._taken(name, others)
+                    raise self.taken(name, others)
             if late:
                 what = [f"{access_probe.KINDS['token']} {self._own(name)}" for name in waiting]
                 if self.router_up and self.guarded:
@@ -331,7 +331,8 @@ class Bus(QuerySession):
                 claimed.setdefault(parsed[1], []).append(key)
         return claimed
 
-    def _taken(self, name: str, tokens: list[str]) -> AlreadyRunning:
+    def taken(self, name: str, tokens: list[str]) -> AlreadyRunning:
+        """Return the error that others, by their tokens, serve a name."""
         boot = tokens[0].rsplit("/", 1)[-1]
         return AlreadyRunning(f"another {self.daemon} serves `{name}` of fleet `{self.fleet}` already (boot {boot})")
 

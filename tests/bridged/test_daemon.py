@@ -17,6 +17,7 @@ from commd.bus.bus import Bus, Query
 from commd.bus.errors import AlreadyRunning
 from commd.bus.raw import Publisher
 from commd.liveness.presence import Presence
+from commd.process.process import EXIT_FAILED
 from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -210,6 +211,32 @@ async def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which
     async with serving(endpoint, tmp_path) as (field, _bus):
         with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
             await serve(field.mission, field.arguments(), asyncio.Event())
+
+
+@pytest.mark.parametrize(("boot", "first_stays"), [("ffffffff", True), ("00000000", False)])
+@async_test
+async def test_of_two_bridges_that_meet_after_a_cut_one_gives_way_without_an_order_to_the_robot(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, boot: str, first_stays: bool
+) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus):
+        await field.take_off(bus)
+        far, going = await beginning(field, bus, "goto", *FAR)
+        monkeypatch.setattr("bridged.bridge.two_bridges.NEAR", 1e6)
+        monkeypatch.setattr("commd.bus.bus.boot_id", lambda: boot)
+        monkeypatch.setattr(Bus, "claim", lambda bus, name: asyncio.to_thread(bus.token, bus._own(name)))
+        second = Airfield(endpoint, tmp_path / "other")
+        second.start()
+        gives_way, stays = (second.daemon, field.daemon) if first_stays else (field.daemon, second.daemon)
+        assert await gives_way == EXIT_FAILED
+        assert not stays.done()
+        assert field.vehicle.autopilot.mode.name == "GUIDED"
+        if first_stays:
+            far.cancel()
+        else:
+            status = (await far)[-1]
+            assert (status.id, status.state, status.cause) == (going, "failed", "shutdown")
+            field.daemon = second.daemon
+            field.stop = second.stop
 
 
 @async_test
