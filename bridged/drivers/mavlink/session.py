@@ -35,7 +35,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
 from bridged.drivers.mavlink.vehicle.readings import LinkState, derived
-from bridged.drivers.mavlink.vehicle.state import Vehicle
+from bridged.drivers.mavlink.vehicle.state import OFF_GROUND, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import Streams
 from commd.common.clock import Clock
@@ -295,6 +295,8 @@ class VehicleSession:
         def bind() -> BoundAction:
             modes = self.vehicle.modes
             by_a_target = before is None or before in modes.also_targets  # modes that only a target of ours began
+            if before == modes.takeoff and self.vehicle.position is not None:  # in the air it would begin again there
+                by_a_target = by_a_target or (self.vehicle.aloft and self.vehicle.position.altitude > OFF_GROUND)
             return mode_action(modes, modes.guided if before is None or by_a_target else before)
 
         for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet

@@ -354,17 +354,24 @@ async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
     assert sky.end(flying).state == "succeeded"
 
 
+@pytest.mark.parametrize("reached", [0, 5, 40])
+@pytest.mark.parametrize(("vehicle", "autopilot"), [("plane", "ardupilot"), ("plane", "px4"), ("copter", "px4")])
 @async_test
-async def test_a_planes_takeoff_is_held_on_a_circle_and_entered_again(tmp_path: Path) -> None:
-    sky = sky_of(tmp_path, "plane", "ardupilot")
+async def test_a_takeoff_by_a_mode_of_its_own_that_was_held_climbs_on_to_its_altitude_and_no_higher(
+    tmp_path: Path, vehicle: str, autopilot: str, reached: float
+) -> None:
+    sky, top = sky_of(tmp_path, vehicle, autopilot), 0.0
     sky.done("arm_motors", True)
     climbing = sky.begin("takeoff", 60)
-    while climbing[-1].feedback.get("altitude", 0) < 10:
-        await passing(sky, 1)
-    assert await pause(sky) == Outcome("succeeded", "the vehicle is in LOITER")
+    sky.forward(lambda: sky.driver.vehicle.aloft and place(sky)[2] >= reached, "it climbs")
+    assert (await pause(sky)).state == "succeeded"
     assert climbing[-1].paused
-    assert await resume(sky) == Outcome("succeeded", "the vehicle is in TAKEOFF")
-    assert (climbing[-1].state, climbing[-1].paused) == ("running", False)
+    assert (await resume(sky)).state == "succeeded"
+    assert sky.end(climbing).state == "succeeded"
+    for _ in range(30):
+        await passing(sky, 1)
+        top = max(top, place(sky)[2])
+    assert top < 67
 
 
 @async_test

@@ -110,7 +110,8 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
 def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes).
 
-    An autopilot with a command for it is given that one. One that is under way goes on, as after a death of its agent.
+    An autopilot with a command for it is given that one. One that is under way goes on, as after a death of its agent;
+    after a pause in the air it climbs on by a target: entered again there, TAKEOFF may climb TKOFF_ALT from there.
     """
     vehicle, wanted = flight.vehicle, action.arguments["altitude"]
     mode = vehicle.modes.takeoff
@@ -125,7 +126,7 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
     command = BoundAction(
         dialect.MAV_CMD_NAV_TAKEOFF, parameters, retry=action.retry, tolerance=near, yaw=action.yaw, by_int=True
     )
-    if vehicle.aloft and not flight.goes_on(action):
+    if vehicle.aloft:
         if vehicle.mode != mode:
             return (yield from _climb_on(flight, run, command, near))
         run.judges_mode = flight.autopilot.settles > 0

@@ -31,6 +31,8 @@ _PREARM_S = 0.94
 """From the end of a landing's motor until failed arming checks are reported (recorded)."""
 _FINAL, _FINAL_HEIGHT = 400.0, 55.0
 """Metres before the place of AUTOLAND, and above it, from where it descends (AUTOLAND_WP_DIST, AUTOLAND_WP_ALT)."""
+_FLIES_S = 10.0
+"""Seconds in the air after which TAKEOFF begins no takeoff any more (ArduPlane/mode_takeoff.cpp)."""
 _ROLLING = 3.0
 """m/s from which a plane on the runway counts as taking off."""
 
@@ -79,6 +81,7 @@ class Plane(ArduPilot):
     flight: PlaneFlight
     motion: PlaneMotion
 
+    _aloft_since = 0.0
     _started_at: float | None = None
     _sent: frozenset[str] = frozenset()
     """Texts of the present takeoff or landing that have been sent."""
@@ -150,13 +153,26 @@ class Plane(ArduPilot):
         self.flight.begin(GoTo(Vector(home.north, home.east, home.up + self.parameters["RTL_ALTITUDE"])))
 
     def _take_off(self) -> None:
-        """Take off to TKOFF_ALT, and circle TKOFF_DIST ahead; in the air, circle here."""
+        """Take off to TKOFF_ALT above here, and circle TKOFF_DIST ahead.
+
+        A plane that has flown for some seconds climbs to TKOFF_ALT above home instead, or circles here if it is above.
+        """
         if not self.armed:
             return
-        if self.flight.airborne:
+        here, up = self.motion.position, self.home_on_chart.up + self.parameters["TKOFF_ALT"]
+        if not self.flight.airborne or self.now - self._aloft_since <= _FLIES_S:
+            self._begin_takeoff(here.up + self.parameters["TKOFF_ALT"])
+        elif here.up >= up:
+            self.send_text("Above TKOFF alt - loitering")
             self.flight.begin(Stop())
-            return
-        self._begin_takeoff(self.home_on_chart.up + self.parameters["TKOFF_ALT"])
+        else:
+            self.send_text("Climbing to TKOFF alt then loitering")
+            self._circle_ahead(self.motion.heading, here, up)
+
+    def _circle_ahead(self, course: float, place: Vector, up: float) -> None:
+        ahead = self.parameters["TKOFF_DIST"]
+        north, east = place.north + ahead * math.cos(course), place.east + ahead * math.sin(course)
+        self.flight.begin(GoTo(Vector(north, east, up)))
 
     def _begin_takeoff(self, up: float) -> None:
         self._started_at, self._sent = self.now, frozenset()
@@ -308,6 +324,8 @@ class Plane(ArduPilot):
     def _move(self, dt: float) -> None:
         flight, was = self.flight, self.flight.landed
         self._fly(dt)
+        if not flight.airborne:
+            self._aloft_since = self.now
         if self._started_at is not None:
             self._report_takeoff(self._started_at)
         if flight.landed is Landed.ON_GROUND and was is not Landed.ON_GROUND:
@@ -352,10 +370,7 @@ class Plane(ArduPilot):
         if flight.reached:
             self._started_at = None
             if self.mode is PlaneMode.TAKEOFF:
-                home, ahead = self.home_on_chart, self.parameters["TKOFF_DIST"]
-                course_ahead = self._takeoff_course or 0.0
-                north, east = home.north + ahead * math.cos(course_ahead), home.east + ahead * math.sin(course_ahead)
-                flight.begin(GoTo(Vector(north, east, flight.task.up)))
+                self._circle_ahead(self._takeoff_course or 0.0, self.home_on_chart, flight.task.up)
 
     def _report_landing(self, approach: Approach) -> None:
         flight = self.flight

@@ -51,6 +51,22 @@ def test_it_takes_off_in_takeoff_and_circles_ahead(flying: AttendedVehicle) -> N
     assert (beat.type, beat.autopilot, beat.custom_mode, beat.system_status) == (1, 3, 13, 4)
 
 
+@pytest.mark.parametrize(
+    ("altitude", "text"), [(90, "Climbing to TKOFF alt then loitering"), (30, "Above TKOFF alt - loitering")]
+)
+def test_in_the_air_takeoff_climbs_to_its_altitude_or_circles_above_it(
+    flying: AttendedVehicle, altitude: int, text: str
+) -> None:
+    flying.wait(20.0)
+    high = flying.at.up - flying.autopilot.home_on_chart.up
+    mode(flying, PlaneMode.LOITER)
+    flying.autopilot.parameters.set("TKOFF_ALT", altitude)
+    mode(flying, PlaneMode.TAKEOFF)
+    flying.wait(40.0)
+    assert text in flying.said
+    assert flying.at.up - flying.autopilot.home_on_chart.up == pytest.approx(max(high, altitude), abs=5)
+
+
 def test_a_takeoff_by_command_and_modes_of_vertical_takeoff_are_refused(plane: AttendedVehicle) -> None:
     assert mode(plane, PlaneMode.GUIDED) == 0
     assert plane.command(ARM, 1) == 0
