@@ -191,7 +191,7 @@ class MailClient:
         """What became of messages so far."""
         self.outbox = Outbox(bus, self._agent, self._undelivered, self.counters)
         self.poison: PoisonInputs | None = None
-        """Knows the messages that are not to be taken."""
+        """Knows the messages that are not to be taken; None: there are none."""
         self._refused: list[tuple[Message, Refusal]] = []
         """Restored messages that are not accepted."""
         self._own = Numbered(self._agent, self.outbox.numbering)

@@ -132,7 +132,9 @@ class AgentHost:
         self._mind.post_office = self._mailing.send
         self._poison: PoisonInputs | None = None
         if memory is not None:
-            self._poison = self._mailing.poison = PoisonInputs(memory.folder, self._in_hand)
+            self._poison = PoisonInputs(memory.folder, self._in_hand)
+            if self._poison.is_watchful:
+                self._mailing.poison = self._poison
             self._restore(memory)
         self._checkpointer = Checkpointer(commits, memory, self._keeper, self._runner, self._mailing, bus.wire)
         if memory is not None:

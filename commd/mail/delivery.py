@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
 from typing import TypeAlias
+from weakref import WeakValueDictionary
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
+from commd.common.tasks import Tasks
 from commd.liveness.presence import Tokens
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
@@ -183,43 +185,6 @@ class Away:
     timer: asyncio.TimerHandle | None = None
 
 
-class _WorkerPool:
-    """The queues of one kind that are ready, and the number of workers that serve each group of them."""
-
-    def __init__(self, workers: int, of_one: int) -> None:
-        """At most `of_one` of the `workers` serve one group at the same time."""
-        self.workers = workers
-        self._of_one = of_one
-        self.ready: asyncio.Queue[DeliveryQueue] = asyncio.Queue()
-        """Those that wait for a worker."""
-        self._busy: Counter[str] = Counter()
-        """Busy workers by group."""
-        self._held: dict[str, deque[DeliveryQueue]] = {}
-        """Queues whose group has as many workers as it may, by group."""
-
-    async def next(self, group_of: Callable[[str], str]) -> tuple[DeliveryQueue, str]:
-        """Wait for a queue whose group may have another worker. Returns it, and the group for `free`."""
-        while True:
-            queue = await self.ready.get()
-            group = group_of(queue.line)
-            if self._busy[group] < self._of_one:
-                self._busy[group] += 1
-                return queue, group
-            self._held.setdefault(group, deque()).append(queue)
-
-    def free(self, group: str) -> None:
-        """Give the worker to the next queue of a group; if it was the last one, to all of them, as groups may
-        change."""
-        self._busy[group] -= 1
-        held = self._held.get(group, deque())
-        for _ in range(min(1 if self._busy[group] else len(held), len(held))):
-            self.ready.put_nowait(held.popleft())
-        if not held:
-            self._held.pop(group, None)
-        if not self._busy[group]:
-            del self._busy[group]
-
-
 class DeliveryQueues:
     """The deliveries of all lines that are not empty, and their workers."""
 
@@ -239,21 +204,24 @@ class DeliveryQueues:
         self._peers, self._give_up = peers, give_up
         self._lines: dict[str, DeliveryQueue] = {}
         self._away: dict[str, Away] = {}
-        self._pools = {
-            (remote, probing): _WorkerPool(PROBES, PROBES_OF_ONE) if probing else _WorkerPool(WORKERS, OF_ONE)
-            for remote in (False, True)
-            for probing in (False, True)
-        }
+        self._tasks = Tasks("delivering mail")
+        self._begun = False
+        kinds = [(remote, probing) for remote in (False, True) for probing in (False, True)]
+        self._workers = {kind: asyncio.Semaphore(PROBES if kind[1] else WORKERS) for kind in kinds}
+        """For lines to other boards or not, that probe or not."""
+        self._of_one: WeakValueDictionary[tuple[bool, bool, str], asyncio.Semaphore] = WeakValueDictionary()
+        """The same for each group of lines, while it has any that wait or are served."""
         self._loop = asyncio.get_running_loop()
 
-    async def run(self) -> None:
-        """Deliver, for ever."""
-        await asyncio.gather(*(self._work(pool) for pool in self._pools.values() for _ in range(pool.workers)))
-
     def begin(self) -> None:
-        """Start to deliver what the process before this one left."""
-        self.before = self._tally.next - 1
+        """Start to deliver, with what the process before this one left."""
+        self.before, self._begun = self._tally.next - 1, True
         self.look()
+
+    async def end(self) -> None:
+        """Deliver no more."""
+        self._begun = False
+        await self._tasks.end()
 
     def look(self) -> None:
         """Start the delivery of each line that is not empty."""
@@ -265,7 +233,7 @@ class DeliveryQueues:
         """Deliver messages that were added to a line."""
         if (queue := self._lines.get(line)) is not None:
             queue.added = True
-        else:
+        elif self._begun:
             self._lines[line] = DeliveryQueue(line)
             self._queue(self._lines[line])
 
@@ -304,13 +272,16 @@ class DeliveryQueues:
         return queue.state
 
     def _queue(self, queue: DeliveryQueue) -> None:
-        if not queue.queued:
+        if self._begun and not queue.queued:
             queue.queued = True
-            self._pools[">" in queue.line, queue.hung].ready.put_nowait(queue)
+            self._tasks.spawn(self._work(queue))
 
-    async def _work(self, pool: _WorkerPool) -> None:
-        while True:
-            queue, group = await pool.next(self._peers.group_of)
+    async def _work(self, queue: DeliveryQueue) -> None:
+        """Send a batch of a line when there is a worker for its kind and group."""
+        kind = ">" in queue.line, queue.hung
+        most = asyncio.Semaphore(PROBES_OF_ONE if queue.hung else OF_ONE)
+        of_one = self._of_one.setdefault((*kind, self._peers.group_of(queue.line)), most)
+        async with of_one, self._workers[kind]:
             queue.queued, queue.timer = False, None
             known, queue.sent = queue.sent, inf
             try:
@@ -320,8 +291,6 @@ class DeliveryQueues:
             except Exception as error:  # a defect in one line must not stop the others
                 log.exception("defect in argosy: mail of line %s", queue.line)
                 self._again(queue, known, NotTaken(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
-            finally:
-                pool.free(group)
 
     def _again(self, queue: DeliveryQueue, known: float, why: NotTaken) -> None:
         """Restart a line at its front: messages that were taken and are still in the file are sent again, and known

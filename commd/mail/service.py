@@ -119,7 +119,10 @@ class MailService:
         self._peers.watch(self._queues.arrived)
         self._queues.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        await asyncio.gather(self._queues.run(), self._sweep())
+        try:
+            await self._sweep()
+        finally:
+            await self._queues.end()
 
     def host(self, name: str) -> None:
         """Serve the mail of an agent, a client or a node of this board."""
@@ -211,22 +214,25 @@ class MailService:
         """Serve mail of another board to a receiver of this one."""
         mail, now, sender = query.required(EXPECTED), self.clock.now(), query.key.rpartition("/")[2]
         self.counters["received"] += len(mail.messages)
-        right = is_name(sender)
-        turned_away = self._one_too_many(sender) if right else None
+        turned_away = self._turned_away(sender)
         rows = [
             turned_away or self._row(one, receiver, now, None, SLACK)
-            if right and (one.sender, one.receiver) == (sender, receiver)
+            if (one.sender, one.receiver) == (sender, receiver)
             else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
             for one in mail.messages
         ]
         query.reply(await self._write(rows, now, self._rules.mailbox))
 
-    def _one_too_many(self, sender: str) -> Refusal | None:
-        """Count a sender of another board. Return why its mail is refused if the board has had too many names."""
+    def _turned_away(self, sender: str) -> Refusal | None:
+        """Count a sender of another board. Return why its mail is refused: this is no name, or there were too many."""
         group = sender.partition("_")[0]
-        names = self._senders.setdefault(group, set())
-        if sender in names or len(names) < MOST_SENDERS:
-            names.add(sender)
+        names = self._senders.get(group, set())
+        if sender in names:
+            return None
+        if not is_name(sender):
+            return Refusal(code="wrong_address", text=f"`{sender}` is no name")
+        if len(names) < MOST_SENDERS:
+            self._senders.setdefault(group, names).add(sender)
             return None
         why = f"mail of {MOST_SENDERS} other names that begin with {group} has come to board {self._bus.name}"
         if group not in self._full_groups:

@@ -167,7 +167,7 @@ def corrupt_checkpoint(state: Path) -> Row:
             second.until(lambda text: text.count("begun") == 2, "both begin")
             aside = [one.name for one in (state / "minds").rglob("*.corrupt-1")]
             row.expect(aside == [f"{file.name}.corrupt-1"], f"the file is set aside, found {aside}")
-            noted = [line for line in second.lines if "set aside" in line]
+            noted = [line for line in second.lines if "database_corrupt" in line]
             row.expect(noted, "the log tells of it")
             row.seen.append(
                 f"set aside, and reported: `{noted[0][noted[0].index(str(state)) :].replace(str(state), 'DIR')}`"

@@ -62,12 +62,10 @@ async def lanes_of(
         refused = Refused(store, tally)
         delivery_queues = DeliveryQueues(store, tally, MailClock(), FakePeers(carry), refused.give_up)  # type: ignore[arg-type]
         delivery_queues.begin()
-        task = asyncio.create_task(delivery_queues.run())
         try:
             yield delivery_queues, tally, refused
         finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
+            await delivery_queues.end()
 
 
 @async_test
