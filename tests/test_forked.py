@@ -6,10 +6,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from tests.support.forked import ROOT
+from tests.support.processes import poll
 
 TESTS = """\
 import sys
@@ -39,11 +39,8 @@ def test_a_test_run_that_is_killed_leaves_no_forked_process_and_not_their_parent
         parent = int(_status(child)["PPid"])
         assert parent != tests.pid
         tests.kill()
-    until = time.monotonic() + 20
     try:
-        while left := [pid for pid in (child, parent) if _status(pid)]:
-            assert time.monotonic() < until, [_status(pid)["Name"] for pid in left]
-            time.sleep(0.02)
+        poll(lambda: not any(map(_status, (child, parent))), "both end with their tests")
     finally:
         for pid in (child, parent):
             if _status(pid):

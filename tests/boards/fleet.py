@@ -7,7 +7,6 @@ import queue
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +14,7 @@ from typing import Any, Literal
 
 from schemas.mission.model import Mission, load_mission
 from tests.boards.network import GROUND, Network
-from tests.support.processes import ROOT, Daemon
+from tests.support.processes import ROOT, Daemon, poll
 
 Kind = Literal["commd", "bridged", "agentd"]
 LOOK_PATIENCE = 90.0
@@ -140,12 +139,7 @@ class Look:
 
     def until(self, condition: Callable[[Look], object], wish: str, seconds: float = 60) -> float:
         """Ask until something holds; return the seconds that it took."""
-        began = time.monotonic()
-        while not condition(self):
-            if time.monotonic() > began + seconds:
-                raise AssertionError(f"not within {seconds:g} s: {wish}")
-            time.sleep(0.1)
-        return time.monotonic() - began
+        return poll(lambda: condition(self), wish, seconds)
 
     def believes(self, agent: str, belief: str, seconds: float = 60) -> float:
         """Wait until an agent believes something that is written so, annotations aside."""

@@ -85,19 +85,21 @@ class Pond:
         for payload in payloads:
             publisher.put(payload, encoding)
 
-    def hear(self, key: str) -> list[Sample]:
-        """Be the robot that listens to a key; returns what it hears."""
+    async def hear(self, key: str) -> list[Sample]:
+        """Be the robot that listens to a key, when the bridge knows it; returns what it hears."""
         heard: list[Sample] = []
         self.robot.raw.subscribe(key, heard.append)
+        await subscribed(self.driver._bus, key)
         return heard
 
-    def hold(self, key: str) -> list[zenoh.Query]:
+    async def hold(self, key: str) -> list[zenoh.Query]:
         """Be the robot that answers no query yet; returns those that it is asked."""
         held: list[zenoh.Query] = []
         self.robot._session.declare_queryable(key, zenoh.handlers.Callback(held.append, indirect=False))
+        await served(self.driver._bus, key)
         return held
 
-    def serve(self, key: str, payload: bytes | None, *, error: bool = False) -> list[bytes]:
+    async def serve(self, key: str, payload: bytes | None, *, error: bool = False) -> list[bytes]:
         """Be the robot that answers each query like this; returns what it is asked."""
         asked: list[bytes] = []
 
@@ -106,6 +108,7 @@ class Pond:
             return None if payload is None else Sample(key, payload, "application/json", error=error)
 
         self.robot.raw.serve(key, answer)
+        await served(self.driver._bus, key)
         return asked
 
 

@@ -15,7 +15,7 @@ import zenoh
 from schemas.wire.records import ActionStatus, State
 from tests.faults.rows import Ended, Maker, Row
 from tests.support.ports import free_port
-from tests.support.processes import Daemon, running
+from tests.support.processes import Daemon, poll, running
 
 RATE = 500
 """Samples a second of the flood."""
@@ -210,8 +210,5 @@ def _robot(endpoint: str) -> Iterator[Callable[[int], None]]:
     with zenoh.open(config) as session:
         session.declare_queryable("robot/ping", answer)
         publisher: Any = session.declare_publisher("robot/sample", encoding=zenoh.Encoding.APPLICATION_JSON)
-        until = time.monotonic() + 20
-        while not publisher.matching_status.matching:
-            assert time.monotonic() < until, "the bridge does not subscribe to robot/sample"
-            time.sleep(0.02)
+        poll(lambda: publisher.matching_status.matching, "the bridge subscribes to robot/sample")
         yield lambda number: publisher.put(f'{{"n": {number}}}'.encode())

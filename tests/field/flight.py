@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable
 
-from tests.support.processes import Daemon
+from tests.support.processes import Daemon, poll
 
 
 class Flight:
@@ -25,11 +24,7 @@ class Flight:
 
     def until(self, condition: Callable[[], bool], wish: str, seconds: float) -> None:
         """Wait until something holds."""
-        end = time.monotonic() + seconds
-        while not condition():
-            if time.monotonic() > end:
-                raise AssertionError(f"not within {seconds:g} s: {wish}\n{self.transcript()}")
-            time.sleep(0.02)
+        poll(condition, wish, seconds, said=self.transcript)
 
     def until_shown(self, mode: str, after: float, seconds: float = 40) -> float:
         """Wait until the vehicle is in a mode; returns the seconds since `after`."""

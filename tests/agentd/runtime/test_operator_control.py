@@ -77,7 +77,9 @@ async def test_a_paused_mind_stands_still_until_it_goes_on(bob: Desk) -> None:
     (note,) = bob.agent.host.health().notes
     assert (note.code, note.value) == ("mind_paused", 0)
     cycle, before = view.cycle, count(bob.agent)
-    await asyncio.sleep(0.3)
+    host = bob.agent.host
+    await until(lambda: host._clock.now() > (host._mind.wake_at or 0), "its timer is due")
+    await bob.order("pause")
     assert (bob.agent.host.viewer.view().cycle, count(bob.agent)) == (cycle, before)
     assert (await bob.order("resume")) == Outcome(ok=True)
     await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
@@ -115,7 +117,7 @@ async def test_a_goal_and_a_belief_come_from_the_operator(bob: Desk) -> None:
     await bob.order("pause")
     given = await bob.order("goal", "say(4)[source(self)]")
     assert given == Outcome(ok=True, reason="it is paused: it takes it when it goes on")
-    await asyncio.sleep(0.2)
+    await bob.order("pause")
     assert len(bob.agent.prints) == 3
     await bob.order("resume")
     await until(lambda: len(bob.agent.prints) == 4, "it takes what it was given meanwhile")
@@ -265,8 +267,7 @@ async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(bob: Des
         "what it has become is kept while it is paused",
     )
     bob.agent.tell(Mail("ana", "tell", term("told(2)")))
-    await asyncio.sleep(0.2)
-    assert bob.agent.host.viewer.view().mailbox == 1
+    await until(lambda: bob.agent.host.viewer.view().mailbox == 1, "its mail waits")
     assert bob.agent.host.health().lag == 0.0
     await bob.order("resume")
     await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
@@ -308,9 +309,10 @@ def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Pat
             assert (await order(bus, "ana", "pause", fleet="two")).ok
             assert (await mind(bus, "ana")).state == "paused"
             ana, bob = await mind(bus, "ana"), await mind(bus, "bob")
-            await asyncio.sleep(0.5)
+            async with asyncio.timeout(90):
+                while (await mind(bus, "bob")).cycle < bob.cycle + 3:
+                    pass
             assert (await mind(bus, "ana")).cycle == ana.cycle
-            assert (await mind(bus, "bob")).cycle > bob.cycle
             assert (await order(bus, "bob", "goal", "say(7)", fleet="two")).ok
 
     with daemons(str(path), endpoint, ("--state", str(tmp_path))) as (agents,):

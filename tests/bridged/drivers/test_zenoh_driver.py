@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-import time
 from collections import Counter
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from types import SimpleNamespace
@@ -24,6 +23,7 @@ from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, unti
 from tests.bridged.sky import end_of
 from tests.support.buses import async_test, lends
 from tests.support.notes import identities
+from tests.support.processes import poll
 
 pond_test = lends("pond", by=in_a_pond, needs=("endpoint",))
 
@@ -68,7 +68,7 @@ async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: st
         await pond.publish("lamp/state", msgspec.msgpack.encode({"on": 1}))
         await until(lambda: bool(pond.readings), "the sample is read")
         assert fields(pond) == [{"on": 1}]
-        heard = pond.hear("lamp/text")
+        heard = await pond.hear("lamp/text")
         assert (await pond.do("tell", text="hello")).state == "succeeded"
         await until(lambda: bool(heard), "the text is heard")
         assert (heard[0].encoding, msgspec.msgpack.decode(heard[0].payload)) == (
@@ -123,7 +123,7 @@ async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest
 
 @pond_test
 async def test_a_put_reaches_who_listens_nested_as_the_paths_say(pond: Pond) -> None:
-    heard = pond.hear("lamp/set")
+    heard = await pond.hear("lamp/set")
     assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
     await until(lambda: bool(heard), "the lamp hears it")
     assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
@@ -137,7 +137,7 @@ async def test_nobody_listens_until_a_listener_appears(pond: Pond, monkeypatch: 
     monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
     waiting = pond.begin("set_light", on=True, colour="red")
     assert waiting.outcome is None
-    heard = pond.hear("lamp/set")
+    heard = await pond.hear("lamp/set")
     await until(lambda: waiting.over, "the action ends")
     assert waiting.outcome.state == "succeeded", waiting.outcome.reason
     await until(lambda: len(heard) == 1, "the lamp hears it")
@@ -149,7 +149,7 @@ async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge
     async with in_a_pond(endpoint, text=text) as pond:
         outcome = await pond.do("set_light", on=True, colour="red")
         assert outcome.reason == "nobody subscribes to lamp/set"
-        heard = pond.hear("lamp/set")
+        heard = await pond.hear("lamp/set")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         await until(lambda: bool(heard), "the lamp hears it")
         await pond.publish("lamp/set", b'{"on": false}')
@@ -190,14 +190,14 @@ async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(pond: 
 async def test_a_service_says_how_it_went(
     pond: Pond, reply: bytes | None, error: bool, state: str, reason: str
 ) -> None:
-    asked = pond.serve("lamp/blink", reply, error=error)
+    asked = await pond.serve("lamp/blink", reply, error=error)
     assert end_of(await pond.do("blink", times=3)) == (state, reason)
     assert [json.loads(payload) for payload in asked] == [{"times": 3}]
 
 
 @pond_test
 async def test_a_reply_that_cannot_be_read_is_no_success(pond: Pond) -> None:
-    pond.serve("lamp/blink", b"{")
+    await pond.serve("lamp/blink", b"{")
     outcome = await pond.do("blink", times=3)
     assert outcome.state == "failed"
     assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
@@ -205,8 +205,8 @@ async def test_a_reply_that_cannot_be_read_is_no_success(pond: Pond) -> None:
 
 @pond_test
 async def test_of_several_replies_one_refusal_decides(pond: Pond) -> None:
-    pond.serve("lamp/blink", b'{"success": true}')
-    pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
+    await pond.serve("lamp/blink", b'{"success": true}')
+    await pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
     outcome = await pond.do("blink", times=3)
     assert outcome.reason == "lamp/blink: the second lamp is broken"
 
@@ -226,7 +226,7 @@ async def test_a_service_that_replies_and_does_not_end_has_replied(pond: Pond) -
 
 @pond_test
 async def test_a_query_ends_when_its_action_is_stopped(pond: Pond) -> None:
-    held = pond.hold("lamp/blink")
+    held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
     await until(lambda: bool(held), "the query arrives")
     assert execution.waits_for == "the reply of lamp/blink"
@@ -245,7 +245,7 @@ async def test_a_query_ends_when_its_action_is_stopped(pond: Pond) -> None:
 
 @pond_test
 async def test_a_service_that_dies_fails_the_action(pond: Pond) -> None:
-    held = pond.hold("lamp/blink")
+    held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
     await until(lambda: bool(held), "the query arrives")
     await asyncio.to_thread(pond.robot._session.close)
@@ -256,8 +256,8 @@ async def test_a_service_that_dies_fails_the_action(pond: Pond) -> None:
 @async_test
 async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
     async with in_a_pond(endpoint, prefix="hall/two") as pond:
-        heard = pond.hear("hall/two/lamp/set")
-        asked = pond.serve("hall/two/lamp/blink", b"")
+        heard = await pond.hear("hall/two/lamp/set")
+        asked = await pond.serve("hall/two/lamp/blink", b"")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         assert (await pond.do("blink", times=1)).state == "succeeded"
         assert (await pond.do("tell", text="x")).reason == "nobody subscribes to hall/two/lamp/text"
@@ -277,9 +277,8 @@ async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(po
         publisher.put(b"%d" % number, "application/json")
     subscription = pond.driver._sources.by_name["lamp/state"].subscription
     assert subscription is not None
-    end = time.monotonic() + 10
-    while subscription.dropped < BACKLOG and time.monotonic() < end:
-        time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
+    # the event loop stands still, Zenoh's threads do not
+    poll(lambda: subscription.dropped >= BACKLOG, "what does not fit is dropped")
     await until(lambda: len(pond.readings) == 1 + BACKLOG, "what was kept is read")
     assert fields(pond)[1:] == [{"data": number} for number in range(BACKLOG, 2 * BACKLOG)]
     assert pond.driver.counters()["samples_dropped"] == BACKLOG
@@ -322,7 +321,7 @@ async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> N
 
 @pond_test
 async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(pond: Pond) -> None:
-    held = pond.hold("lamp/blink")
+    held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
     await until(lambda: bool(held), "the query arrives")
     pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.blink]")[0], "lamp.toml"))
@@ -352,7 +351,7 @@ async def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endp
         told: list[str] = []
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(lambda _, context: told.append(context["message"]))
-        pond.serve("lamp/blink", b'{"success": true}')
+        await pond.serve("lamp/blink", b'{"success": true}')
         pond.driver._sources.answered = defect  # type: ignore[method-assign]
         outcome = await pond.do("blink", times=1)
         assert outcome == Outcome("failed", "defect in the driver: KeyError: 'depth'")
@@ -365,7 +364,7 @@ async def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endp
 async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: str) -> None:
     percept = MANIFEST.partition("[actions")[0].replace("lamp/state", "lamp/blink").replace('"on"', '"count"')
     async with in_a_pond(endpoint, text=percept + "[actions" + MANIFEST.partition("[actions")[2]) as pond:
-        pond.serve("lamp/blink", b'{"success": true, "count": 3}')
+        await pond.serve("lamp/blink", b'{"success": true, "count": 3}')
         assert not pond.driver.heard
         assert (await pond.do("blink", times=1)).state == "succeeded"
         assert fields(pond)[0]["count"] == 3
@@ -375,16 +374,15 @@ async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endp
 
 @pond_test
 async def test_replies_that_are_too_many_to_wait_are_counted(pond: Pond) -> None:
-    held = pond.hold("lamp/blink")
+    held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
     await until(lambda: bool(held), "the query arrives")
     with held.pop() as query:
         for _ in range(REPLIES + 5):
             query.reply("lamp/blink", b"")
-        end = time.monotonic() + 10
-        while pond.driver._bus.counters["dropped"] < 5 and time.monotonic() < end:
-            time.sleep(0.01)  # the event loop stands still, Zenoh's threads do not
     del query
+    # the event loop stands still, Zenoh's threads do not
+    poll(lambda: len(pond.driver._bus._dispatch._waiting) >= REPLIES + 5, "all replies are there")
     await until(lambda: execution.over, "the action ends")
     assert pond.driver._bus.counters["dropped"] == 5
 
