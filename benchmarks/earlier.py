@@ -125,6 +125,8 @@ def trees(revision: str) -> Iterator[tuple[Path, Path]]:
             shutil.copytree(now / folder, then / folder)
         if (named_then := then / "manifests" / "arducopter.toml").is_file():
             shutil.copy2(named_then, named_then.with_name("copter.toml"))  # today's benchmarks name it so
+        bus, stamp = then / "commd/bus/bus.py", "stamp: Callable[[], int]"  # today's benchmarks give none
+        bus.write_text(bus.read_text().replace(f"{stamp},", f'{stamp} = __import__("time").time_ns,'))
         # otherwise each process that is started there would compile everything
         subprocess.run([sys.executable, "-m", "compileall", "-q", "-x", "/tests/", str(then), str(now)], check=False)
         yield then, now
