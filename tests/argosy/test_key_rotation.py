@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -35,7 +34,7 @@ async def router(fleet: Secured, board: str) -> AsyncIterator[Bus]:
     """The router of a board, by the configuration that `argosy units` writes."""
     config = router_config.read(fleet.config(board)).config
     endpoint = fleet.socket(board)
-    options = {"fleet": FLEET, "name": board, "daemon": "commd", "stamp": time.time_ns, "mode": "router"}
+    options = {"fleet": FLEET, "name": board, "daemon": "commd", "mode": "router"}
     async with open_bus(endpoint, config=config, **options) as bus:  # type: ignore[arg-type]
         yield bus
 
@@ -43,7 +42,7 @@ async def router(fleet: Secured, board: str) -> AsyncIterator[Bus]:
 @asynccontextmanager
 async def member(fleet: Secured, board: str, name: str, daemon: str = "agentd") -> AsyncIterator[Bus]:
     """A daemon on a board."""
-    options = {"fleet": FLEET, "name": name, "daemon": daemon, "stamp": time.time_ns, "patience": 20.0}
+    options = {"fleet": FLEET, "name": name, "daemon": daemon, "patience": 20.0}
     async with open_bus(fleet.socket(board), **options) as bus:  # type: ignore[arg-type]
         yield bus
 

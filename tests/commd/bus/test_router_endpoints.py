@@ -67,7 +67,7 @@ async def test_what_another_board_says_is_heard_in_whatever_order_the_routers_co
     async def first() -> AsyncIterator[Bus]:
         """Run the other board; its router may be one of those that hear nothing, and is then linked again."""
         async with session(there, "pi1", "commd", router=True, listen=[link]) as router, session(there, "a") as agent:
-            watchdog = asyncio.create_task(LinkWatchdog(router, ["pi2"]).run())
+            watchdog = asyncio.create_task(LinkWatchdog(router, ["pi2"], [link]).run())
             try:
                 yield agent
             finally:
