@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from bridged.bridge.two_bridges import NEAR, gives_way
+from bridged.bridge.two_bridges import NEAR, UNDECIDED, gives_way
 from schemas.wire.records import Header, Health
 
 
@@ -24,3 +24,13 @@ def test_two_bridges_never_give_way_to_each_other_however_late_their_records_are
         older, younger = 100.0 + apart, 100.0
         first = gives_way("a", older, other("b", younger - late))
         assert not (first and gives_way("b", younger, other("a", older - later))), apart
+
+
+def test_one_of_two_bridges_gives_way_in_the_end_whatever_is_between_their_starts() -> None:
+    for apart, late in product([n / 20 for n in range(-int(60 * NEAR), int(60 * NEAR))], (0.0, 0.3)):
+        older, younger = 100.0 + apart, 100.0
+        assert any(
+            gives_way("a", older, other("b", younger - late), heard)
+            or gives_way("b", younger, other("a", older - late), heard)
+            for heard in (1, UNDECIDED)
+        ), apart
