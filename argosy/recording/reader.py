@@ -16,7 +16,7 @@ from argosy.recording.mcap_records import Damage, McapFile
 from argosy.recording.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
 from argosy.recording.mind_inputs import PART, RecordedMind
 from argosy.recording.records import PREFIX, RECORDS, fleet_of, is_plain
-from schemas.humanize import printable
+from schemas.humanize import count, printable
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.mind_records import MindInputs
@@ -192,7 +192,9 @@ class Recording:
                 self._lacks.append(f"{path}: belongs to another recording, but has the name of the next part")
                 break
             file = next_one
-        self.topics = [Topic(key, name, count) for (key, name), count in sorted(counts.items())]
+        if self.end is not None and (lost := self.end.dropped + self.end.too_large):
+            self._lacks.append(f"{self.path}: {count(lost, 'message')} did not fit when it was recorded")
+        self.topics = [Topic(key, name, number) for (key, name), number in sorted(counts.items())]
         self.begin = self.begin or facts.started
         self.last = max(self.last, self.begin)
         return facts

@@ -247,8 +247,6 @@ def _head(recording: Recording) -> list[str]:
         lines.append(f"  missing  {recording.missing}")
     if facts.only:
         lines.append(f"  only     {' '.join(facts.only)}")
-    if end is not None and (lost := end.dropped + end.too_large):
-        lines.append(f"  dropped  {lost} messages that did not fit")
     lines += [f"  {name:8} {text}" for name, text in facts.notes.items()]
     return lines
 

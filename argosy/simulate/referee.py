@@ -8,11 +8,10 @@ name.
 
 from __future__ import annotations
 
-import sys
 from argparse import ArgumentParser, Namespace
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -189,11 +188,13 @@ class Verdict:
     """The buoys near each victim."""
     astray: list[Drop] = field(default_factory=list)
     """Buoys that reached no victim."""
+    missing: str = ""
+    """What a recording lacks: another buoy may have fallen there."""
 
     @property
     def good(self) -> bool:
-        """Whether each victim got exactly one buoy and none fell elsewhere."""
-        return not self.astray and all(len(drops) == 1 for drops in self.rescues.values())
+        """Whether it is proved that each victim got exactly one buoy and none fell elsewhere."""
+        return not self.missing and not self.astray and all(len(drops) == 1 for drops in self.rescues.values())
 
     def __str__(self) -> str:
         lines = ["victim  buoys  by"]
@@ -213,6 +214,7 @@ class Verdict:
         verdict += f", {never} none" if never else ""
         verdict += f", {twice} more than one" if twice else ""
         verdict += f", {len(self.astray)} buoys fell astray" if self.astray else ""
+        verdict += f"; not all is known: {self.missing}" if self.missing else ""
         return verdict
 
 
@@ -264,8 +266,6 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
     from argosy.recording.reader import Recording  # needs the extra `record`, which servo logs do not
 
     recording = Recording(file)
-    if recording.missing:
-        print(f"warning: {recording.missing}", file=sys.stderr)
     copters, seen = copters_of(mission, recording, LATCH)
     if not copters:
         wanted = " or ".join(map(".".join, latch_fields(LATCH)))
@@ -277,7 +277,7 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
     for name, copter in copters.items():
         moves = list(copter.moves(name, LATCH))
         drops += drops_of(name, moves, loaded=moves[0].pulse < OPEN)
-    return judge(everybody, drops)
+    return replace(judge(everybody, drops), missing=recording.missing)
 
 
 def add_arguments(parser: ArgumentParser) -> None:

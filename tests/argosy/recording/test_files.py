@@ -214,6 +214,7 @@ def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tm
     assert (recorder.messages, recorder.dropped) == (10 + 1, 15)
     recording = Recording(tmp_path / "a.mcap")
     assert recording.end.dropped == 15
+    assert recording.missing.endswith("a.mcap: 15 messages did not fit when it was recorded")
     notes = [(message.key, record) for message, record in recording.typed(RecorderNote)]
     assert notes == [(NOTES, RecorderNote(kind="dropped", text="15 messages did not fit and are missing"))]
 

@@ -181,8 +181,12 @@ def test_a_flight_of_real_vehicles_is_judged_by_its_recording(
     world = load_mission(mission).world
     assert world is not None
     recorded(endpoint, tmp_path / "flight.mcap", victims(world)[:count], [], first=1900)
-    assert main(["referee", str(mission), str(tmp_path / "flight.mcap")]) == code
+    file = tmp_path / "flight.mcap"
+    assert main(["referee", str(mission), str(file)]) == code
     assert said in capsys.readouterr().out
+    file.write_bytes(file.read_bytes()[:-1])
+    assert main(["referee", str(mission), str(file)]) == 1
+    assert "; not all is known: " in capsys.readouterr().out
 
 
 def test_without_a_world_the_victims_are_those_that_a_camera_told_of(
