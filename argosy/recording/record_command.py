@@ -29,7 +29,7 @@ from argosy.recording.write_queue import WriteQueue
 from argosy.recording.writer import COMPRESSIONS
 from commd.bus.bus import Bus
 from commd.process.output import ERROR, NOTICE, flush, stderr, stdout
-from commd.process.process import EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.humanize import count, size
 from schemas.mission.model import Mission, load_mission
 from schemas.version import RELEASE
@@ -172,8 +172,7 @@ class _Recording:
     async def run(self, fleet: str, only: list[str]) -> int:
         """Record to the end. Returns the exit code."""
         loop, recorder = asyncio.get_running_loop(), self._recorder
-        for number, why in ENDS.items():
-            loop.add_signal_handler(number, self._stop, why)
+        on_end_signals(lambda number: self._stop(ENDS[number]), *ENDS)
         recorder.start(partial(loop.call_soon_threadsafe, self._ended.set))
         hear(self._bus, fleet, only, recorder.write_queue)
         self._backfill.start()

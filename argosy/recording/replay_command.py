@@ -28,7 +28,7 @@ from argosy.recording.reader import Recording
 from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
-from commd.process.process import EXIT_DONE
+from commd.process.process import EXIT_DONE, on_end_signals
 from schemas.humanize import count, printable, size
 from schemas.mission.model import DEFAULT_ROUTER
 from schemas.wire import keys
@@ -153,10 +153,8 @@ class _Replay:
 
     async def run(self, fleets: list[str]) -> int:
         """Replay to the end, to a signal, or until another daemon appears. Returns the exit code."""
-        loop = asyncio.get_running_loop()
         playing = asyncio.create_task(self._play())
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._cancel, number, playing)
+        on_end_signals(lambda number: self._cancel(number, playing))
         print(f"replaying {self._player.recording.path} into fleet {', '.join(fleets)}", flush=True)
         watching = asyncio.create_task(self._watch(fleets, playing))
         try:

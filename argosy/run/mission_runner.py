@@ -22,13 +22,15 @@ from argosy.run.recovery import Recovery, Watchdog
 from argosy.run.run_status import Status
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
-from commd.process.process import EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.manifest.rules import FUNCTOR
 from schemas.mission.model import Ending as Formula
 from schemas.wire import keys, log_lines
 from schemas.wire.log_lines import AnyEvent, LogLine, OrderEnded, RobotLeft, RobotReleased
 from schemas.wire.records import RunPhase
 
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""Signals that end a run; also ctrl-\\, which would leave vehicles in the air and the terminal as it is."""
 STARTUP_PATIENCE = 30.0
 """Wall seconds that each step of the startup may take."""
 REFRESH = 0.25
@@ -90,9 +92,7 @@ class MissionRunner:
 
     async def fly(self, refresh: Callable[[], None]) -> Ending:
         """Run the mission to its end and stop everything. Never raises for what a user can cause."""
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._stop_requested, number)
+        on_end_signals(self._stop_requested, *ENDS)
         helpers = [asyncio.create_task(_each(REFRESH, refresh)), asyncio.create_task(_each(1.0, self._measure))]
         startup = asyncio.create_task(self._start())
         ending = Ending(EXIT_FAILED, "failed: defect in argosy")

@@ -20,7 +20,7 @@ from argosy.processes.process_table import Kind, Process, python_command, real_r
 from argosy.processes.simulators import command, machine_of, only_real, require_links, vehicle_of
 from argosy.processes.supervisor import Child, Supervisor
 from bridged.drivers.mavlink.transport.address import LinkAddressError
-from commd.process.process import EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
@@ -130,9 +130,7 @@ def _router(mission: Mission, board: str, apart: str | None) -> str:
 async def _watch(processes: list[Process]) -> int:
     """Start the simulators and print their output, until a signal or the end of one of them."""
     stop, hurry = asyncio.Event(), asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, lambda: (hurry if stop.is_set() else stop).set())
+    on_end_signals(lambda _: (hurry if stop.is_set() else stop).set())
     supervisor = Supervisor(_print_line, lambda child: stop.set())
     try:
         for process in processes:

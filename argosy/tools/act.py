@@ -6,7 +6,7 @@ import asyncio
 import signal
 from argparse import ArgumentParser, Namespace
 from collections.abc import AsyncGenerator, Iterator
-from contextlib import aclosing, contextmanager, suppress
+from contextlib import aclosing, contextmanager
 
 from msgspec.structs import replace
 
@@ -17,7 +17,7 @@ from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments,
 from argosy.tools.record_text import read_action, status_text
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
-from commd.process.process import EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.files.findings import did_you_mean
 from schemas.humanize import printable
 from schemas.liveness import ROUTER_GRACE
@@ -228,12 +228,7 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
             got.append(number)
             task.cancel()
 
-    taken: list[signal.Signals] = []
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
-            with suppress(RuntimeError, ValueError):  # not in the main thread: the caller handles signals
-                loop.add_signal_handler(number, end, number)
-                taken.append(number)
+    taken = on_end_signals(end, signal.SIGTERM, signal.SIGHUP)
     try:
         yield got
     finally:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import os
-import signal
 import socket
 import sys
 import time
@@ -27,7 +25,7 @@ from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application, serving
 from commd.bus.tls import identity_of
 from commd.process.log_handler import one_line
-from commd.process.process import EXIT_DONE
+from commd.process.process import EXIT_DONE, on_end_signals
 
 PORT = 8080
 LISTEN = "127.0.0.1"
@@ -106,11 +104,8 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
     auth = AuthGuard(args.listen, listening.getsockname()[1])
     app = application(auth, following, args.tiles)
     stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    loop.set_exception_handler(_left_over)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        with contextlib.suppress(ValueError):  # not in the main thread: a test
-            loop.add_signal_handler(number, stop.set)
+    asyncio.get_running_loop().set_exception_handler(_left_over)
+    on_end_signals(lambda _: stop.set())
     async with serving(app, auth, listening, LEAVE):
         link = asyncio.create_task(following.link.run())
         try:

@@ -11,7 +11,7 @@ from argparse import ArgumentParser, Namespace
 
 from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_fleet_arguments, where
-from commd.process.process import EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -38,9 +38,7 @@ async def _show(place: Where, words: str) -> int:
 
     link = FleetLink(place)
     app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
-            asyncio.get_running_loop().add_signal_handler(number, app.exit)  # it gives the terminal back
+    on_end_signals(lambda _: app.exit(), signal.SIGTERM, signal.SIGHUP)  # it gives the terminal back
     dialling = asyncio.create_task(link.run())
     dialling.add_done_callback(lambda _: app.exit())
     try:

@@ -11,6 +11,7 @@ import threading
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, TypeAlias
@@ -69,11 +70,24 @@ def endpoint_argument(text: str) -> str:
         raise ArgumentTypeError(str(error)) from None
 
 
+def on_end_signals(end: Callable[[signal.Signals], object], *numbers: signal.Signals) -> list[signal.Signals]:
+    """Call `end` at SIGINT, SIGTERM and SIGHUP (terminal or ssh connection closed), or at the given signals.
+
+    A SIGHUP that the parent process has set to be ignored (``nohup``) stays ignored. Returns the signals that are
+    handled; outside of the main thread none: the caller handles them."""
+    loop, handled = asyncio.get_running_loop(), list[signal.Signals]()
+    for number in numbers or (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            with suppress(RuntimeError, ValueError):  # not in the main thread
+                loop.add_signal_handler(number, end, number)
+                handled.append(number)
+    return handled
+
+
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
     """Run a daemon's `main(stop)` until it returns, and return its exit code.
 
-    SIGTERM, SIGINT and SIGHUP (its terminal or ssh connection is closed) set `stop`. If non-daemon threads outlive it,
-    the process ends here."""
+    A signal that ends it (`on_end_signals`) sets `stop`. If non-daemon threads outlive it, the process ends here."""
     code = _run(name, main)
     end_with_threads(code)
     return code
@@ -84,11 +98,8 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
 
     async def supervised() -> int:
         stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
-        loop.set_exception_handler(_defect)
-        for signum in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            if signum != signal.SIGHUP or signal.getsignal(signum) != signal.SIG_IGN:  # ignored under nohup
-                loop.add_signal_handler(signum, stop.set)
+        asyncio.get_running_loop().set_exception_handler(_defect)
+        on_end_signals(lambda _: stop.set())
         return await main(stop)
 
     def aborted(words: str) -> None:

@@ -30,7 +30,7 @@ from schemas.wire import keys
 from schemas.wire.records import AgentHealth, BoardServices, Health, Note, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
 from tests.support.buses import FLEET, Connect, async_test, bus_test, served, subscribed, until
-from tests.support.processes import running
+from tests.support.processes import Daemon, running
 from tests.support.promises import kept
 
 MISSION = "missions/single_uav.yaml"
@@ -47,6 +47,25 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
             return time.monotonic() - started
 
     assert kept(leaving, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("commd serve MISSION", "router board=local"),
+        ("argosy run MISSION --plain", "simulated copter"),
+        ("argosy simulate MISSION", "simulated copter"),
+        ("argosy ui --port 0", "open http"),
+    ],
+)
+def test_a_terminal_that_goes_away_ends_nothing_under_nohup(endpoint: str, words: str, said: str) -> None:
+    one = Daemon(*words.replace("MISSION", MISSION).split(), "--router", endpoint, within=["nohup"])
+    try:
+        one.says(said)
+        status = dict(line.split(":", 1) for line in Path(f"/proc/{one.process.pid}/status").read_text().splitlines())
+        assert int(status["SigIgn"], 16) >> signal.SIGHUP - 1 & 1
+    finally:
+        one.kill()
 
 
 async def health_of(

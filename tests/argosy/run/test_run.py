@@ -248,12 +248,15 @@ def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
     assert "error: failed at the start: timed out after 5 s: waited for agentd uav" in err
 
 
-def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT])
+def test_ctrl_c_or_ctrl_backslash_while_it_starts_leaves_nothing_behind(
+    start: Start, single_uav: Path, number: int
+) -> None:
     running = start(single_uav)
     running.until("commd: started")
-    running.process.send_signal(signal.SIGINT)
+    running.process.send_signal(number)
     code, _, err = ended(running, 20)
-    assert code == 130, err
+    assert code == 128 + number, err
     assert "Traceback" not in err
 
 
