@@ -345,12 +345,15 @@ class SafetyOrders:
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Carry out the mission's steps, until an agent takes control or the operator or the bridge's end overrides.
 
-        The agent's actions fail; the vehicle continues its motion until an order replaces it.
+        The agent's actions fail; the vehicle continues its motion until an order replaces it. Steps that are under way
+        for this agent go on: one that crashes again and again must not begin them anew each time.
         """
         log.error("robot=%s agent %s is lost (%s)", self._robot, agent, why)
         arming = self._server.arming
         self._server.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
-        if (self._may_move or arming) and not self._stopping:
+        if self._loss and self.lost_agent == agent and not arming:  # again, before it took control
+            self._back_at = None
+        elif (self._may_move or arming) and not self._stopping:
             self.call_off()
             self._lost = agent, steps
             self._begin_loss(agent, steps)

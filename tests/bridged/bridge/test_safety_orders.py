@@ -153,6 +153,16 @@ async def test_an_action_that_is_refused_after_a_pause_does_not_begin_the_way_ho
 
 
 @async_test
+async def test_an_agent_that_crashes_again_and_again_does_not_keep_its_vehicle_from_coming_home(sky: Sky) -> None:
+    for _ in range(4):
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+        await passing(sky, 2)
+        sky.bridge.orders.agent_back("uav")
+        await passing(sky, 2)
+    assert mode_of(sky) == "RTL"
+
+
+@async_test
 async def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
     orders = sky.bridge.orders
     orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
