@@ -288,12 +288,14 @@ async def test_of_two_that_claim_a_name_in_the_same_moment_one_has_it_whoever_lo
 
 @bus_test
 async def test_of_many_that_claim_a_name_in_the_same_moment_exactly_one_has_it(connect: Connect) -> None:
-    sessions = [await connect("uav") for _ in range(4)]
-    for _ in range(10):
-        claims = await asyncio.gather(*(one.claim("uav") for one in sessions), return_exceptions=True)
-        (token,) = [one for one in claims if not isinstance(one, AlreadyRunning)]
-        (winner,) = [one for one in sessions if one._held]
-        winner.withdraw(cast(Any, token))
+    sessions, names = [await connect("uav") for _ in range(4)], [f"uav{number}" for number in range(10)]
+
+    async def claimed(name: str) -> None:
+        claims = await asyncio.gather(*(one.claim(name) for one in sessions), return_exceptions=True)
+        assert [type(one) for one in claims].count(AlreadyRunning) == 3
+
+    await asyncio.gather(*map(claimed, names))
+    assert sorted(key.split("/")[2] for one in sessions for key in one._held.values()) == names
 
 
 @pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
