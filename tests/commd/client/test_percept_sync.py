@@ -310,7 +310,8 @@ async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> Non
 async def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
+    for grace in ("ROUTER_GRACE", "BUS_GRACE"):
+        monkeypatch.setattr(f"commd.liveness.presence.{grace}", 1.0)
     async with AsyncExitStack() as router:
         await router.enter_async_context(session(endpoint, "board", "commd", router=True))
         async with session(endpoint, "uav1", "bridged") as ours, session(endpoint, "uav") as agent:
