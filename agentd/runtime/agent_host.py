@@ -101,6 +101,8 @@ class AgentHost:
         self._keeper = None if memory is None else Keeper(stored)
         self._tasks = Tasks(f"working for agent {part.name}")
         self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
+        self._failures = 0
+        """Intentions that have ended by a failure that no plan handled."""
         self._backlog = LagEstimator()
         self._reasons = False
         """Whether the state of a former life is restored, so that the agent reasons."""
@@ -329,6 +331,7 @@ class AgentHost:
                     for line in text.split("\n"):  # each with the agent's name: none may pass for another agent's
                         stdout().write(line, agent=self.part.name)
                 case Log(level=level):
+                    self._failures += effect.ends
                     log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
                 case PerformAction():
                     self._action_client.begin(effect)
@@ -402,6 +405,7 @@ class AgentHost:
                 counters[f"{prefix}_{name}"] = count
         counters["mail_near_waiting"] = self._mailing.inbox.near
         counters["cycles"] = mind.cycle
+        counters["intentions_failed"] = self._failures
         counters["trace_dropped"] = self._tracing.inputs.dropped
         counters["percepts_missed"] = self._perceiving.percepts.missed if self._perceiving else 0
         reasons = mind.ready and not self._control.paused

@@ -95,6 +95,9 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Diagnosis]:
         text = f"{who} dropped {health.drops - before.drops} messages within {health.uptime - before.uptime:.0f} s"
         do = "it is overloaded: declare fewer percepts, or a lower `rate`, in the manifest"
         yield Diagnosis("warning", "daemons", text, do)
+    if failed := round(health.counters.get("intentions_failed", 0)):
+        text = f"{who}: {count(failed, 'intention')} ended by a failure that no plan handles"
+        yield Diagnosis("warning", "daemons", text, f"`argosy why {row.name}` explains the last decisions; {logs}")
     if health.lag >= LAG_LATE:
         do = "reduce the board's load: fewer agents, lower rates, no plan that loops without a wait; `top` shows it"
         yield Diagnosis("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)

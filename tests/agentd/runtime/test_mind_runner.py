@@ -175,6 +175,13 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(board:
     assert agent.host.health().lag == 0
 
 
+@board_test
+async def test_intentions_that_end_by_a_failure_that_no_plan_handles_are_counted(board: Board) -> None:
+    agent = await board.host("a", "!a. !b. !c. +!a <- .fail. -!a <- .print(handled). +!b <- .fail. +!c <- !nobody.")
+    await until(lambda: agent.host.health().idle, "all plans have ended")
+    assert agent.host.health().counters["intentions_failed"] == 2
+
+
 @virtual_test
 async def test_of_percepts_that_nothing_waits_for_the_mind_is_given_the_newest_before_all_that_follows() -> None:
     def perceive(name: str, number: float, update: Any = "replace", *key: int) -> None:

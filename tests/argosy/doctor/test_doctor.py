@@ -92,6 +92,7 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
         ({"notes": (Note("slow", "the disk is slow"),)}, "agentd a: the disk is slow"),
         ({"restarts": 3, "last_error": "killed"}, "agentd a was restarted 3 times since its board started; killed"),
         ({"errors": 2, "last_error": "disk full", "last_error_age": 7.2}, "2 errors, the last 7 s ago: disk full"),
+        ({"counters": {"intentions_failed": 1}}, "agentd a: 1 intention ended by a failure that no plan handles"),
         ({"drops": 60}, "agentd a dropped 50 messages within 10 s"),
         ({"lag": 4.2}, "agentd a is 4.2 s behind"),
     ],
