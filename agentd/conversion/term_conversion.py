@@ -28,11 +28,14 @@ from agentd.language.terms.terms import (
     split,
 )
 from agentd.language.terms.to_ast import NoSyntax, ToSyntax
+from agentd.mind.beliefs.work_limit import MOST_STEPS, PARSING
 from schemas.wire import terms as wire
 from schemas.wire.records import Perception
 
 MAX_DEPTH = 100
 """Nesting of terms that are sent: JSON readers have limits of their own."""
+MOST_SOURCE = MOST_STEPS // PARSING
+"""Characters of source text in a term that is received: to parse more takes longer than a formula may."""
 MOST_NAMES = 1024
 """Names of percepts in the cache."""
 _FLAT = frozenset((float, str))
@@ -61,7 +64,14 @@ def from_wire(term: wire.Term) -> Any:
     kind = type(term)
     if kind is float or kind is str:  # most values of percepts
         return term
-    return float(term) if kind is int else _from_wire(term, {})  # type: ignore[arg-type]
+    return float(term) if kind is int else _from_wire(term, _Variables())  # type: ignore[arg-type]
+
+
+class _Variables(dict[str, Any]):
+    """The variables of a whole term, by name."""
+
+    source = 0
+    """Characters of source text in it so far."""
 
 
 def perceived(perception: Perception) -> Literal:
@@ -161,7 +171,7 @@ def _collection(term: Collection, depth: int, syntax: ToSyntax) -> wire.Term:
     return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
 
 
-def _from_wire(term: wire.Term, values: dict[str, Any]) -> Any:
+def _from_wire(term: wire.Term, values: _Variables) -> Any:
     """Return the term of the mind for one of the wire; `values` has the variables of the whole, by name."""
     match term:
         case bool():
@@ -194,7 +204,7 @@ def _from_wire(term: wire.Term, values: dict[str, Any]) -> Any:
             return Collection("priority" if priority else "queue", [_from_wire(one, values) for one in items])
 
 
-def _variable(term: wire.Variable, values: dict[str, Any]) -> Any:
+def _variable(term: wire.Variable, values: _Variables) -> Any:
     variable = Var(term.name) if term.name.startswith("_") else values.setdefault(term.name, Var(term.name))
     if not (term.annotations or term.negated or term.namespace):
         return variable
@@ -202,7 +212,10 @@ def _variable(term: wire.Variable, values: dict[str, Any]) -> Any:
     return Open(variable, noted, term.negated, term.namespace or None)
 
 
-def _source(term: wire.Source, values: dict[str, Any]) -> Any:
+def _source(term: wire.Source, values: _Variables) -> Any:
+    values.source += len(term.text)
+    if values.source > MOST_SOURCE:
+        raise BadTerm(f"it has more than {MOST_SOURCE} characters of code")
     try:
         return instantiate(parse_term(term.text, "<message>"), values)
     except SyntaxErrors as errors:

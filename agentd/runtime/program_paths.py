@@ -16,6 +16,7 @@ from typing import TypeVar
 from agentd.extensions.plugins import discover
 from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.parse import parse_file, parse_program
+from agentd.mind.beliefs.work_limit import TooMuchWork, limited
 from schemas.files.findings import Finding
 
 USUAL_FOLDERS = (".", "src/agt", "src/agt/inc", "src/asl", "asl")
@@ -80,7 +81,7 @@ class SourcePaths:
         """Return the files in a folder and below, sorted, whose path or name matches a regular expression.
 
         The folder is relative to the project or, if there is no such file, to the file ``beside``.
-        Raises OSError, and ValueError for an invalid expression.
+        Raises OSError, and ValueError for an invalid expression or one that takes too long.
         """
         try:
             form = re.compile(pattern)
@@ -89,7 +90,11 @@ class SourcePaths:
         top = self.expand(folder)
         for place in (self.project / top, Path(beside).parent / top):
             files = [f"{path}" for path in sorted(place.rglob("*")) if path.is_file()]
-            found = [file for file in files if form.fullmatch(file) or form.fullmatch(Path(file).name)]
+            try:
+                with limited(f"a search by '{pattern}'"):
+                    found = [file for file in files if form.fullmatch(file) or form.fullmatch(Path(file).name)]
+            except TooMuchWork as slow:
+                raise ValueError(str(slow)) from None
             if found:
                 return found
         return []

@@ -99,7 +99,7 @@ def print_unifier(mind: MindState, trail: Trail) -> bool:
 @internal_action(".list_plans", (0, 1))
 def list_plans(mind: MindState, trail: Trail, trigger: Term | None = None) -> bool:
     """``.list_plans[(Trigger)]``: the plan library, or the plans for an event, as source text."""
-    plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(trigger))
+    plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(mind, trigger))
     for plan in plans:
         term = shown_term(plan)
         mind.effects.append(_line(mind, f"{code_text(Code(term.syntax, term.values, bare=True))}."))

@@ -57,7 +57,7 @@ def relevant(mind: MindState, trail: Trail, trigger: Term, plans: Term, labels: 
         return False
     if labels is None:
         return True
-    return unify(labels, make_list([label_of(p) for p in plans_for(mind, read_trigger(trigger))]), trail)
+    return unify(labels, make_list([label_of(p) for p in plans_for(mind, read_trigger(mind, trigger))]), trail)
 
 
 @internal_action(".relevant_plan", 2, backtracks=True, pure=True)
@@ -91,7 +91,7 @@ def signal(mind: MindState, trail: Trail, trigger: Term, kind: Term | None = Non
     """``.signal({+e})``: raises the event, with source(self); no belief is added."""
     if type(deref(trigger)) not in (Code, str):
         raise Failed("unknown", ".signal takes an event in braces, such as { +alarm(1) }")
-    code = read_trigger(trigger)
+    code = read_trigger(mind, trigger)
     literal = trigger_literal(code)
     event = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
     args, annots = detach(resolve_all(literal.args)), with_source(resolve_all(literal.annots))

@@ -25,7 +25,7 @@ from agentd.language.terms.terms import (
 )
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, MOST_MEMBERS, bounded
+from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, MOST_MEMBERS, PARSING, bounded, work
 from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.state import MindState
@@ -188,6 +188,7 @@ def reverse(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
 
 def read_term(mind: MindState, written: str) -> Any:
     """Parse a term; its variables are those of the running plan. Text that cannot be parsed becomes an atom."""
+    work(mind, PARSING * len(written))
     try:
         node = parse_term(written)
     except (SyntaxErrors, RecursionError):

@@ -33,7 +33,7 @@ def wait(
     if type(term) is Code:
         return wait_event(mind, intention, term, limit, elapsed)
     if type(term) is str:
-        return wait_event(mind, intention, read_trigger(term), limit, elapsed)
+        return wait_event(mind, intention, read_trigger(mind, term), limit, elapsed)
     if type(term) in (Literal, Expression):
 
         def check(mind: MindState, intention: Intention, frame: Frame) -> bool:
@@ -68,7 +68,7 @@ def at(mind: MindState, trail: Trail, when: Any, trigger: Term) -> bool:
     match = _AT.match(written) if type(written) is str else None
     if match is None or (match.group(2) or "ms") not in _UNITS:
         raise Failed("internal_action", f"the time '{written}' is not of the form \"now +N seconds\"")
-    code = read_trigger(trigger)
+    code = read_trigger(mind, trigger)
     literal = trigger_literal(code)
     relevant = mind.plans.relevant(code.syntax.operator, code.syntax.goal, literal.sig)
     args, annots = detach(resolve_all(literal.args)), resolve_all(literal.annots)

@@ -40,6 +40,8 @@ MOST_CHARACTERS: Final = 16_000_000
 """Characters of one text that an internal action makes; a message may have a million bytes."""
 MOST_MEMBERS: Final = 1_000_000
 """Members of one list that ``.concat`` makes."""
+PARSING: Final = 20
+"""Steps that it takes to parse a character of source text."""
 
 
 class TooMuchWork(Failed):

@@ -226,6 +226,7 @@ def is_answer(in_reply_to: str) -> bool:
 
 def _handle(mind: MindState, mail: Mail) -> None:
     """Do what a message asks for, as the built-in plans for ``+!kqml_received``."""
+    mind.steps_left = MOST_STEPS
     try:
         _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
     except Exception as error:  # a function of the program's may raise anything; it must not end the mind

@@ -17,6 +17,7 @@ from agentd.language.terms.terms import TRUE, Code, Literal, Term, deref, proper
 from agentd.language.terms.to_ast import ToSyntax
 from agentd.mind.beliefs.term_copy import is_ground, resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.work_limit import PARSING, work
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.plans.plan_library import GENERATED, Plan
 from agentd.mind.state import MindState
@@ -67,6 +68,7 @@ def add_plans(mind: MindState, term: Term, teller: Term, first: bool) -> None:
     for item in [term] if members is None else members:
         item = deref(item)
         if type(item) is str:
+            work(mind, PARSING * len(item))
             try:
                 node, values = parse_plan(item, "<plan>"), {}
             except SyntaxErrors as errors:
@@ -136,10 +138,11 @@ def remove_plans(mind: MindState, term: Any, teller: Any) -> None:
                 mind.plans.remove(plan)
 
 
-def read_trigger(term: Term) -> Code:
+def read_trigger(mind: MindState, term: Term) -> Code:
     """Return a trigger term, or the text of one."""
     term = deref(term)
     if type(term) is str:
+        work(mind, PARSING * len(term))
         try:
             return Code(parse_trigger(term))
         except SyntaxErrors as errors:
@@ -151,7 +154,7 @@ def read_trigger(term: Term) -> Code:
 
 def relevant_plans(mind: MindState, term: Term, told_by: Term | None = None) -> list[Code]:
     """Return the plans for a trigger, as terms."""
-    return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(term))]
+    return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(mind, term))]
 
 
 def plans_for(mind: MindState, trigger: Code) -> list[Plan]:

@@ -15,6 +15,7 @@ FACTS = " ".join(f"p{n}({n})." for n in range(50))
 CONTEXT = " & ".join(f"p{n}(X{n})" for n in range(50))
 PATTERN = ",".join(f"X{n}" for n in range(100))
 DOUBLES = "+!d(X,N,R) : N > 0 <- !d(f(X,X),N-1,R). +!d(X,0,X)."
+TWICE = "+!t(N,S,R) : N > 0 <- .concat(S,S,T); !t(N-1,T,R). +!t(0,S,S). -!s[error(E)] <- .print(E)."
 LARGE = {
     "a hundred thousand levels of goals return their results": (
         "!s. +!s <- !sum(100000,S); .print(S). +!sum(0,0). +!sum(N,S) <- !sum(N-1,T); S = N+T.",
@@ -54,6 +55,18 @@ LARGE = {
         """!s. +!s <- .findall(X, .range(X,1,50000), A); .findall(X, .range(X,1,50000), B);
             .findall(f(B,N), .range(N,1,300), L); .findall(f(A,N), .range(N,1,300), K); .concat(K,L,M); .sort(M,_).
         -!s[error(E)] <- .print(E).""",
+        "too_much_work",
+    ),
+    "a plan is not read from a text that takes long to parse": (
+        f"""!s. +!s <- !t(17,"a; ",B); .concat("+!x <- ",B,"a",P); .add_plan(P). {TWICE}""",
+        "too_much_work",
+    ),
+    "a term is not read from a text that takes long to parse": (
+        f"""!s. +!s <- !t(17,"a, ",B); .concat("[",B,"a]",T); .term2string(_,T). {TWICE}""",
+        "too_much_work",
+    ),
+    "a trigger is not read from a text that takes long to parse": (
+        f"""!s. +!s <- !t(17,"a, ",B); .concat("+!x(",B,"a)",T); .relevant_plans(T,_). {TWICE}""",
         "too_much_work",
     ),
     "a text that grows without end by replacing fails": (

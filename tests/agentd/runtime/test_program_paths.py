@@ -64,3 +64,9 @@ def test_includes_of_included_files_use_the_same_names(tree: Path) -> None:
     (tree / "main.asl").write_text('{ include("$jasonJar/x/in.asl") }\n')
     program = read_folders(["$jasonJar=jar"], SourcePaths).compiled("main.asl")
     assert [belief.position.file for belief in program.beliefs] == ["jar/x/leaf.asl"]
+
+
+def test_a_search_for_files_that_would_take_for_ever_is_refused(tree: Path) -> None:
+    (tree / f"{'a' * 50}b").touch()
+    with pytest.raises(ValueError, match="takes more than 1 s"):
+        SourcePaths().files_below(".", "", "(a+)+$")

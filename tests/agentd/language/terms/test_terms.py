@@ -15,6 +15,7 @@ from agentd.language.terms.order import compare, distinct, ordered, sorted_annot
 from agentd.language.terms.terms import Literal, equal
 from schemas.wire.codec import Codec, Wire
 from schemas.wire.records import Perception
+from schemas.wire.terms import Source, Structure
 from tests.agentd.generated_terms import any_terms, ground, made_again
 from tests.support.amount import some_of
 
@@ -69,6 +70,13 @@ def test_any_term_that_crosses_the_bus_is_sent_on_as_it_came(term: Any) -> None:
     except BadTerm:
         return
     assert to_wire(from_wire(sent)) == sent
+
+
+def test_code_in_a_message_that_takes_long_to_parse_is_refused() -> None:
+    source = Source("plan", f"{{ +!g <- {'a; ' * 15_000}a }}")
+    assert from_wire([source, source])
+    with pytest.raises(BadTerm, match="more than 100000 characters of code"):
+        from_wire([source, Structure("f", (source, source))])
 
 
 @FEW
