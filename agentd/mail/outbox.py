@@ -13,13 +13,15 @@ import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Final
+from typing import Final, cast
 from weakref import WeakKeyDictionary
+
+import msgspec
 
 from agentd.persistence.checkpoint import Outgoing
 from commd.bus.bus import Bus, boot_id
 from commd.bus.errors import BusError
-from commd.client.send_mail import ANSWER_TIMEOUT, Unsendable, encoded, hand_to_commd, unread
+from commd.client.send_mail import ANSWER_TIMEOUT, Unsendable, encoded, hand_to_commd
 from commd.common.tasks import wait_at_most
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -109,7 +111,8 @@ class Outbox:
                 raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
             new.append(Outgoing(number, receiver, message.header.seq, data))
             if len(new) == 1 < len(receivers):
-                content = unread(content, self.wire)  # once for all others
+                encode = msgspec.json.encode if self.wire == "json" else msgspec.msgpack.encode
+                content = cast(Term, msgspec.Raw(encode(content)))  # once for all others
         for one in new:
             self.numbers[one.receiver] = one.seq
         self.unsaved += new

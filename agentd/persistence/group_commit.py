@@ -76,7 +76,7 @@ class GroupCommit:
         """Agents with changes."""
         self._mail: dict[Checkpointer, None] = {}
         """Agents that others of the daemon have given mail since the last commit."""
-        self._flushes: list[tuple[Checkpointer, asyncio.Future[None]]] = []
+        self._flushes: list[tuple[Checkpointer, asyncio.Event]] = []
         self._due: float | None = None
         """Loop time at which the next commit is due; None: nothing asks for it."""
         self._hurry = False
@@ -131,12 +131,12 @@ class GroupCommit:
 
     async def flush(self, member: Checkpointer) -> None:
         """Wait until the present changes of an agent are on disk. Its mind must be at rest or leave."""
-        done = self._loop.create_future()
+        done = asyncio.Event()
         self._flushes.append((member, done))
         self._asked[member] = None
         self._due = self._loop.time()
         self._loop.call_soon(self.look)  # others may wait for the same
-        await done
+        await done.wait()
 
     # --- a commit ---
 
@@ -152,7 +152,7 @@ class GroupCommit:
         for flush in self._flushes.copy():
             if flush[0] not in self._asked:
                 self._flushes.remove(flush)
-                batch.done.append(partial(_end_flush, flush[1]))
+                batch.done.append(flush[1].set)
         pause = max(WRITING * self._wrote, EACH_MESSAGE * batch.messages)
         self._pause = max(SHARE * (self._loop.time() - now), min(pause, PAUSE_MOST))
         if batch.savings and self._checkpoint is not None:
@@ -241,8 +241,3 @@ class GroupCommit:
             log.error("%s is left as it is: the disk does not answer", checkpoint.path)
         except CheckpointError as error:
             log.error("%s", error)
-
-
-def _end_flush(done: asyncio.Future[None]) -> None:
-    if not done.done():
-        done.set_result(None)

@@ -77,11 +77,6 @@ def encoded(message: Message, wire: Wire) -> bytes:
     return data
 
 
-def unread(content: Term, wire: Wire) -> Term:
-    """Return a content in encoded form, to be part of several messages."""
-    return cast(Term, msgspec.Raw((msgspec.json if wire == "json" else msgspec.msgpack).encode(content)))
-
-
 async def hand_to_commd(bus: Bus, sender: str, messages: Sequence[bytes], timeout: float) -> Receipt:
     """Give a batch of encoded messages to the board's `commd`, and return its receipt once the batch is on disk.
 
