@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from agentd.check.symbol_table import Survey
+from agentd.language.syntax_tree.errors import near
 from agentd.language.syntax_tree.nodes import Goal, InternalAction, ListTerm, Operator, Program, Step, Structure
 from agentd.language.syntax_tree.traversal import walk
 from agentd.runtime.program_loader import restart_goal
@@ -14,7 +15,7 @@ from argosy.deploy.board_needs import outside
 from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.transport.address import LinkAddressError
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean, nearest
 from schemas.mission.access_rules import MailRights
 from schemas.mission.model import Mission
 from schemas.wire.keys import is_name
@@ -24,6 +25,8 @@ ONLINE = ("online", 1)
 """The belief that `presence` gives."""
 AFTER_RESTART = "restart"
 """The kind of finding that an agent does not know what to do when it is started again."""
+OWN_SOURCES = ("self", "percept", "mail", "df")
+"""Sources that are no agents."""
 RESTARTED = ("restarted", 1)
 """The event of an agent that is started again."""
 NEW_FOCUS = (Operator.ACHIEVE_NEW_FOCUS, Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS)
@@ -44,6 +47,8 @@ def check_team(
     for agent, survey in surveys.items():
         if not created:  # any name may come to be at run time
             findings += _receivers(mission, survey)
+            findings += _sources(mission, survey)
+        findings += _requested_goals(surveys, survey)
         findings += _refused_mail(mission, agent, survey)
         findings += _presence(mission, agent, survey)
         findings += _restart(mission, agent, survey)
@@ -98,6 +103,33 @@ def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
             where = action.position
             text = f".send: nobody in the mission is called `{receiver}`{did_you_mean(receiver, known)}"
             yield Finding(where.file, where.line, where.column, text)
+
+
+def _sources(mission: Mission, survey: Survey) -> Iterator[Finding]:
+    """Find sources in triggers and contexts that are nearly the name of somebody in the mission."""
+    for placed in survey.plans:
+        for node in walk((placed.plan.trigger, placed.plan.context)):
+            match node:
+                case Structure("source", (Structure(source, (), position=where),)):
+                    if source not in OWN_SOURCES and (meant := nearest(source, mission.mailboxes)) is not None:
+                        text = f"nobody in the mission is called `{source}`, did you mean `{meant}`?"
+                        yield Finding(where.file, where.line, where.column, text)
+
+
+def _requested_goals(surveys: Mapping[str, Survey], survey: Survey) -> Iterator[Finding]:
+    """Find goals that are written out and sent to an agent that has no plan for them."""
+    if any(other.teaches for other in surveys.values()):
+        return
+    for action, receiver in _sends(survey):
+        match action.args:
+            case (_, Structure("achieve", ()), Structure(goal, args, namespace=None), *_) if receiver in surveys:
+                plans = [placed for placed in surveys[receiver].plans if placed.event in ("+!", "-!")]
+                known = {placed.indicator for placed in plans}
+                if surveys[receiver].open_plans or any(name is None for name, _ in known) or (goal, len(args)) in known:
+                    continue
+                where, hint = action.position, near(goal, {name for name, _ in known if name is not None})
+                text = f".send: `{receiver}` has no plan for the goal !{goal}/{len(args)}{hint}"
+                yield Finding(where.file, where.line, where.column, text)
 
 
 def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
