@@ -174,8 +174,14 @@ class ControlAuthority:
             self._set_by_others()
 
     def _set_by_others(self) -> None:
-        """A run that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
+        """A run that sets the mode, or knows which changes end it, judges for itself, unless it yields.
+
+        What was sent before it, and may not have been heard, is not repeated: it would take the vehicle from them.
+        """
         name, now = self._vehicle.mode_name, self._flight.now
+        for run in [run for run in self._runs if self._vehicle.armed and (run.moves or run.by_agent)]:
+            for command in run.commands:
+                command.may_repeat = lambda: False
         for run in [run for run in self._runs if run.yields]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
         if any(run.procedure.sets_mode or run.judges_mode for run in self._runs):

@@ -15,6 +15,7 @@ from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
 from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from schemas.wire.records import Action, ActionStatus, Header
+from tests.bridged.drivers.mavlink.test_six_kinds import FAR, sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky, end_of, is_ack_of, is_command
 
 
@@ -318,6 +319,25 @@ def test_a_lost_link_fails_the_running_action_and_is_told_once(sky: Sky) -> None
     sky.forward(lambda: sky.belief("altitude"), "the altitude after the link is back", 10)
     sky.wait(1)
     assert sky.belief("state") == ("GUIDED", True, True)
+
+
+@pytest.mark.parametrize("asked", ["return_to_launch", "set_mode", "cancel"])
+def test_what_a_vehicle_did_not_hear_before_a_pilot_took_it_is_not_repeated(tmp_path: Path, asked: str) -> None:
+    sky = sky_of(tmp_path, "rover", "ardupilot").armed()
+    going = sky.begin("goto", *FAR)
+    sky.wait(3)
+    sky.hears_us = lambda message: False
+    if asked == "cancel":
+        sky.bridge.action_server.cancel("uav", going[-1].id, "uav")
+    else:
+        going = sky.begin(asked, *(["HOLD"] if asked == "set_mode" else []))
+    sky.wait(0.8)
+    sky.pilot_sets(0)
+    sky.wait(0.1)
+    sky.hears_us = lambda message: True
+    sky.wait(5)
+    assert sky.vehicle.autopilot.mode.name == "MANUAL"
+    assert going[-1].state == ("cancelled" if asked == "cancel" else "failed")
 
 
 def test_a_pilots_mode_change_fails_the_motion_and_is_a_percept_until_the_agent_takes_control(sky: Sky) -> None:
