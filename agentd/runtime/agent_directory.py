@@ -23,6 +23,7 @@ from commd.bus.errors import BusClosed, BusError
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
 from commd.liveness.presence import Presence
+from schemas.mission.access_rules import checked
 from schemas.mission.model import RESERVED
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
@@ -80,7 +81,7 @@ class AgentDirectory:
 
     async def watch(self, boards: Collection[str]) -> None:
         """Subscribe to all directories; return when those of `boards` have answered, at most `START_PATIENCE` later."""
-        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, lambda _, one: self.update(one))
+        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, self._published)
         for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._ask_soon(alive))
         try:
@@ -133,6 +134,11 @@ class AgentDirectory:
             self._remembered |= {name: None for name in names if name not in RESERVED}
             self._settle()
 
+    def _published(self, key: str, services: BoardServices) -> None:
+        """Take what a board has published, of itself alone."""
+        if (parsed := keys.parse(key)) is not None and parsed[1] == services.board:
+            self.update(services)
+
     def update(self, services: BoardServices) -> None:
         """Take the report of a board, unless it is older than the last one."""
         known = self._services.get(services.board)
@@ -144,8 +150,9 @@ class AgentDirectory:
     def _settle(self) -> None:
         """Update the names; those that stay keep their places."""
         homes: dict[str, str] = {}
+        secured = any(services.prefix for services in self._services.values())
         for board, services in self._services.items():
-            for name in services.agents:
+            for name in checked(services, self.mission, secured).agents:
                 homes.setdefault(name, board)
         self._ended &= homes.keys()
         self._met = {name: at for name, at in self._met.items() if name not in homes}

@@ -224,8 +224,8 @@ class Roster:
                 self.agents[agent].robot = robot
 
     def live_on(self, board: str, agents: Iterable[str]) -> None:
-        """Set the board of some agents."""
-        for agent in agents:
+        """Set the board of some agents; those of the mission live where it says."""
+        for agent in (name for name in agents if name not in self._named):
             if agent in self.agents:
                 self.agents[agent].board = board
             if len(self._boards_of) < MOST:

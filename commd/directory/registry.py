@@ -7,27 +7,16 @@ first.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from typing import TypeAlias
 
 import msgspec
 
-from schemas.wire.keys import check_name, is_name
+from schemas.mission.access_rules import LONGEST_SERVICE, MOST_JOINED, MOST_SERVICES
+from schemas.wire.keys import check_name
 from schemas.wire.records import BoardServices, Note
 
-log = logging.getLogger("directory")
-
-MOST_JOINED = 10_000
-"""Agents that may join one board at run time."""
-MOST_SERVICES = 1_000
-"""Services of one agent."""
-LONGEST_SERVICE = 1_000
-"""Characters of the name of a service."""
-MOST_NAMES = 2 * MOST_JOINED
-"""Agents of another board: those that joined it, and the mission's."""
 Notice: TypeAlias = tuple[str, str, str]
 """A subscriber, and the agent and service of its notice."""
 
@@ -214,21 +203,6 @@ class Services:
 
     def _with(self, **changes: object) -> Services:
         return replace(self, own=msgspec.structs.replace(self.own, **changes))
-
-
-def checked(record: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
-    """Return a record of another board without invalid names, names that it may not speak for, and excess entries."""
-    good = (name for name in record.agents if is_name(name) and may_name(name))
-    agents = {
-        name: tuple(one for one in record.agents[name][:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
-        for name in islice(good, MOST_NAMES)
-    }
-    if agents == record.agents:
-        return record
-    log.warning(
-        "board=%s its record is accepted in part: %d of %d agents", record.board, len(agents), len(record.agents)
-    )
-    return msgspec.structs.replace(record, agents=agents)
 
 
 def _without(names: tuple[str, ...], gone: Collection[str]) -> tuple[str, ...]:

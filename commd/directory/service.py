@@ -21,7 +21,7 @@ from commd.bus.bus import Bus, Query
 from commd.bus.errors import BusError, CannotServe
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
-from commd.directory.registry import Notice, Own, Problem, Services, checked
+from commd.directory.registry import Notice, Own, Problem, Services
 from commd.liveness.presence import Tokens
 from commd.mail import queries
 from commd.mail.age_clock import RollbackWitness
@@ -29,7 +29,7 @@ from commd.mail.message import named
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.liveness import FORGOTTEN_AFTER
-from schemas.mission.access_rules import made_on
+from schemas.mission.access_rules import checked, made_on
 from schemas.mission.model import THIS_MACHINE, Mission
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
@@ -310,10 +310,11 @@ class Directory:
 
     def _checked(self, record: BoardServices) -> BoardServices:
         """Return the valid part of a board's record; where access is controlled, without names of other boards."""
-        if not self._secured:
-            return checked(record)
-        own = made_on(record.board)
-        return checked(record, lambda name: name in self.services.mission or name.startswith(own))
+        found = checked(record, self.services.mission, self._secured)
+        if found is not record:
+            taken = len(found.agents), len(record.agents)
+            log.warning("board=%s its record is accepted in part: %d of %d agents", record.board, *taken)
+        return found
 
     async def _hear(self, record: BoardServices) -> None:
         """Apply another board's record, after it was written to disk."""

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, fields
+from itertools import islice
+
+from msgspec.structs import replace
 
 from schemas.files.findings import Finding, Findings
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import ALL, ANYBODY, RESERVED, Accepted, Mission
 from schemas.wire import keys
-from schemas.wire.keys import ROOT, SIGHTS, Channel, Sight
-from schemas.wire.records import Message
+from schemas.wire.keys import ROOT, SIGHTS, Channel, Sight, is_name
+from schemas.wire.records import BoardServices, Message
 from schemas.wire.terms import Structure
 
 UNDELIVERED = "mail"
@@ -136,6 +139,32 @@ def robot_keys(mission: Mission, board: str, other: str | None = None) -> tuple[
 def made_on(board: str) -> str:
     """Return the prefix of all names made at run time on a board, where access is controlled."""
     return f"{board}_"
+
+
+MOST_JOINED = 10_000
+"""Agents that may join one board at run time."""
+MOST_NAMES = 2 * MOST_JOINED
+"""Agents of another board: those that joined it, and the mission's."""
+MOST_SERVICES = 1_000
+"""Services of one agent."""
+LONGEST_SERVICE = 1_000
+"""Characters of the name of a service."""
+
+
+def checked(record: BoardServices, mission: Collection[str], secured: bool) -> BoardServices:
+    """Return a record of another board without invalid names and excess entries.
+
+    `secured`: also without names that it may not speak for. Those of the `mission` have the board that it says.
+    """
+
+    def may_name(name: str) -> bool:
+        return is_name(name) and (not secured or name in mission or name.startswith(made_on(record.board)))
+
+    agents = {
+        name: tuple(one for one in record.agents[name][:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
+        for name in islice(filter(may_name, record.agents), MOST_NAMES)
+    }
+    return record if agents == record.agents else replace(record, agents=agents)
 
 
 def check(mission: Mission) -> None:

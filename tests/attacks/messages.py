@@ -9,6 +9,7 @@ from statistics import median
 
 import zenoh
 
+from agentd.runtime.agent_directory import AgentDirectory
 from schemas.wire import keys
 from schemas.wire.records import (
     Action,
@@ -98,26 +99,32 @@ async def run_time_name(row: Row, world: World) -> None:
 
 @attack(
     "names of others claimed as one's own",
-    "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and holds the token "
-    "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
-    "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",
+    "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and that pi1 has 1,000 "
+    "agents, and holds the token `pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
+    "commd and agentd of pi1: of pi3 they take names that begin with `pi3_`, and the mission's",
 )
 async def claimed_names(row: Row, world: World) -> None:
     """A board says of itself that it has the agents that another board is to make, and holds tokens of no meaning."""
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "pi1_kid") as kid:
         names: dict[str, tuple[str, ...]] = {"pi1_kid": (), "ops": (), "r1": (), "pi3_kid": ()}
         printed = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
+        crowd = {f"pi1_{number}": () for number in range(1000)}
+        of_pi1 = BoardServices(header=attacker.header("services"), board="pi1", version=1000, agents=crowd)
+        directory = AgentDirectory(kid, {"a": "pi1", "b": "pi2", "c": "pi3"})
+        await directory.watch(["pi1"])
         attacker.token(f"argosy/{NAME}/pi3_$*/alive/**")
         known: set[str] = set()
 
         async def taken() -> bool:
+            attacker.put(keys.services(NAME, "pi3"), of_pi1)
             attacker.put(keys.services(NAME, "pi3"), printed)
             boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)
             known.update(name for one in boards if isinstance(one, BoardServices) for name in one.agents)
-            return "pi3_kid" in known
+            return "pi3_kid" in known and "pi3_kid" in directory.names
 
         await until(taken, "pi1 takes pi3's own name")
-        row.expect(not known & {"pi1_kid", "ops", "r1"}, f"pi1 takes nobody else's names: {sorted(known)}")
+        known |= directory.names.keys()
+        row.expect(known <= {"a", "b", "c", "pi3_kid"}, f"pi1 takes nobody else's names: {sorted(known)[:9]}")
         request = keys.service_requests(NAME, "pi1", "pi1_kid")
         joined = [await ask(kid, request, ServiceRequest(agent="pi1_kid", do="join"), BoardServices)]
         joined.append(await ask(kid, request, ServiceRequest(agent="pi1_kid", do="leave"), BoardServices))

@@ -210,6 +210,28 @@ async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answer
     assert agents.names == {"a": "pi1", "planner": "pi1"}
 
 
+@bus_test
+async def test_a_board_publishes_only_its_own_agents(connect: Connect) -> None:
+    agents, pi1, pi3 = AgentDirectory(await connect("a"), {"a": "pi1"}), await connect("pi1"), await connect("pi3")
+
+    async def serve(query: Query[BoardServices]) -> None:
+        query.reply(services(pi1, "pi1", "pi1_kid"), keys.services(FLEET, "pi1"))
+
+    pi1.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
+    await served(pi1, keys.services(FLEET, "pi1"))
+    await agents.watch(["pi1"])
+    pi3.put(keys.services(FLEET, "pi3"), services(pi3, "pi1", "pi1_other"))
+    pi3.put(keys.services(FLEET, "pi3"), services(pi3, "pi3", "pi3_kid", "pi1_more", "a/b", "mine"))
+    await until(lambda: "pi3_kid" in agents.names, "what it may publish is known")
+    assert agents.names == {"a": "pi1", "pi1_kid": "pi1", "pi3_kid": "pi3"}
+
+
+def services(bus: Bus, board: str, *agents: str) -> BoardServices:
+    """The record of a board of a fleet whose access is controlled."""
+    offers: dict[str, tuple[str, ...]] = dict.fromkeys(agents, ())
+    return BoardServices(header=bus.header("services"), board=board, version=9, prefix=f"{board}_", agents=offers)
+
+
 class Answers:
     """The bus to the directories of pi1 and pi2, which know `late` from the third query; those in `away` are silent."""
 

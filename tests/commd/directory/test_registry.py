@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from commd.directory.registry import MOST_SERVICES, Problem, Services, checked
+from commd.directory.registry import Problem, Services
+from schemas.mission.access_rules import MOST_SERVICES, checked
 from schemas.wire.records import BoardServices, Header
 from tests.support.notes import identities
 
@@ -142,6 +143,6 @@ def test_only_agents_of_this_board_register_here_and_no_more_than_is_sane(here: 
 
 def test_of_a_board_only_names_are_taken_that_it_may_speak_for() -> None:
     said = says(1, boot="x", board="pi2", b=("cook",), pi2_kid=(), pi1_kid=(), uav1=())
-    assert checked(said) is said, "where access is not controlled"
-    taken = checked(said, lambda name: name in MISSION or name.startswith("pi2_"))
+    assert checked(said, MISSION, secured=False) is said
+    taken = checked(said, MISSION, secured=True)
     assert taken.agents == {"b": ("cook",), "pi2_kid": ()}
