@@ -173,7 +173,8 @@ class FleetSession:
     # What is asked.
 
     def _robots(self) -> list[str]:
-        named = [] if self.model.mission is None else list(self.model.mission.robots)
+        """Return whom an order to all is for; a board that publishes another mission takes no robot from it."""
+        named = chain.from_iterable(one.robots for one in (self.mission, self.model.mission) if one is not None)
         return list(dict.fromkeys([*named, *(name for name, one in self.model.robots.items() if one.there)]))
 
     def _rights(self) -> str:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from commd.mail.age_clock import MailClock
 from commd.mail.message import read, shown
 from commd.mail.queries import MIGRATIONS
+from commd.process.sqlite_file import migrate
 from schemas.files.findings import Findings
 from schemas.wire.codec import BadRecord
 from schemas.wire.records import DeadLetter, Mailboxes, Queue, Refusal
@@ -80,12 +81,20 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
         raise Findings.about(path, f"it cannot be read as a board's mail: {error}") from None
 
 
+def _schema(db: Connection) -> list[tuple[str, str]]:
+    return db.execute("SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY name").fetchall()
+
+
 def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:
     (version,) = db.execute("PRAGMA user_version").fetchone()
     if version != len(MIGRATIONS):
         found = "no board's mail" if version == 0 else f"of version {version}, this is version {len(MIGRATIONS)}"
         raise Findings.about(path, f"it is {found}")
     db.execute("BEGIN")  # one state of the file for all queries
+    with closing(sqlite3.connect(":memory:")) as own:
+        migrate(own, MIGRATIONS)
+        if _schema(db) != _schema(own):  # a view could compute for ever
+            raise Findings.about(path, "it is no board's mail: its tables are others")
     clock = MailClock()
     clock.load(db)
     listed = list_mailboxes(db, clock.now(), lambda line: "")

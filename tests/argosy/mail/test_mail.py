@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 from argosy.__main__ import main
 from commd.bus.bus import Query
 from commd.mail.inspection import mailboxes_of_file
+from commd.mail.queries import MIGRATIONS
+from commd.process.sqlite_file import migrate
 from schemas.wire import keys
 from schemas.wire.records import Mailboxes, Queue, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
@@ -145,6 +148,20 @@ async def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_ch
     assert out.startswith(f"pi2: 3 messages waiting, 0 dead letters  ({path})\n  inbox  a > b  3 messages, ")
     (told,) = json.loads("{\n" + out.partition("{\n")[2])["boards"]
     assert told["queues"][0]["messages"] == 3
+
+
+def test_a_mail_file_whose_table_computes_without_end_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "pi2.mail"
+    with closing(sqlite3.connect(path)) as db:
+        migrate(db, MIGRATIONS)
+        columns = ", ".join(f"{name!r}" for _, name, *_ in db.execute("PRAGMA table_info(mail)"))
+        values = ", ".join("n" for _ in db.execute("PRAGMA table_info(mail)"))
+        numbers = "WITH RECURSIVE every(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM every)"
+        db.executescript(f"DROP TABLE mail; CREATE VIEW mail({columns}) AS {numbers} SELECT {values} FROM every")
+    assert main(["mail", "--file", str(path)]) == 2
+    assert capsys.readouterr().err.endswith("it is no board's mail: its tables are others\n")
 
 
 def test_a_file_that_is_no_mail_is_told_and_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

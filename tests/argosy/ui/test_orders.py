@@ -14,7 +14,8 @@ from argosy.cli.operator_bus import Where
 from argosy.fleet_model.mission_clock import steady_clock
 from commd.bus.bus import Bus
 from schemas.mission.model import Mission, read_mission
-from schemas.wire.records import Outcome
+from schemas.wire import keys
+from schemas.wire.records import Outcome, RunningMission
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, entered
 from tests.support.buses import async_test, until
@@ -94,6 +95,19 @@ async def test_an_order_to_one_robot_goes_to_that_one_alone(endpoint: str) -> No
 async def test_a_robot_of_the_mission_whose_bridge_is_not_there_is_named_as_not_confirmed(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE}, MISSION) as (browser, _, _):
         told = await posted(browser, "/stop", {"order": "hold", "robots": None})
+        assert told["outcomes"] == {
+            "uav1": ["confirmed", ""],
+            "uav9": ["NOT confirmed", "its bridge is not on the bus"],
+        }
+
+
+@async_test
+async def test_a_board_that_publishes_a_mission_without_a_robot_takes_it_from_no_order(endpoint: str) -> None:
+    async with commanded(endpoint, {"uav1": FINE}, MISSION) as (browser, _, _):
+        forged = RunningMission(file="m.yaml", text="mission: sar\nagents: {c: {program: c.asl}}\n")
+        browser.following.model.mission_published(keys.mission("sar", "pi3"), forged)
+        told = await posted(browser, "/stop", {"order": "rtl", "robots": None})
+        assert told["state"] == "NOT confirmed"
         assert told["outcomes"] == {
             "uav1": ["confirmed", ""],
             "uav9": ["NOT confirmed", "its bridge is not on the bus"],
