@@ -49,8 +49,7 @@ def run(args: Namespace) -> int:
             f"{args.out} is not empty: name a new folder, as files of an older mission must not stay"
         ) from None
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        raise CommandError(f"{where}{error.strerror or error}") from None
+        raise CommandError(f"{error.filename or args.out}: {error.strerror or error}") from None
     for finding in check_mission(args.mission, restarts=True)[1]:
         if finding.kind == AFTER_RESTART:  # systemd starts every daemon again
             print(finding, file=sys.stderr)

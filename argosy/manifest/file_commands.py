@@ -7,10 +7,11 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from argosy.cli.errors import BadInput
+from argosy.cli.errors import BadInput, CommandError
 from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
+from commd.process.state_dir import replace_file
 from schemas.files.findings import Finding, Findings
 from schemas.files.text_files import read_text
 from schemas.manifest.document import write_toml
@@ -106,7 +107,7 @@ def add_convert_arguments(parser: ArgumentParser) -> None:
 
 
 def convert(args: Namespace) -> int:
-    """Convert a pair. Raises Findings with every problem of the pair, and BadInput if the file cannot be written."""
+    """Convert a pair. Raises Findings with every problem of the pair, BadInput if the file exists, and CommandError."""
     manifest = load_ini_pair(args.actions, args.percepts)
     if wrong := check_manifest(manifest):
         raise Findings(wrong)
@@ -114,10 +115,11 @@ def convert(args: Namespace) -> int:
     if args.output is None:
         print(text, end="")
         return EXIT_DONE
+    if args.output.exists():
+        raise BadInput(f"{args.output} exists: name another file")
     try:
-        with args.output.open("x", encoding="utf-8") as file:
-            file.write(text)
+        replace_file(args.output, text.encode(), private=False)
     except OSError as error:
-        raise BadInput(f"{args.output}: {error.strerror}") from None
+        raise CommandError(f"{args.output}: {error.strerror}") from None
     print(f"{args.output}: {len(manifest.percepts)} percepts, {len(manifest.actions)} actions")
     return EXIT_DONE

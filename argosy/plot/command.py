@@ -90,7 +90,7 @@ def run(args: Namespace) -> int:
     except ValueError as error:
         raise BadInput(f"{args.file}: {error}") from None
     except OSError as error:
-        raise CommandError(f"{error.filename}: {error.strerror}") from None
+        raise CommandError(f"{error.filename or args.csv}: {error.strerror}") from None
     for note in scene.notes:
         print(f"note: {note}", file=sys.stderr)
     print(text)

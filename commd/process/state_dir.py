@@ -33,7 +33,7 @@ def make_private_folder(path: Path) -> None:
 def replace_file(path: Path, content: bytes, *, private: bool = True, synced: bool = True) -> None:
     """Write a file as a whole or not at all; `private`: for this user alone, `synced`: forced to the disk.
 
-    Without `synced` a power failure may leave it empty. Raises OSError.
+    Without `synced` a power failure may leave it empty. Raises OSError, which names the file.
     """
     new = path.with_name(f".{path.name}.new")
     try:
@@ -45,9 +45,10 @@ def replace_file(path: Path, content: bytes, *, private: bool = True, synced: bo
             if synced:
                 os.fsync(file.fileno())
         os.replace(new, path)
-    except OSError:
+    except OSError as error:
         with suppress(OSError):
             new.unlink(missing_ok=True)
+        error.filename = str(path)
         raise
 
 

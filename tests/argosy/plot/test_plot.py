@@ -20,6 +20,7 @@ from schemas.wire.codec import codec
 from schemas.wire.mind_records import ActivityEvent, MindActivity
 from schemas.wire.records import ActionStatus, Header, Perception, Record, State
 from schemas.wire.terms import Term
+from tests.argosy.recording.test_disks import files_no_larger_than
 
 BRIDGE = Header(source="bridge")
 FLEET, SPEED, BEGUN = "sar", 5.0, 1_790_000_000_000_000_000
@@ -143,6 +144,21 @@ def test_the_same_recording_gives_the_same_bytes(flown: Path, tmp_path: Path) ->
         one, two = (tmp_path / f"{name}.{suffix}" for name in ("one", "two"))
         assert main(["plot", str(flown), "-o", str(one)]) == main(["plot", str(flown), "-o", str(two)]) == 0
         assert one.read_bytes() == two.read_bytes()
+
+
+def test_a_figure_that_has_no_room_leaves_the_one_before_and_names_its_file(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "flight.svg"
+    out.write_text("before")
+    with files_no_larger_than(1000):
+        assert main(["plot", str(flown), "-o", str(out)]) == 1
+        assert main(["plot", str(flown), "--csv", str(tmp_path / "tables")]) == 1
+    assert (out.read_text(), list(tmp_path.glob(".*"))) == ("before", [])
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        f"error: {out}: File too large",
+        f"error: {tmp_path / 'tables'}: File too large",
+    ]
 
 
 def test_a_figure_is_as_wide_as_a_column_of_paper(flown: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from bridged.paper_format.mavros_names import CALLS, TOPICS, below_mavros
 from schemas.files.findings import Findings
 from schemas.manifest.document import write_toml
 from schemas.manifest.loader import ActionEntry, Manifest, PerceptEntry, load_manifest, read_manifest
+from tests.argosy.recording.test_disks import files_no_larger_than
 from tests.bridged.ini_pairs import MISSIONS, of_the_uav, pair, service
 
 SAME = {
@@ -231,10 +232,13 @@ def test_a_pair_is_converted_into_one_toml_file_that_says_the_same(
 ) -> None:
     folder, file = MISSIONS / "paper_uav", tmp_path / "uav.toml"
     given = [str(folder / "actions_manifest"), str(folder / "perceptions_manifest")]
+    with files_no_larger_than(100):
+        assert main(["manifest", "convert", *given, "-o", str(file)]) == 1
+    assert capsys.readouterr().err == f"error: {file}: File too large\n"
     assert main(["manifest", "convert", *given, "-o", str(file)]) == 0
     assert bare(load_manifest(str(file))) == bare(of_the_uav())
     assert main(["manifest", "convert", *given, "-o", str(file)]) == 2, "what is there is not written over"
-    assert "File exists" in capsys.readouterr().err
+    assert f"{file} exists: name another file" in capsys.readouterr().err
     assert main(["manifest", "convert", *given]) == 0
     assert capsys.readouterr().out == file.read_text()
     assert main(["manifest", "convert", *reversed(given)]) == 2
