@@ -27,6 +27,8 @@ from schemas.wire.mind_records import InitialMind
 
 MOST_MEMORY: Final = 2_000_000
 """Bytes of restored state in a record, compressed; more does not fit."""
+MOST_UNPACKED: Final = 64_000_000
+"""The same, unpacked: a record of few bytes can be made that unpacks to gigabytes."""
 
 
 @dataclass(slots=True)
@@ -163,8 +165,12 @@ def pack(stored: MindRows) -> str:
 
 def unpack(text: str) -> MindRows:
     """Decode what `pack` has written. Raises ValueError."""
+    unpacking = zlib.decompressobj()
     try:
-        return _ROWS.decode(zlib.decompress(base64.b64decode(text, validate=True)))
+        rows = unpacking.decompress(base64.b64decode(text, validate=True), MOST_UNPACKED)
+        if not unpacking.eof:
+            raise ValueError(f"it is cut off, or has more than {MOST_UNPACKED} bytes")
+        return _ROWS.decode(rows)
     except (zlib.error, binascii.Error, msgspec.MsgspecError) as error:
         raise ValueError(str(error)) from None
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tracemalloc
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
+from zlib import compress
 
 import msgspec
 import pytest
@@ -33,6 +35,7 @@ from agentd.mind.data.inputs import (
     TooDeep,
 )
 from agentd.replay.replay import CannotReplay, acts, compare, replay
+from agentd.trace.initial_state import MOST_UNPACKED
 from agentd.trace.input_log import MOST_BYTES
 from agentd.trace.input_records import (
     UNWRITTEN,
@@ -332,6 +335,9 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
     cloned = msgspec.structs.replace(born, unknown="it is a clone of ann")
     with pytest.raises(CannotReplay, match="bob cannot be replayed: it is a clone of ann"):
         replay(_with(batches, 0, initial=cloned))
+    bomb = b64encode(compress(bytes(MOST_UNPACKED + 1))).decode()
+    with pytest.raises(CannotReplay, match="cannot be read: it is cut off, or has more than 64000000 bytes"):
+        replay(_with(batches, 0, initial=msgspec.structs.replace(born, memory=bomb)))
     with pytest.raises(CannotReplay, match=r"bob\.asl:1:1: "):
         compare(batches, program="} no program")
     with pytest.raises(CannotReplay, match=r"gone\.asl: No such file"):
