@@ -213,7 +213,7 @@ class VehicleSession:
         if len(self._runs) >= MAX_RUNS:
             run.end(Outcome("refused", f"{MAX_RUNS} actions are under way already", "busy"))
             return run
-        if run.moves:
+        if run.moves or run.procedure.sets_mode:
             for other in [other for other in self._runs if other.procedure is STAY]:
                 self.stop(other, Outcome("cancelled", f"{run.name} takes over", "superseded"))
         run.judges_mode = run.procedure.judges_mode

@@ -15,7 +15,7 @@ from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
 from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from schemas.wire.records import Action, ActionStatus, Header
-from tests.bridged.drivers.mavlink.test_six_kinds import FAR, sky_of
+from tests.bridged.drivers.mavlink.test_six_kinds import FAR, sky_of, under_way
 from tests.bridged.sky import GOAL, MISSION, Sky, end_of, is_ack_of, is_command
 
 
@@ -319,6 +319,22 @@ def test_a_lost_link_fails_the_running_action_and_is_told_once(sky: Sky) -> None
     sky.forward(lambda: sky.belief("altitude"), "the altitude after the link is back", 10)
     sky.wait(1)
     assert sky.belief("state") == ("GUIDED", True, True)
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), [("copter", "ardupilot"), ("copter", "px4"), ("rover", "ardupilot")])
+def test_a_mode_that_an_agent_sets_after_a_cancel_is_not_replaced_by_the_hold_of_the_cancelled_motion(
+    tmp_path: Path, vehicle: str, autopilot: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    sky.hears_us = lambda message: False
+    sky.bridge.action_server.cancel("uav", sky.statuses[-1].id, "uav")
+    sky.wait(0.5)
+    homeward = sky.begin("set_mode", "RTL")
+    sky.hears_us = lambda message: True
+    assert sky.end(homeward).state == "succeeded"
+    sky.wait(6)
+    assert sky.driver.under_way == "rtl"
 
 
 @pytest.mark.parametrize("asked", ["return_to_launch", "set_mode", "cancel"])
