@@ -287,7 +287,9 @@ class ActionServer:
         rival = self.lease.holder not in ("", request.agent)
         superseded: list[RunningAction] = []
         if entry.supersedes and not rival:
-            superseded = [other for other in self._running.values() if other.entry.motion]
+            sets_mode = entry.confirm == "mode"  # another that does would be repeated, and replace this one
+            running = self._running.values()
+            superseded = [one for one in running if one.entry.motion or (one.entry.confirm == "mode" and not sets_mode)]
         busy = None if rival else self._busy(request, entry, superseded)  # a rival's actions end
         if refusal := refusal or self._driver.refuses(entry) or busy:
             self._refuse(request, refusal, follower)

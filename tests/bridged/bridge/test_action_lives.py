@@ -337,6 +337,22 @@ def test_a_mode_that_an_agent_sets_after_a_cancel_is_not_replaced_by_the_hold_of
     assert sky.driver.under_way == "rtl"
 
 
+@pytest.mark.parametrize(("vehicle", "autopilot"), [("copter", "px4"), ("plane", "px4"), ("copter", "ardupilot")])
+def test_a_way_home_ends_a_mode_that_is_being_set_which_would_be_set_again_and_replace_it(
+    tmp_path: Path, vehicle: str, autopilot: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    sky.begin("return_to_launch")
+    sky.wait(1.7)
+    guided = sky.begin("set_mode", "GUIDED")
+    sky.wait(0.1)
+    sky.begin("return_to_launch")
+    sky.wait(8)
+    assert guided[-1].state in ("cancelled", "succeeded")
+    assert sky.driver.under_way == "rtl"
+
+
 @pytest.mark.parametrize("asked", ["return_to_launch", "set_mode", "cancel"])
 def test_what_a_vehicle_did_not_hear_before_a_pilot_took_it_is_not_repeated(tmp_path: Path, asked: str) -> None:
     sky = sky_of(tmp_path, "rover", "ardupilot").armed()
