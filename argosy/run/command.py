@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import logging
 import os
 import sys
@@ -172,7 +173,12 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
         return None
     try:
         report.mkdir(parents=True, exist_ok=True)
-        return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
+        log = stack.enter_context((report / "mission.log").open("a", encoding="utf-8"))
+        fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        log.truncate(0)
+        return log
+    except BlockingIOError:
+        raise BadInput(f"--report {report}: another run writes its report there") from None
     except OSError as error:
         raise BadInput(f"--report {report}: {error.strerror}") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import re
 import socket
 from collections.abc import Callable
@@ -55,6 +56,16 @@ def test_options_that_cannot_be(refused: Refused, single_uav: Path, arguments: s
     assert code == 2
     assert message.replace("MISSION", str(single_uav)) in err
     assert single_uav.read_text() == before
+
+
+def test_a_report_that_another_run_writes_is_left_alone(refused: Refused, single_uav: Path, tmp_path: Path) -> None:
+    with (tmp_path / "mission.log").open("w") as log:
+        log.write("of the other")
+        log.flush()
+        fcntl.flock(log, fcntl.LOCK_EX)
+        told = f"error: --report {tmp_path}: another run writes its report there\n"
+        assert refused(single_uav, "--report", str(tmp_path)) == (2, told)
+    assert (tmp_path / "mission.log").read_text() == "of the other"
 
 
 def test_a_mission_that_does_not_check(refused: Refused, single_uav: Path) -> None:
