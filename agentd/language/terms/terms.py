@@ -368,14 +368,14 @@ def _cyclic(roots: Iterable[Any]) -> bool:
             done.add(id(node))
         elif id(node) in path:
             return True
-        elif id(node) not in done and (inside := _inside(node)):
+        elif id(node) not in done and (parts := parts_of(node)):
             path.add(id(node))
             work.append((node, True))
-            work.extend((part, False) for part in inside)
+            work.extend((part, False) for part in parts)
     return False
 
 
-def _inside(node: Any) -> tuple[Any, ...]:
+def parts_of(node: Any) -> tuple[Any, ...]:
     """Return the parts of a term, or of a tuple of terms."""
     match node:
         case tuple():

@@ -76,6 +76,8 @@ def _literal(mind: MindState, formula: Literal, trail: Trail) -> Iterator[None]:
     if "." in sig.functor and not sig.functor.startswith("'"):
         yield from _internal_action(mind, formula, trail)
         return
+    if mind.asked is not None:
+        mind.asked.copies(formula)
     predicate = mind.beliefs.known(sig)
     if predicate is None:
         return
@@ -123,6 +125,8 @@ def _expression(mind: MindState, formula: Expression, trail: Trail) -> Iterator[
             return
         yield
     elif len(operands) == 2:
+        if mind.asked is not None:
+            mind.asked.copies(formula)
         left, right = (computed(mind, operand) for operand in operands)
         if relation_holds(operator, left, right, trail):
             yield

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any, Final, NoReturn, Protocol
 
 from agentd.language.terms import order
-from agentd.language.terms.terms import EMPTY, List, Term, deref
+from agentd.language.terms.terms import Term, deref, parts_of
 from agentd.mind.data.formula_failure import Failed
 
 PURE: Final[set[str]] = set()
@@ -30,8 +30,8 @@ MOST_STEPS: Final = 2_000_000
 """Steps of one formula: about a second on a desktop, some seconds on a small board."""
 AFTERWARDS: Final = MOST_STEPS // 100
 """Steps left to the other plans of an event after the context of one took too many."""
-QUESTION_STEPS: Final = 100_000
-"""Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
+QUESTION_STEPS: Final = 200_000
+"""Steps that a question may take: formulas tried, solutions found, parts of terms and characters that are looked at."""
 _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow with the square of their arguments' size."""
 LONGEST: Final = 1.0
@@ -147,8 +147,12 @@ class Asked:
         """Allow an internal action that has no effect. Raises QueryRefused for any other."""
         if not _in_questions(name) or (name == ".delete" and args and type(deref(args[0])) is str):
             self._refuse(f"it names {name}, which is not known to be free of effects and quick")
-        size = sum(map(_size, args))
+        size = _size(*args)
         self.work(size * size if name in _SQUARE else size)
+
+    def copies(self, term: Term) -> None:
+        """Count that all of a term is copied or compared."""
+        self.work(_size(term))
 
     def function(self, name: str, known: bool, own: bool) -> bool:
         """Return whether a name is a function to compute. Raises QueryRefused for one that may have an effect."""
@@ -174,13 +178,11 @@ def _in_questions(name: str) -> bool:
     return name in _CLOCKS or (name in PURE and name != ".replace")
 
 
-def _size(term: Term) -> int:
-    """Return the length of a text or list plus 1; 1 for anything else."""
-    term = deref(term)
-    if type(term) is str:
-        return len(term) + 1
-    count = 1
-    while type(term) is List and term is not EMPTY and count <= QUESTION_STEPS:
-        count += len(term.items) - term.at
-        term = deref(term.tail)
+def _size(*terms: Term) -> int:
+    """Return the number of parts of terms, and of the characters of its texts; not many more than `QUESTION_STEPS`."""
+    count, pending = 0, list[Any](terms)
+    while pending and count <= QUESTION_STEPS:
+        part = pending.pop()
+        count += 1 + (len(part) if type(part) is str else 0)
+        pending += parts_of(part)
     return count

@@ -109,6 +109,7 @@ def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term]
         else:
             found = []
             for _ in solve(mind, question, trail):
+                asked.copies(question)
                 found.append(resolve(question))
                 if len(found) == enough:
                     break

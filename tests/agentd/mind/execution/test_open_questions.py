@@ -80,7 +80,12 @@ def test_a_question_that_names_an_action_with_an_effect_does_nothing_and_is_answ
     assert "secret(42)[source(self)]" in [text(b) for known in world.mind.beliefs.predicates() for b in known.facts()]
 
 
+LARGE = "[" + ", ".join(f"V{n}" for n in range(200)) + "]"
 WITHOUT_END = [
+    f"(.range(X, 1, 15000) & p({LARGE}) & X < 0)",
+    f"(Y = {LARGE} & .range(X, 1, 20000) & p(Y) & X < 0)",
+    f"(Y = f({LARGE}) & .range(X, 1, 20000) & X == Y)",
+    f"(Y = f({LARGE}) & .range(X, 1, 20000) & not .ground(Y) & X < 0)",
     "(.range(X, 1, 1000000000000) & X < 0)",
     "(p(Y) & .findall(X, .range(X, 1, 1000000000000), L))",
     "(not (.range(X, 1, 1000000000000) & X < 0) & p(Y))",
@@ -101,6 +106,12 @@ def test_a_question_that_takes_too_much_work_is_ended_and_answered(question: str
     assert len(warnings) == 1
     assert "amy" in warnings[0]
     assert "steps" in warnings[0]
+
+
+def test_answers_that_would_be_too_large_together_are_refused() -> None:
+    question = f"(.range(X, 1, 9000) & Y = {LARGE})"
+    assert asked("askAll", question)[1] == ["[]"]
+    assert asked("askOne", question)[1] != ["false"]
 
 
 def test_a_question_that_is_too_deep_is_answered() -> None:
