@@ -44,7 +44,7 @@ class Disk:
         self._checkpoint = checkpoint
 
     def save(self, savings: Mapping[str, AgentRows], soft: bool) -> None:
-        if not self.open.wait(30):
+        if not self.open.wait(240):
             raise AssertionError("the disk was held up for too long")
         if self.full:
             raise CheckpointError(self.full)

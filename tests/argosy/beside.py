@@ -10,7 +10,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from tests.support.processes import ROOT
+from tests.support.processes import PATIENCE, ROOT
 
 
 @contextmanager
@@ -38,8 +38,8 @@ def beside(
     thread = threading.Thread(target=lambda: asyncio.run(serve()))
     thread.start()
     try:
-        assert ready.wait(20)
+        assert ready.wait(PATIENCE)
         yield
     finally:
         stop.set()
-        thread.join(20)
+        thread.join(PATIENCE)

@@ -149,7 +149,7 @@ class Airfield:
 
 async def present(bus: Bus, agent: str = "uav") -> list[Reply[Perception]]:
     """What a repair query answers."""
-    return [one async for one in bus.query(keys.percept("test", agent, "**"), None, Perception, 5)]
+    return [one async for one in bus.query(keys.percept("test", agent, "**"), None, Perception, 60)]
 
 
 async def until_served(bus: Bus) -> None:

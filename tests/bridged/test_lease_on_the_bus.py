@@ -12,7 +12,7 @@ from commd.common.clock import Clock
 from commd.process.process import report_health
 from schemas.mission.model import THIS_MACHINE
 from schemas.wire import keys
-from schemas.wire.records import AgentHealth
+from schemas.wire.records import AgentHealth, Health
 from schemas.wire.terms import Atom
 from tests.bridged.airfield import present, serving, until
 from tests.bridged.sky import GOAL, MISSION
@@ -68,15 +68,16 @@ async def report_agents(bus: Bus) -> None:
 
 @async_test
 async def test_the_robot_of_an_agent_that_is_never_heard_and_acts_is_brought_to_safety_when_it_ends(
-    endpoint: str, tmp_path: Path
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("commd.liveness.presence.FIRST_HEALTH", 0.0)
     mission = MISSION.replace(
         "    link:", "    agent_silence: 3s\n    on_idle: none\n    on_agent_loss: [hold 5min, rtl]\n    link:"
     )
     async with serving(endpoint, tmp_path, client="observer", mission=mission) as (field, _):
         async with field.client() as uav:  # its agentd runs on a board that this mission does not name
-            await uav.claim("uav")
             await field.take_off(uav)
+            await uav.claim("uav")
             await field.mode_is("BRAKE")
             assert (await field.do(uav, "set_mode", "GUIDED")).state == "succeeded"
             assert (await field.do(uav, "goto", *GOAL)).state == "succeeded"
@@ -92,9 +93,11 @@ async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_it
     async with serving(endpoint, tmp_path, mission=mission) as (field, uav):
         await uav.claim("uav")
         await subscribed(uav, keys.health("test", THIS_MACHINE, "agentd"))
+        said = list[Health]()
+        uav.subscribe(keys.health("test", THIS_MACHINE, "agentd"), Health, lambda _, one: said.append(one))
         speaking = asyncio.create_task(report_agents(uav))
         await field.take_off(uav)
-        await asyncio.sleep(3.5)
+        await until(lambda: len(said) > 4, "it speaks for longer than it may be silent")
         assert field.vehicle.autopilot.mode.name == "GUIDED", "an agent that speaks has its robot"
         speaking.cancel()
         await field.mode_is("BRAKE")
