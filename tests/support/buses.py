@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, closing, contextmanager
 from inspect import Parameter, Signature, signature
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
+import pytest
+
+from argosy.trial.edges import bus_edges
 from argosy.trial.event_loop import VirtualLoop
+from argosy.trial.network import Network
 from commd.bus.bus import Bus, open_bus
 
 FLEET = "test"
@@ -24,25 +29,44 @@ class Connect(Protocol):
     ) -> Awaitable[Bus]: ...
 
 
+async def with_a_router(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float) -> None:
+    """Run `body(connect)` with a router at `endpoint`, bounded in seconds of the loop."""
+    async with AsyncExitStack() as stack, asyncio.timeout(seconds):
+
+        async def connect(name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client") -> Bus:
+            bus = await stack.enter_async_context(open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode))
+            await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
+            return bus
+
+        await connect("board", "commd", "router")
+        await body(connect)
+
+
 def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float = 240) -> None:
     """Run `body(connect)` with a router at `endpoint`, bounded in wall seconds."""
+    asyncio.run(with_a_router(endpoint, body, seconds))
 
-    async def everything() -> None:
-        async with AsyncExitStack() as stack, asyncio.timeout(seconds):
 
-            async def connect(
-                name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client"
-            ) -> Bus:
-                bus = await stack.enter_async_context(
-                    open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode)
-                )
-                await until(lambda: bus.router_up, f"{daemon} {name} sees the router")
-                return bus
+VIRTUAL_ENDPOINT = "tcp/127.0.0.1:7447"
+"""Of the router of a virtual network."""
 
-            await connect("board", "commd", "router")
-            await body(connect)
 
-    asyncio.run(everything())
+@contextmanager
+def on_the_virtual_network() -> Iterator[tuple[asyncio.Runner, Network]]:
+    """Yield what runs coroutines in virtual time, and the network of trials, to which they open their sessions."""
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner, pytest.MonkeyPatch.context() as patch:
+        loop = cast(VirtualLoop, runner.get_loop())
+        network = Network(loop)
+        for name, replacement in bus_edges(network).items():
+            patch.setattr(name, replacement)
+        patch.setattr(time, "monotonic", loop.time)
+        yield runner, network
+
+
+def on_a_virtual_bus(body: Callable[[Connect], Coroutine[Any, Any, None]]) -> None:
+    """Run `body(connect)` with a router on the virtual network, bounded in virtual seconds."""
+    with on_the_virtual_network() as (runner, _):
+        runner.run(with_a_router(VIRTUAL_ENDPOINT, body, 3600))
 
 
 Test = Callable[..., Coroutine[Any, Any, None]]
@@ -108,6 +132,8 @@ virtual_test = run_by(in_virtual_time)
 """Runs an async test in virtual time; its parameters are fixtures."""
 bus_test = run_by(lambda body, endpoint: on_a_bus(endpoint, body), "connect", needs=("endpoint",))
 """Runs an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
+virtual_bus_test = run_by(on_a_virtual_bus, "connect")
+"""The same on the virtual network, in virtual time, without threads: for what waits, times out or is asked again."""
 
 
 @asynccontextmanager
@@ -143,15 +169,15 @@ async def under_way(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 
 async def subscribed(bus: Bus, key: str) -> None:
     """Wait until what `bus` puts on `key` reaches a subscriber: declarations take their time on a busy machine."""
-    with bus._session.declare_publisher(key) as publisher:
-        await until(lambda: publisher.matching_status.matching, f"somebody subscribes to {key}")
+    with closing(bus.raw.publisher(key)) as publisher:
+        await until(lambda: publisher.matching, f"somebody subscribes to {key}")
 
 
-async def served(bus: Bus, key: str) -> None:
-    """Wait until `bus` knows of somebody who serves `key`. Behind a second router a query may not reach it for 0.1 s
-    more, in which that router has no route yet."""
-    with bus._session.declare_querier(key) as querier:
-        await until(lambda: querier.matching_status.matching, f"somebody serves {key}")
+async def served(bus: Bus, key: str, wanted: bool = True) -> None:
+    """Wait until `bus` knows of somebody who serves `key`, or that nobody does. Behind a second router a query may not
+    reach it for 0.1 s more, in which that router has no route yet."""
+    with closing(bus.raw.querier(key)) as querier:
+        await until(lambda: querier.matching == wanted, f"somebody serves {key}: {wanted}")
 
 
 async def until(

@@ -9,14 +9,10 @@ from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any, Literal, TypeVar
 
-import pytest
-
-from argosy.trial.edges import bus_edges
-from argosy.trial.event_loop import VirtualLoop
 from argosy.trial.network import Network
 from commd.bus.bus import Bus, open_bus
 from tests.argosy.trial import doomed
-from tests.support.buses import FLEET, until
+from tests.support.buses import FLEET, VIRTUAL_ENDPOINT, on_the_virtual_network, until
 from tests.support.forked import ROOT
 
 T = TypeVar("T")
@@ -100,18 +96,13 @@ def on_zenoh(scenario: Scenario[T], endpoint: str) -> T:
     return asyncio.run(play())
 
 
-def on_virtual(scenario: Scenario[T], patch: pytest.MonkeyPatch) -> T:
+def on_virtual(scenario: Scenario[T]) -> T:
     """Return what it finds on the virtual network."""
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner, patch.context() as patched:
-        loop = runner.get_loop()
-        assert isinstance(loop, VirtualLoop)
-        network = Network(loop)
-        for name, replacement in bus_edges(network).items():
-            patched.setattr(name, replacement)
+    with on_the_virtual_network() as (runner, network):
 
         async def play() -> T:
             async with AsyncExitStack() as stack, asyncio.timeout(240):
-                return await _play(scenario, VirtualStage("tcp/127.0.0.1:7447", stack, network))
+                return await _play(scenario, VirtualStage(VIRTUAL_ENDPOINT, stack, network))
 
         return runner.run(play())
 
@@ -126,8 +117,8 @@ def same_on_both(expected: object) -> Callable[[Scenario[object]], Callable[...,
     """Make a test of a scenario: it finds `expected` with real Zenoh and on the virtual network."""
 
     def decorate(scenario: Scenario[object]) -> Callable[..., None]:
-        def test(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-            zenoh, virtual = on_zenoh(scenario, endpoint), on_virtual(scenario, monkeypatch)
+        def test(endpoint: str) -> None:
+            zenoh, virtual = on_zenoh(scenario, endpoint), on_virtual(scenario)
             assert zenoh == expected
             assert virtual == expected
 

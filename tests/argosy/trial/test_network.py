@@ -17,7 +17,7 @@ from commd.bus.queries import ROUTER_LOST
 from commd.bus.raw import Sample
 from schemas.wire.records import Action, ActionStatus, Perception
 from tests.argosy.trial.networks import Stage, VirtualStage, on_virtual, same_on_both
-from tests.support.buses import until
+from tests.support.buses import served, subscribed, until
 
 PERCEPT = "argosy/test/uav/percept"
 ACTION = "argosy/test/uav/action"
@@ -27,18 +27,6 @@ SETTLED = 1.0
 
 def append_parameter(found: list[Any], key: str, record: Perception) -> None:
     found.append(record.parameters[0])
-
-
-async def subscribed(bus: Bus, key: str) -> None:
-    publisher = bus.raw.publisher(key)
-    await until(lambda: publisher.matching, f"somebody subscribes to {key}")
-    publisher.close()
-
-
-async def served(bus: Bus, key: str, wanted: bool = True) -> None:
-    querier = bus.raw.querier(key)
-    await until(lambda: querier.matching == wanted, f"somebody serves {key}: {wanted}")
-    querier.close()
 
 
 def serve(bus: Bus, key: str, name: str) -> None:
@@ -426,7 +414,7 @@ async def test_a_key_that_is_none_is_refused(stage: Stage) -> Any:
     [(1.0, True, [], []), (5.0, True, range(50), [2.0]), (5.0, False, range(50), [2.0])],
 )
 def test_a_link_that_is_cut_for_less_than_a_lease_delays_and_for_more_loses(
-    monkeypatch: pytest.MonkeyPatch, seconds: float, both: bool, lost: Sequence[int], ended: list[float]
+    seconds: float, both: bool, lost: Sequence[int], ended: list[float]
 ) -> None:
     """As measured with a relay between two routers: 39 of 39 after 1 s; after 5 s what was put meanwhile is lost, and
     tokens and queries end after 2.0 s."""
@@ -455,7 +443,7 @@ def test_a_link_that_is_cut_for_less_than_a_lease_delays_and_for_more_loses(
         await asking
         return got, seen, found
 
-    got, seen, ends = on_virtual(scenario, monkeypatch)
+    got, seen, ends = on_virtual(scenario)
     assert got == [number for number in range(round(seconds * 10) + 5) if number not in lost]
     assert seen == ([True, False, True] if ended else [True])
     assert ends == (ended if both else ends)
@@ -463,7 +451,7 @@ def test_a_link_that_is_cut_for_less_than_a_lease_delays_and_for_more_loses(
 
 @pytest.mark.parametrize(("away", "ended"), [(5.0, LEASE), (1.0, 1.0)])
 def test_other_boards_notice_after_a_lease_that_a_board_has_lost_its_power_or_when_it_is_back(
-    monkeypatch: pytest.MonkeyPatch, away: float, ended: float
+    away: float, ended: float
 ) -> None:
     there = "tcp/127.0.0.1:7448"
 
@@ -487,11 +475,11 @@ def test_other_boards_notice_after_a_lease_that_a_board_has_lost_its_power_or_wh
         assert got == []
         return ends
 
-    (end,) = on_virtual(scenario, monkeypatch)
+    (end,) = on_virtual(scenario)
     assert end == pytest.approx(ended, abs=0.01)
 
 
-def test_a_noisy_link_delivers_late_and_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_noisy_link_delivers_late_and_in_order() -> None:
     here, there = "tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448"
 
     async def scenario(stage: Stage) -> tuple[list[float], list[float]]:
@@ -519,6 +507,6 @@ def test_a_noisy_link_delivers_late_and_in_order(monkeypatch: pytest.MonkeyPatch
         assert [number for number, _ in took] == list(range(60))
         return [delay for number, delay in took if number < 50], [delay for number, delay in took if number > 55]
 
-    noisy, calm = on_virtual(scenario, monkeypatch)
+    noisy, calm = on_virtual(scenario)
     assert 0.3 < sum(noisy) / len(noisy) < 0.8
     assert max(calm) < 0.01

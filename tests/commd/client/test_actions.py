@@ -1,9 +1,8 @@
-"""An action from the agent's side, over a real bus: one final status, whatever happens to the bridge."""
+"""An action from the agent's side: one final status, whatever happens to the bridge; waits are in virtual time."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,12 +15,11 @@ from commd.client.percept_sync import PerceptSync
 from commd.common.clock import Clock
 from commd.liveness.bridge_presence import BridgePresence
 from commd.process.process import report_health
-from schemas.liveness import ACTION_ASKED_AGAIN
+from schemas.liveness import SILENT_AFTER
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header, Health, Perception, Perceptions, State
 from schemas.wire.terms import Term
-from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, under_way, until
-from tests.support.promises import in_time
+from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, under_way, until, virtual_bus_test
 
 HANG = 600.0
 """Seconds of a script, longer than any test."""
@@ -92,20 +90,6 @@ async def act(connect: Connect, *scripts: list[Step]) -> Acting:
     return acting
 
 
-@pytest.fixture
-def short(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Return what makes the times of actions as short as a test can wait for, in seconds."""
-
-    def shorten(**seconds: float) -> None:
-        for name, value in seconds.items():
-            monkeypatch.setattr(f"commd.client.actions.{name}", value)
-
-    return shorten
-
-
-Short = Callable[..., None]
-
-
 @bus_test
 async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect) -> None:
     acting = await act(connect, ["accepted", {"state": "refused", "reason": "Arm: RTL mode not armable"}])
@@ -121,28 +105,27 @@ async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(con
     assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
 
 
-@bus_test
+@virtual_bus_test
 async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_again(connect: Connect) -> None:
     acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG], ["succeeded"])
-    assert (await asyncio.wait_for(acting.perform("land"), 5 * ACTION_ASKED_AGAIN)).state == "succeeded"
+    assert (await acting.perform("land")).state == "succeeded"
     assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2)]
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
-    connect: Connect, short: Short
+    connect: Connect,
 ) -> None:
-    short(ACTION_ASKED_AGAIN=0.2, BUS_GRACE=0.5)
     acting = await act(connect, *[[HANG]] * 5, ["succeeded"])
     assert (await acting.perform("land")).state == "succeeded"
     assert acting.asked == [("uav:b:1", 1)] * 6
 
 
-@bus_test
+@virtual_bus_test
 async def test_an_action_whose_statuses_stopped_before_the_loss_of_the_router_was_noticed_has_the_grace_from_then(
-    connect: Connect, short: Short
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short(BUS_GRACE=0.5)
+    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
     acting = await act(connect, ["running", HANG], ["succeeded"])
     flying = acting.perform("goto", 60)
     await until(lambda: acting.asked, "it runs")
@@ -156,9 +139,8 @@ async def test_an_action_whose_statuses_stopped_before_the_loss_of_the_router_wa
     assert acting.asked == [("uav:b:1", 1), ("uav:b:1", 2)]
 
 
-@bus_test
-async def test_an_action_that_nobody_serves_or_takes_fails_after_its_time(connect: Connect, short: Short) -> None:
-    short(BUS_GRACE=0.5)
+@virtual_bus_test
+async def test_an_action_that_nobody_serves_or_takes_fails_after_its_time(connect: Connect) -> None:
     acting = await act(connect)
     status = await acting.perform("land")
     assert (status.state, status.result) == ("failed", False)
@@ -170,7 +152,7 @@ async def test_an_action_that_nobody_serves_or_takes_fails_after_its_time(connec
     assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> None:
     acting = await act(connect, ["running", HANG])
     flying = acting.perform("goto")
@@ -180,9 +162,8 @@ async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> N
     assert (status.state, status.reason) == ("failed", "bridge_lost: the bridge of this robot is not running")
 
 
-@bus_test
-async def test_a_status_waits_for_the_percept_that_it_follows(connect: Connect, short: Short) -> None:
-    short(AFTER_PATIENCE=10.0)
+@virtual_bus_test
+async def test_a_status_waits_for_the_percept_that_it_follows(connect: Connect) -> None:
     acting = await act(connect)
     bridge, perceiving = acting.bridge, acting.perceiving
 
@@ -201,11 +182,8 @@ async def test_a_status_waits_for_the_percept_that_it_follows(connect: Connect, 
     assert perceiving.counters["late"] == 0
 
 
-@bus_test
-async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(
-    connect: Connect, short: Short
-) -> None:
-    short(AFTER_PATIENCE=30.0)
+@virtual_bus_test
+async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(connect: Connect) -> None:
     acting = await act(connect)
     bridge, perceiving = acting.bridge, acting.perceiving
     present = [altitude(bridge.header("percept"), 0)]
@@ -228,18 +206,17 @@ async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaire
         assert perceiving.present()[0].parameters == (5,)
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(connect: Connect) -> None:
     acting = await act(connect, [{"state": "succeeded", "after": 99}])
     assert (await acting.perform("takeoff")).state == "succeeded"
     assert acting.perceiving.counters["late"] == 1
 
 
-@bus_test
+@virtual_bus_test
 async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
-    connect: Connect, short: Short
+    connect: Connect,
 ) -> None:
-    short(RETRY=0.5)
     acting = await act(connect)
     performing = acting.perform("takeoff")
     await until(lambda: acting.requests.counters["asked_again"] > 0, "the first attempt reached nobody")
@@ -265,17 +242,17 @@ async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect
     assert status.reason.startswith("cannot be sent: Action:")
 
 
-@bus_test
-async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(connect: Connect, short: Short) -> None:
-    short(ASKERS_MARGIN=0.2)
+@virtual_bus_test
+async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
     said = {"deadline": 0.3}
     acting = await act(connect, [{"state": "accepted", **said}, 0.4, {"state": "running", **said}, HANG])
     began = asyncio.get_running_loop().time()
     status = await acting.perform("goto", 20)
-    took = asyncio.get_running_loop().time() - began
     assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
-    assert took > 0.8
-    assert in_time(took, 10)
+    assert asyncio.get_running_loop().time() - began == pytest.approx(0.4 + 0.3 + 0.2, abs=0.02)
     assert acting.requests.counters["asked_again"] == 0
 
 
@@ -291,7 +268,7 @@ async def test_what_the_callers_function_for_statuses_raises_reaches_the_caller(
         await acting.perform("land", 1, on_status=fail)
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_defect_in_who_hears_an_end_or_a_status_keeps_no_action_from_its_end(connect: Connect) -> None:
     defects, ends = list[str](), list[ActionStatus]()
     asyncio.get_running_loop().set_exception_handler(lambda _, context: defects.append(str(context["exception"])))
@@ -303,9 +280,8 @@ async def test_a_defect_in_who_hears_an_end_or_a_status_keeps_no_action_from_its
     assert sorted(defects) == ["cannot show failed", "cannot show running"]
 
 
-@bus_test
-async def test_after_the_close_no_end_is_reported(connect: Connect, short: Short) -> None:
-    short(AFTER_PATIENCE=0.3)
+@virtual_bus_test
+async def test_after_the_close_no_end_is_reported(connect: Connect) -> None:
     header, ends = Header(boot="its life"), list[ActionStatus]()
     acting = await act(connect, [{"state": "succeeded", "result": True, "after": 99, "header": header}])
     acting.perceiving.percepts.boot = "its life"
@@ -316,11 +292,10 @@ async def test_after_the_close_no_end_is_reported(connect: Connect, short: Short
     assert ends == []
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
+    connect: Connect,
 ) -> None:
-    monkeypatch.setattr("commd.liveness.bridge_presence.SILENT_AFTER", 2.0)
     acting = await act(connect, [{"state": "accepted", "deadline": 1000.0}, HANG])
     key = keys.health(FLEET, "uav1", "bridged")
     await subscribed(acting.bridge, key)
@@ -330,7 +305,7 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     async with under_way(acting.watch.run()):
         async with under_way(report_health(acting.bridge, "uav1", Clock())):
             doing = acting.perform("goto")
-            await until(lambda: len(said) > 3, "it speaks for longer than it may be silent")
+            await until(lambda: len(said) > SILENT_AFTER + 1, "it speaks for longer than it may be silent")
             assert acting.watch.up, "a bridge that speaks is not given up"
             assert not doing.done()
         for status in (await doing, await acting.perform("goto", 1000, identity="uav:b:2")):
@@ -340,11 +315,10 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
             await until(lambda: acting.watch.up and not acting.watch.hangs, "the bridge is back")
 
 
-@bus_test
+@virtual_bus_test
 async def test_what_has_failed_for_the_agent_or_was_dropped_while_its_bridge_was_away_is_cancelled_when_it_is_back(
-    connect: Connect, short: Short
+    connect: Connect,
 ) -> None:
-    short(BUS_GRACE=0.5)
     acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG])
     accepted, ends = asyncio.Event(), list[ActionStatus]()
     acting.requests.begin(request("goto"), ends.append, on_status=lambda status: accepted.set())
@@ -364,11 +338,11 @@ async def test_what_has_failed_for_the_agent_or_was_dropped_while_its_bridge_was
     assert len(acting.cancelled) == 2, "once"
 
 
-@bus_test
+@virtual_bus_test
 async def test_of_several_actions_that_end_without_an_outcome_each_is_cancelled_once(
-    connect: Connect, short: Short
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short(ASKERS_MARGIN=0.0)
+    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.0)
     acting, ends = await act(connect, [{"state": "accepted", "deadline": 0.5}, HANG]), list[ActionStatus]()
     acting.serve_cancellations(acting.bridge)
     for number in range(1, 4):

@@ -32,27 +32,51 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, async_test, bus_test, on_a_bus, run_by, served, session, until
+from tests.support.buses import (
+    FLEET,
+    VIRTUAL_ENDPOINT,
+    Connect,
+    async_test,
+    bus_test,
+    on_a_bus,
+    on_a_virtual_bus,
+    run_by,
+    served,
+    session,
+    until,
+    virtual_bus_test,
+)
 
 NOT_DONE = receive_mail.ProgramInbox.NOT_DONE
 
 Body = Callable[[Client, ScriptedCommd], Coroutine[Any, Any, None]]
 
 
-def as_planner(endpoint: str, body: Body, **arguments: Any) -> None:
-    """Run `body(me, commd)` as the client `planner`, which the mission does not name."""
+def planner(body: Body, router: str, **arguments: Any) -> Callable[[Connect], Coroutine[Any, Any, None]]:
+    """Return what runs `body(me, commd)` as the client `planner`, which the mission does not name."""
 
     async def everything(connect: Connect) -> None:
         bus = await connect("local", "commd")
         commd = ScriptedCommd(bus, "planner")
-        async with join("planner", fleet=FLEET, router=endpoint, **arguments) as me:
+        async with join("planner", fleet=FLEET, router=router, **arguments) as me:
             await served(bus, keys.inbox(FLEET, "planner"))
             await body(me, commd)
 
-    on_a_bus(endpoint, everything)
+    return everything
+
+
+def as_planner(endpoint: str, body: Body, **arguments: Any) -> None:
+    """Run `body(me, commd)` on a real bus."""
+    on_a_bus(endpoint, planner(body, endpoint, **arguments))
+
+
+def as_virtual_planner(body: Body, **arguments: Any) -> None:
+    """Run it on the virtual network, in virtual time."""
+    on_a_virtual_bus(planner(body, VIRTUAL_ENDPOINT, **arguments))
 
 
 planner_test = run_by(lambda body, endpoint: as_planner(endpoint, body), "me", "commd", needs=("endpoint",))
+virtual_planner_test = run_by(as_virtual_planner, "me", "commd")
 
 
 def mail(number: int, sender: str = "scout", boot: str = "life1", **more: Any) -> Message:
@@ -181,7 +205,7 @@ async def test_a_refused_message_uses_no_number_and_one_that_may_be_there_does(
     assert [(one.content, one.header.seq) for one in commd.taken] == [(1, 1), (1, 2), (0, 3), (1, 4)]
 
 
-@planner_test
+@virtual_planner_test
 async def test_a_full_mailbox_is_waited_for_and_then_said(me: Client, commd: ScriptedCommd) -> None:
     full = Receipt(later={0: Refusal(code="mailbox_full")})
     commd.answers = [full, full]
@@ -192,7 +216,7 @@ async def test_a_full_mailbox_is_waited_for_and_then_said(me: Client, commd: Scr
     assert [one.content for one in commd.taken] == [1]
 
 
-@planner_test
+@virtual_planner_test
 async def test_without_an_answer_a_message_goes_again_under_its_own_number(me: Client, commd: ScriptedCommd) -> None:
     commd.answers = [None, "busy", Receipt(taken=5), Receipt(taken=1)]
     await me.send("scout", "tell", 1)
@@ -234,7 +258,7 @@ async def test_messages_are_acknowledged_when_the_program_is_done_with_them(me: 
     working.cancel()
 
 
-@planner_test
+@virtual_planner_test
 async def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_again(
     me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -280,7 +304,7 @@ async def test_one_loop_reads_at_a_time(me: Client, commd: ScriptedCommd) -> Non
     assert await asking == Receipt(taken=1)
 
 
-@planner_test
+@virtual_planner_test
 async def test_what_expires_while_it_waits_is_not_handed_out(
     me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -389,16 +413,13 @@ async def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint
 
 
 @pytest.mark.parametrize("daemon", ["client", "agentd"])
-@bus_test
-async def test_a_name_is_had_by_one_alone(
-    connect: Connect, endpoint: str, daemon: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 0.2)
+@virtual_bus_test
+async def test_a_name_is_had_by_one_alone(connect: Connect, daemon: str) -> None:
     other: Bus = await connect("planner", daemon)
     ScriptedCommd(await connect("local", "commd"), "planner")
     await other.claim("planner")
     with pytest.raises(AlreadyRunning, match="`planner`"):
-        async with join("planner", fleet=FLEET, router=endpoint):
+        async with join("planner", fleet=FLEET, router=VIRTUAL_ENDPOINT):
             pass
 
 
