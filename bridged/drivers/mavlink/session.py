@@ -152,7 +152,7 @@ class VehicleSession:
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":
                 self._hear_texts(self.texts.receive(message, self.flight.now))
-            case "EVENT" if (event := event_of(message.id, message.log_levels)) is not None:
+            case "EVENT" if (event := event_of(message)) is not None:
                 self._hear_texts(self.texts.receive_event(event, self.flight.now))
             case "PARAM_VALUE":
                 self.failsafe.receive(message)

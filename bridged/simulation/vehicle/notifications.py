@@ -69,6 +69,7 @@ class Number:
     number: int
     levels: int
     """log_levels: the severity for others in its low four bits, for logs in the high ones."""
+    arguments: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,13 @@ class Event(NamedTuple):
 
 HOLDS_FIRST = frozenset({0x1D11DF6, 0x144B3E0})
 """A failsafe holds for COM_FAIL_ACT_T before it acts; the mode may be the one that was set."""
+ACTS = frozenset({0x194CA8A, 0x1DEDBD0})
+"""A failsafe acts. The arguments are the mode that was set (four bytes), what the failsafe does, and its cause."""
+_DOES, _HOLD = 4, 5
+"""Place of what a failsafe does, and its number there for that it holds."""
+_ACTIONS = {
+    _HOLD: "holds", 6: "returns", 7: "lands", 8: "descends", 9: "stops its motors", 10: "terminates the flight",
+}  # fmt: skip
 _HOLDS = Event(_CRITICAL, "a failsafe acts: the vehicle holds first")
 EVENTS: Mapping[int, Event] = MappingProxyType({
     0x1FE4222: Event(_CRITICAL, "mission rejected: the takeoff is not its first item that is flown", alone=True),
@@ -63,17 +70,23 @@ EVENTS: Mapping[int, Event] = MappingProxyType({
     0x1A04397: Event(_CRITICAL, "the mode cannot be entered now"),
     0x11AA6BE: Event(_INFO, "the pilot took over by the sticks"),
     0x1A4B458: Event(_WARNING, "the ground station is lost"),
-    0x194CA8A: Event(_CRITICAL, "a failsafe acts"),
+    **dict.fromkeys(ACTS, Event(_CRITICAL, "a failsafe acts")),
     **dict.fromkeys(HOLDS_FIRST, _HOLDS),
-    0x1DEDBD0: Event(_CRITICAL, "a failsafe acts: the vehicle returns"),
 })  # fmt: skip
 
 
-def event_of(number: int, levels: int) -> Event | None:
-    """Return an EVENT in words, None for one without. `levels`: its log_levels, for others in the low four bits.
+def event_of(message: dialect.MAVLink_message) -> Event | None:
+    """Return an EVENT in words, None for one without.
 
     A check that fails and does not hinder arming is reported for information only: it has none.
     """
-    event = EVENTS.get(number)
-    hinders = levels & 0xF <= _WARNING
+    event = EVENTS.get(message.id)
+    if message.id in ACTS and (does := _ACTIONS.get(message.arguments[_DOES])):
+        return Event(_CRITICAL, f"a failsafe acts: the vehicle {does}")
+    hinders = message.log_levels & 0xF <= _WARNING  # its severity for others than the log
     return None if event is None or (event.check and not hinders) else event
+
+
+def holds(message: dialect.MAVLink_message) -> bool:
+    """Whether an EVENT says that a failsafe holds the vehicle, first or for good: the mode may be the one before."""
+    return message.id in HOLDS_FIRST or (message.id in ACTS and message.arguments[_DOES] == _HOLD)

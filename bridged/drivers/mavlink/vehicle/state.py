@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, table_of
-from bridged.drivers.mavlink.vehicle.px4_events import HOLDS_FIRST
+from bridged.drivers.mavlink.vehicle.px4_events import holds
 from schemas import geo
 
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -189,7 +189,7 @@ class Vehicle:
             case "CURRENT_MODE":
                 wanted = message.intended_custom_mode in (0, message.custom_mode)
                 self._unwanted_mode = -1 if wanted else message.custom_mode
-            case "EVENT" if message.id in HOLDS_FIRST:
+            case "EVENT" if holds(message):
                 self.held_by_failsafe_at = now
             case "GLOBAL_POSITION_INT":
                 self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)

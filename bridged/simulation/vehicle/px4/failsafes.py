@@ -38,6 +38,8 @@ _ACTIONS = {
     Cause.EMERGENCY_BATTERY: ("COM_LOW_BAT_ACT", {2: Mode.LAND, 3: Mode.LAND}),
 }
 """Parameter of each cause, and what its values do; others do nothing."""
+_NUMBERS = {Mode.LOITER: 5, Mode.RTL: 6, Mode.LAND: 7}
+"""What it does, by the number in the arguments of its EVENT (recorded)."""
 _WITHOUT_HOLD = frozenset((Cause.SETPOINTS, Cause.POSITION))
 """Causes for which no pilot is waited for in AUTO.LOITER."""
 
@@ -104,13 +106,19 @@ class Failsafes:
             return
         self._since = px4.now
         wait = px4.parameters["COM_FAIL_ACT_T"]
-        px4.send_text(f"Failsafe activated: entering Hold for {wait:.0f} seconds", CRITICAL)
+        px4.send_text(f"Failsafe activated: entering Hold for {wait:.0f} seconds", CRITICAL, self._arguments(action))
         px4.switch_to(Mode.LOITER)
 
     def _act(self, mode: Mode) -> None:
-        self._wanted = None
-        self._px4.send_text("Failsafe activated", CRITICAL)
-        self._px4.switch_to(mode)
+        self._wanted, px4 = None, self._px4
+        px4.send_text("Failsafe activated", CRITICAL, self._arguments(mode))
+        px4.switch_to(mode)
+        if self.acting is Cause.FENCE and mode is Mode.LOITER:
+            px4.flight.begin(px4.holding())  # also in the mode that goes to a target
+
+    def _arguments(self, mode: Mode) -> bytes:
+        """Return the arguments of the EVENT: the mode that is wanted, and what is done instead."""
+        return int(self._px4.intended).to_bytes(4, "little") + bytes([_NUMBERS[mode]])
 
     def _action(self, cause: Cause) -> Mode | None:
         if cause is Cause.SETPOINTS:

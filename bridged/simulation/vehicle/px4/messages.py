@@ -133,10 +133,10 @@ class Px4Messages(MessageHandler[Px4]):
         match event:
             case MissionChanged():
                 return [telemetry.mission_current(px4)]
-            case Number(number, levels):
+            case Number(number, levels, arguments):
                 self._events = (self._events + 1) % 65536
                 at = round(px4.now * 1000) % 2**32
-                return [further_messages.Event(number, at, self._events, 0, 0, levels, [0] * 40)]
+                return [further_messages.Event(number, at, self._events, 0, 0, levels, [*arguments.ljust(40, b"\0")])]
             case Done(command, result, peer):
                 return [self._ack(command, int(result), peer)]
         return self.news(event)

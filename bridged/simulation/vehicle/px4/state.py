@@ -261,11 +261,11 @@ class Px4State(Autopilot):
         """Whether the estimator has a position."""
         return self.ready and not self.estimate.lost
 
-    def send_text(self, text: str, severity: Severity = INFO) -> None:
-        """Queue a STATUSTEXT, and the EVENT of the same news."""
+    def send_text(self, text: str, severity: Severity = INFO, arguments: bytes = b"") -> None:
+        """Queue a STATUSTEXT, and the EVENT of the same news with its arguments."""
         self.events.append(Text(severity, f"{text}\t"))
         if event := event_of(text):
-            self.events.append(Number(*event))
+            self.events.append(Number(*event, arguments))
 
     def problems(self) -> list[str]:
         """Return the failed arming checks that do not depend on the mode, in the vehicle's words."""

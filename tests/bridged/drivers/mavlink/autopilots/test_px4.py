@@ -11,7 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.autopilots.px4 import Px4
+from bridged.drivers.mavlink.transport.further_messages import Event
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
+from bridged.drivers.mavlink.vehicle.px4_events import ACTS, event_of
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.motion.tasks import Landed
@@ -349,6 +351,29 @@ def test_its_failsafe_that_holds_in_the_mode_of_agents_is_not_undone_by_them(tmp
     assert sky.do("goto", *GOAL).cause == "pilot"
     sky.wait(6)
     assert mode(sky) == "RTL"
+
+
+def test_its_fence_that_holds_it_in_the_mode_of_agents_ends_their_motion_and_is_not_undone(tmp_path: Path) -> None:
+    sky = px4(tmp_path, GF_ACTION=2).flying(20)
+    heard = sky.begin("goto", -27.5900, -48.5180, 30)
+    sky.wait(3)
+    sky.vehicle.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
+    status = sky.end(heard, 10)
+    assert (status.state, status.cause) == ("failed", "pilot")
+    assert "HOLD, which nobody here asked for (the vehicle's failsafe)" in status.reason
+    assert sky.belief("override") == ("HOLD",)
+    sky.wait(6)
+    assert speed(sky) < 0.5
+    assert sky.do("goto", *GOAL).cause == "pilot"
+
+
+@pytest.mark.parametrize(("does", "said"), [(5, "holds"), (6, "returns"), (7, "lands"), (8, "descends")])
+@pytest.mark.parametrize("number", sorted(ACTS))
+def test_an_event_of_a_failsafe_says_what_the_vehicle_does(number: int, does: int, said: str) -> None:
+    message = Event(number, 1000, 1, 0, 0, 0x42, [0, 0, 4, 3, does, *[0] * 35])
+    event = event_of(message)
+    assert event is not None
+    assert event.text == f"a failsafe acts: the vehicle {said}"
 
 
 def test_a_takeoff_that_its_failsafe_ends_has_failed(tmp_path: Path) -> None:
