@@ -133,6 +133,8 @@ FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
 """Parts of texts that may appear briefly after a start: faults if two checks in a row report them."""
 FALLS, STATIONARY_FOR = 2.0, (2.0, 1.0)
 """m/s that no vehicle at rest has; mission and wall seconds around the stop of the motors in which it is judged."""
+CRASH = "Crash"
+"""Beginning of ArduPilot's texts of a crash (crash_check.cpp, is_flying.cpp): nothing else tells it from a landing."""
 HOME_REPORTED = (5.0, 3.0)
 """Mission and wall seconds for a vehicle that has just been heard to report its home and its position."""
 TARGET_ATTEMPTS = 5
@@ -419,6 +421,8 @@ def from_home(flight: ProcedureContext) -> float | None:
     """Return the horizontal distance from home in metres, None if it is not known."""
     position, home = flight.vehicle.position, flight.vehicle.home
     return None if position is None or home is None else home.distance(position)
+    if flight.texts.beginning(CRASH, before := asked - flight.wait(*STATIONARY_FOR)):
+        raise Ended("failed", flight.with_texts(f"the vehicle has crashed{where}", before))
 
 
 def metres(distance: float | None) -> str:
