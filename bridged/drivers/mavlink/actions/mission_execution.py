@@ -158,7 +158,8 @@ def _fly(
                 return SUCCEEDED
         over = over_at < math.inf and vehicle.mode == modes.after_mission
         returning = vehicle.mode == modes.rtl and items[last].command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH
-        if vehicle.armed and (vehicle.mode == modes.auto or over or (returning and max(furthest, reached) >= last)):
+        flown = vehicle.mode == modes.auto or over or (returning and max(furthest, reached) >= last)
+        if vehicle.armed and flown and not vehicle.failsafe_acts:
             left_at = None
         else:
             left_at = flight.now if left_at is None else left_at

@@ -23,6 +23,9 @@ OFF_GROUND = 0.5
 UNKNOWN_HEADING = 65535
 CRITICAL_WITHIN = 1.5
 """Mission seconds after the report of a failsafe within which a HEARTBEAT, one a second, has the state CRITICAL."""
+GOES_DOWN = frozenset({dialect.MAV_STATE_EMERGENCY, dialect.MAV_STATE_FLIGHT_TERMINATION})
+"""The states of an ArduPlane that has crashed, and of a vehicle whose flight is terminated: by itself, or by a pilot's
+switch (PX4: kill)."""
 CAMERAS = range(dialect.MAV_COMP_ID_CAMERA, dialect.MAV_COMP_ID_CAMERA6 + 1)
 GIMBALS = (dialect.MAV_COMP_ID_GIMBAL, *range(dialect.MAV_COMP_ID_GIMBAL2, dialect.MAV_COMP_ID_GIMBAL6 + 1))
 """MAVLink component ids of a vehicle's system."""
@@ -237,7 +240,7 @@ class Vehicle:
         CRITICAL alone is no failsafe: PX4 reports it for a warning too, such as a low battery, and flies on.
         """
         if self.system_status != dialect.MAV_STATE_CRITICAL or not self.armed:
-            return False
+            return self.armed and self.system_status in GOES_DOWN
         return self.mode == self._unwanted_mode or self.held_by_failsafe_at > -math.inf
 
     def state(self) -> dict[str, object]:
