@@ -89,6 +89,8 @@ class ControlAuthority:
                 return
             handed_over = self._vehicle.overridden and vehicle.modes.hands_over and vehicle.mode == vehicle.modes.guided
             self._vehicle.overridden = not ours and not handed_over
+            if ours:
+                self._flight.entered(vehicle.mode)
             if self._vehicle.overridden:
                 self._set_by_others()
             elif handed_over and self.override:

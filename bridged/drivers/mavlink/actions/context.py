@@ -357,6 +357,11 @@ class ProcedureContext:
         self._expected = {known: until for known, until in self._expected.items() if until >= self.now}
         self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
 
+    def entered(self, mode: int) -> None:
+        """Expect no more those modes that were requested before one that the vehicle has entered."""
+        asked = self._expected.get(mode, -math.inf)
+        self._expected = {known: until for known, until in self._expected.items() if until >= asked}
+
     def expects(self, mode: int) -> bool:
         """Whether we asked for the mode of this number (custom_mode) lately."""
         return self._expected.get(mode, -1.0) >= self.now
