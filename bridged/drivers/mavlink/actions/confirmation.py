@@ -169,9 +169,11 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
         yield from acknowledged(flight, run, command, shown if shows else lambda: False)
         flight.expect_mode(mode)
         run.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
-        if (yield from steady(flight, shown)):
+        appeared = yield from appears(flight, shown)
+        if appeared and (yield from lasts(flight, shown)):
             return
-        if vehicle.mode not in (before, mode) and before not in vehicle.modes.booting:
+        left_in_use = appeared and vehicle.armed  # by a pilot or a failsafe: it is not taken from them again
+        if left_in_use or (vehicle.mode not in (before, mode) and before not in vehicle.modes.booting):
             break
         before = vehicle.mode
     reason = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
@@ -204,7 +206,12 @@ def acknowledged(
 
 
 def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
-    """Whether a state shows soon and still does at the next HEARTBEAT.
+    """Whether a state shows soon and still does at the next HEARTBEAT."""
+    return (yield from appears(flight, shown)) and (yield from lasts(flight, shown))
+
+
+def appears(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
+    """Whether a state shows soon.
 
     Only a HEARTBEAT denies it: silence proves nothing, and the loss of the link ends the procedure.
     """
@@ -213,8 +220,13 @@ def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[Non
         if vehicle.heard_at > patience:
             return False
         yield
-    beats = vehicle.heartbeats
-    while shown() and vehicle.heartbeats == beats:
+    return True
+
+
+def lasts(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
+    """Whether a state that shows still does at the next HEARTBEAT."""
+    beats = flight.vehicle.heartbeats
+    while shown() and flight.vehicle.heartbeats == beats:
         yield
     return shown()
 
