@@ -34,7 +34,7 @@ from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, Mavlink
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.px4_events import event_of
-from bridged.drivers.mavlink.vehicle.readings import LinkState, derived
+from bridged.drivers.mavlink.vehicle.readings import LinkState, derived, fields
 from bridged.drivers.mavlink.vehicle.state import OFF_GROUND, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, StatusText, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import Streams
@@ -265,7 +265,7 @@ class VehicleSession:
 
     def _report(self, name: str, message: dialect.MAVLink_message) -> None:
         if name in self._sources:
-            self._on_reading(Reading(name, vars(message)))  # a message has its fields as attributes, texts as strings
+            self._on_reading(Reading(name, fields(message)))
         if name in self._derived:
             source, make = self._derived[name]
             self._on_reading(Reading(source, make(message)))

@@ -421,6 +421,8 @@ def stationary(flight: ProcedureContext, run: ProcedureRun, fast_at: float, wher
         raise Ended("failed", flight.with_texts(reason, asked))
     if asked - fast_at <= flight.wait(*STATIONARY_FOR):
         raise Ended("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
+    if flight.texts.beginning(CRASH, before := asked - flight.wait(*STATIONARY_FOR)):
+        raise Ended("failed", flight.with_texts(f"the vehicle has crashed{where}", before))
 
 
 def parked(flight: ProcedureContext) -> bool:
@@ -433,8 +435,6 @@ def from_home(flight: ProcedureContext) -> float | None:
     """Return the horizontal distance from home in metres, None if it is not known."""
     position, home = flight.vehicle.position, flight.vehicle.home
     return None if position is None or home is None else home.distance(position)
-    if flight.texts.beginning(CRASH, before := asked - flight.wait(*STATIONARY_FOR)):
-        raise Ended("failed", flight.with_texts(f"the vehicle has crashed{where}", before))
 
 
 def metres(distance: float | None) -> str:

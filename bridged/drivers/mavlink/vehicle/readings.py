@@ -25,6 +25,13 @@ FIELDS: Mapping[str, tuple[str, ...]] = {
 """Sources and their fields."""
 
 
+def fields(message: dialect.MAVLink_message) -> Mapping[str, object]:
+    """Return the fields of a message, texts as strings; a place at 0/0 is one that the vehicle does not know."""
+    found = vars(message)
+    unknown = found.get("lat") == 0 == found.get("lon")
+    return {**found, "lat": math.nan, "lon": math.nan} if unknown else found
+
+
 NO_OUTPUT = 65535
 """A pulse in SERVO_OUTPUT_RAW of an output that is of another port."""
 _NO_CELL = 65535
