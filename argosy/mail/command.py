@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from argosy.cli.operator_bus import Where, add_mission_argument, add_router_argu
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings, did_you_mean
-from schemas.humanize import columns, count, json_lines, printable, shortened, size, span
-from schemas.mission.model import load_mission
+from schemas.humanize import columns, count, joined, json_lines, printable, shortened, size, span
+from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Mailboxes, Queue
 from schemas.wire.term_text import write
@@ -40,7 +40,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print the mailboxes. Returns 1 if a board did not answer. Raises Findings for an unreadable mission or file."""
+    """Print the mailboxes. Returns 1 if a board or an agentd did not answer.
+
+    Raises Findings for an unreadable mission or file.
+    """
     if args.file is not None:
         from commd.mail.inspection import mailboxes_of_file  # a query needs no SQLite
 
@@ -56,15 +59,36 @@ def run(args: Namespace) -> int:
         wanted = [args.board]
 
     async def ask(bus: Bus, where: Where) -> int:
-        (found, why), (within, _) = await asyncio.gather(
-            _ask_all(bus, keys.mailboxes(where.fleet, "*")), _ask_all(bus, keys.neighbour_mail(where.fleet, "*"))
+        (found, why), (within, _), tokens = await asyncio.gather(
+            _ask_all(bus, keys.mailboxes(where.fleet, "*")),
+            _ask_all(bus, keys.neighbour_mail(where.fleet, "*")),
+            bus.tokens(keys.alive(where.fleet, "*", "agentd", "*")),
         )
         silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
         silent += [f"somebody answers: {error}" for name, error in why.items() if name not in mission.board_names]
+        silent += _without_answer(mission, [board for board in wanted if board in found], within, tokens)
         within = {name: one for name, one in within.items() if one.board in wanted}
         return _show([found[board] for board in wanted if board in found], silent, args, within)
 
     return on_the_bus(args, ask)
+
+
+def _without_answer(
+    mission: Mission, boards: Iterable[str], within: Mapping[str, Mailboxes], tokens: Iterable[str]
+) -> Iterator[str]:
+    """Yield, for each board, the agents whose agentd has not answered: the mail between them is not known."""
+    answered = {one.header.boot for one in within.values()}
+    processes = [(parsed[1], parsed[3]) for parsed in map(keys.parse_alive, tokens) if parsed is not None]
+    known = {agent for agent, boot in processes if boot in answered}
+    present = {agent for agent, _ in processes}
+    for board in boards:
+        unknown = [agent for agent in mission.agents_on(board) if agent not in known]
+        for why, agents in (
+            ("does not answer", [agent for agent in unknown if agent in present]),
+            ("is not running", [agent for agent in unknown if agent not in present]),
+        ):
+            if agents:
+                yield f"{board}: the agentd of {joined(agents)} {why}: the mail between its agents is not shown"
 
 
 async def _ask_all(bus: Bus, key: str) -> tuple[dict[str, Mailboxes], dict[str, str]]:

@@ -25,10 +25,12 @@ from tests.support.buses import FLEET, Connect, bus_test, served, until
 MISSION = f"""\
 mission: {FLEET}
 boards: {{pi1: {{}}, pi2: {{}}}}
-agents:
-  a: {{program: a.asl, board: pi1}}
-  b: {{program: b.asl, board: pi2}}
+agents: {{}}
+clients:
+  a: {{board: pi1}}
+  b: {{board: pi2}}
 """
+AGENTS = MISSION.replace("agents: {}\nclients", "agents").replace(": {board", ": {program: a.asl, board")
 
 
 @pytest.fixture
@@ -36,6 +38,14 @@ def mission(tmp_path: Path) -> str:
     """Return the mission of two boards, as a file."""
     path = tmp_path / "m.yaml"
     path.write_text(MISSION)
+    return str(path)
+
+
+@pytest.fixture
+def of_agents(tmp_path: Path) -> str:
+    """Return a mission of two agents on each of two boards, as a file."""
+    path = tmp_path / "agents.yaml"
+    path.write_text(AGENTS + "  c: {program: a.asl, board: pi1}\n  d: {program: a.asl, board: pi2}\n")
     return str(path)
 
 
@@ -81,7 +91,8 @@ async def test_what_waits_within_an_agentd_is_shown_after_its_board(
 
         async def listed(query: Query[Mailboxes]) -> None:
             queues = (Queue(box="mind", sender="a", receiver="c", messages=3),)
-            query.reply(Mailboxes(board="pi1", queues=queues), keys.neighbour_mail(FLEET, "a"))
+            mail = Mailboxes(header=bus.header("neighbour_mail"), board="pi1", queues=queues)
+            query.reply(mail, keys.neighbour_mail(FLEET, "a"))
 
         bus.serve(keys.neighbour_mail(FLEET, "a"), Mailboxes, listed)
         await known(connect, "pi1", "pi2")
@@ -91,6 +102,29 @@ async def test_what_waits_within_an_agentd_is_shown_after_its_board(
     first, _, rest = capsys.readouterr().out.partition("{\n")
     assert first.splitlines()[1:3] == ["pi1: 3 messages waiting within the agentd of a", "  mind  a > c  3 messages"]
     assert json.loads("{\n" + rest)["agents"] == {}
+
+
+@bus_test
+async def test_agents_whose_agentd_does_not_list_its_mail_are_named_by_their_board(
+    connect: Connect, endpoint: str, tmp_path: Path, of_agents: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path):
+        bus, hung = await connect("a", daemon="agentd"), await connect("d", daemon="agentd")
+        await bus.claim_all(["a", "c"])
+        await hung.claim("d")
+
+        async def listed(query: Query[Mailboxes]) -> None:
+            query.reply(Mailboxes(header=bus.header("neighbour_mail"), board="pi1"), keys.neighbour_mail(FLEET, "a"))
+
+        bus.serve(keys.neighbour_mail(FLEET, "a"), Mailboxes, listed)
+        await known(connect, "pi1", "pi2")
+        await served(bus, keys.neighbour_mail(FLEET, "a"))
+        assert await argosy("mail", of_agents, "--router", endpoint, "--board", "pi1") == 0
+        assert await argosy("mail", of_agents, "--router", endpoint) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "error: pi2: the agentd of d does not answer: the mail between its agents is not shown",
+        "error: pi2: the agentd of b is not running: the mail between its agents is not shown",
+    ]
 
 
 @bus_test
