@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import posixpath
 import re
+import shutil
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from shlex import quote
 
@@ -77,6 +79,19 @@ def write(board: Board, out: Path) -> int:
     texts[GUIDE] = guide(board, secrets)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError
+    there = out.exists()
+    try:
+        _write(out, texts)
+    except BaseException:  # a part of the files would be taken for the board's, and keep the next attempt from writing
+        with suppress(OSError):
+            _empty(out)
+            if not there:
+                out.rmdir()
+        raise
+    return len(texts)
+
+
+def _write(out: Path, texts: Mapping[str, str | bytes]) -> None:
     for name, text in texts.items():
         target = out / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -84,7 +99,14 @@ def write(board: Board, out: Path) -> int:
         target.chmod(0o644)
         for folder in target.relative_to(out).parents:  # daemons of other users read them, whatever our umask is
             (out / folder).chmod(0o755)
-    return len(texts)
+
+
+def _empty(folder: Path) -> None:
+    for part in folder.glob("*"):
+        if part.is_dir():
+            shutil.rmtree(part)
+        else:
+            part.unlink()
 
 
 def check(mission: Mission) -> None:

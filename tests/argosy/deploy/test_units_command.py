@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -100,6 +101,28 @@ def test_a_board_gets_its_units_its_router_and_the_files_of_its_part_of_the_miss
     read = config.read(out / "etc/argosy/survey/router.json5")
     assert read.secured
     assert str(read.tls.key) == "/etc/argosy/survey/keys/key.pem"
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_folder_that_cannot_be_written_is_left_as_it_was(
+    tmp_path: Path, there: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission(tmp_path)
+    out, write_bytes = tmp_path / "pi1", Path.write_bytes
+    if there:
+        out.mkdir()
+
+    def full(path: Path, data: bytes) -> int:
+        if path.name == "router.json5":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return write_bytes(path, data)
+
+    with monkeypatch.context() as disk:
+        disk.setattr(Path, "write_bytes", full)
+        assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(out)]) == 1
+    assert capsys.readouterr().err.endswith("router.json5: No space left on device\n")
+    assert (out.exists(), tree(out)) == (there, set())
+    assert main(["units", str(tmp_path / "survey.yaml"), "--board", "pi1", "--out", str(out)]) == 0
 
 
 def test_a_board_without_robots_has_no_bridge(tmp_path: Path) -> None:
