@@ -31,9 +31,12 @@ LONGEST_SHARED = 100_000
 """Characters of a file whose syntax tree is kept for the next agent that runs it; that of a larger one is not."""
 
 
-def parse_program(text: str, file: str) -> Program:
-    """Parse a whole source file. ``file`` is the name under which its findings and positions are reported."""
-    return _program(Source(text, file))
+def parse_program(text: str, file: str, at: tuple[int, int] | None = None) -> Program:
+    """Parse a whole source file. ``file`` is the name under which its findings and positions are reported.
+
+    ``at`` is line and column of a text that is a value in that file.
+    """
+    return _program(Source(text, file, at))
 
 
 def parse_file(path: str | Path) -> Program:

@@ -141,13 +141,13 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
     except Findings as wrong:
         findings += wrong.findings
     for index, text in enumerate(spec.goals):
-        items += _item(mission, ("agents", agent, "goals", index), _as_goal(text), Goal, findings)
+        items += _item(mission, ("agents", agent, "goals", index), as_goal(text), Goal, findings)
     if findings:
         raise Findings(findings)
     return replace(program, items=(*program.items, *items))
 
 
-def _as_goal(text: str) -> str:
+def as_goal(text: str) -> str:
     """Return a goal with its `!`, which the mission file may leave out."""
     return "!" + text.strip().lstrip("!")
 
@@ -168,9 +168,14 @@ def _item(
     return found
 
 
-def read_item(text: str, file: str, kind: type[Belief] | type[Goal]) -> tuple[Item, ...]:
-    """Parse one belief or goal of a mission file; empty if the text is something else. Raises SyntaxErrors."""
-    found = parse_program(text.strip().removesuffix(".") + ".", file).items
+def read_item(
+    text: str, file: str, kind: type[Belief] | type[Goal], at: tuple[int, int] | None = None
+) -> tuple[Item, ...]:
+    """Parse one belief or goal of a mission file; empty if the text is something else. Raises SyntaxErrors.
+
+    ``at``: line and column of the text; the positions in a running program do not depend on the rest of the mission.
+    """
+    found = parse_program(text.strip().removesuffix(".") + ".", file, at).items
     return found if len(found) == 1 and isinstance(found[0], kind) else ()
 
 
@@ -180,7 +185,7 @@ def recorded_program(main: Program, beliefs: Iterable[str], goals: Iterable[str]
     for text in beliefs:
         items += read_item(text, file, Belief)
     for text in goals:
-        items += read_item(_as_goal(text), file, Goal)
+        items += read_item(as_goal(text), file, Goal)
     return replace(main, items=tuple(items))
 
 

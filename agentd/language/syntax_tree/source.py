@@ -10,17 +10,23 @@ from schemas.files.text_files import read_bounded
 
 
 class Source:
-    """A text under the name that its user knows it by. Offsets count characters from 0, lines and columns from 1."""
+    """A text under the name that its user knows it by. Offsets count characters from 0, lines and columns from 1.
 
-    __slots__ = ("_starts", "file", "text")
+    `at`: where all of it is in that file, for a text in a value of another format.
+    """
 
-    def __init__(self, text: str, file: str) -> None:
+    __slots__ = ("_at", "_starts", "file", "text")
+
+    def __init__(self, text: str, file: str, at: tuple[int, int] | None = None) -> None:
         self.text = text
         self.file = file
+        self._at = at
         self._starts: list[int] | None = None
 
     def place(self, offset: int) -> tuple[int, int]:
         """Line and column of an offset."""
+        if self._at is not None:
+            return self._at
         starts = self._line_starts()
         line = bisect_right(starts, offset)
         return line, offset - starts[line - 1] + 1
