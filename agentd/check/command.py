@@ -72,6 +72,7 @@ _LOOKS = (
     rules_actions.wrong_directives,
     rules_actions.directives_as_beliefs,
     rules_events.duplicate_labels,
+    rules_events.misspelt_labels,
     rules_variables.singletons,
     rules_variables.unbound_variables,
     rules_loops.endless_asks,

@@ -37,6 +37,7 @@ class Kind(enum.Enum):
     PLAN_SHADOWED = "plan-shadowed", "a plan behind one that takes every event before it"
     PLAN_NEVER_USED = "plan-never-used", "a plan for an event that nothing raises"
     DUPLICATE_LABEL = "duplicate-label", "two plans with one label"
+    MISSPELT_ANNOTATION = "misspelt-annotation", "a misspelt test, atomic or all_unifs in the label of a plan"
     SINGLETON_VARIABLE = "singleton-variable", "a variable that occurs only once: most often a misspelling"
     UNBOUND_VARIABLE = (
         "unbound-variable",

@@ -9,7 +9,7 @@ from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import Mention, PlacedPlan, Survey, takes_all
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import near
-from agentd.language.syntax_tree.traversal import is_labelled
+from agentd.language.syntax_tree.traversal import is_labelled, misspelt_words
 from schemas.files.findings import Finding
 
 _TRUTH = {("true", 0), ("false", 0)}
@@ -182,3 +182,11 @@ def duplicate_labels(survey: Survey) -> Iterator[Finding]:
         if before is not placed.plan and same_file and before.position != placed.plan.position:
             text = f"the plan in line {before.position.line} has the label {label.functor} too"
             yield warning(Kind.DUPLICATE_LABEL, label.position, text)
+
+
+def misspelt_labels(survey: Survey) -> Iterator[Finding]:
+    """Yield annotations of labels that are nearly one with a meaning: the test is not run, the plan not atomic."""
+    for placed in survey.plans:
+        for word, meant in misspelt_words(placed.plan):
+            text = f"[{word.functor}] has no meaning in the label of a plan; did you mean [{meant}]?"
+            yield warning(Kind.MISSPELT_ANNOTATION, word.position, text)

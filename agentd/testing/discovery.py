@@ -17,7 +17,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import DEFAULT
-from agentd.language.syntax_tree.traversal import is_labelled
+from agentd.language.syntax_tree.traversal import is_labelled, misspelt_words
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.results import Unread
 from schemas.files.text_files import read_bounded
@@ -92,7 +92,7 @@ def _has_marks(file: Path) -> bool:
         text = read_bounded(file)
     except OSError:
         return True  # reported when it is read
-    return b"@" in text and b"test" in text
+    return b"@" in text and (b"test" in text or b"assert_" in text)
 
 
 def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset[str]) -> Iterator[Case | Unread]:
@@ -106,11 +106,14 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
         return
     here = os.path.realpath(file)
     for plan in program.plans:
-        if not is_labelled(plan, "test"):
-            continue
         standing = os.path.realpath(plan.position.file)
         if standing != here and standing in several:
             continue  # it is run with its own file
+        if not is_labelled(plan, "test"):
+            for word in [word for word, meant in misspelt_words(plan) if meant == "test"]:
+                text = f"this plan is no test: did you mean [test], not [{word.functor}]?"
+                yield Unread(file, f"{word.position}: error: {text}")
+            continue
         case = _case(file, plan, program)
         if isinstance(case, Unread) or wanted is None or wanted in case.name or fnmatchcase(case.name, wanted):
             yield case

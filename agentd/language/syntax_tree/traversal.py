@@ -8,6 +8,7 @@ from typing import Any, TypeGuard
 from msgspec.structs import replace
 
 from agentd.language.syntax_tree import nodes
+from schemas.files.findings import nearest
 
 HIDDEN = "computed "
 """How the names of variables begin that no program can write."""
@@ -50,6 +51,22 @@ def is_annotated(literal: nodes.Structure | nodes.Variable, word: str) -> bool:
 def is_labelled(plan: nodes.Plan, word: str) -> bool:
     """Return whether a plan's label has an annotation of this name: those of `agentd test` have ``test``."""
     return plan.label is not None and is_annotated(plan.label, word)
+
+
+LABEL_WORDS = ("all_unifs", "atomic", "test")
+"""The annotations of a plan's label that mean something; others are the program's own."""
+
+
+def misspelt_words(plan: nodes.Plan) -> Iterator[tuple[nodes.Structure, str]]:
+    """Yield the annotations of a plan's label that are a word of `LABEL_WORDS` with a letter swapped, lost or doubled.
+
+    A word with another letter, such as ``best``, may be the program's own.
+    """
+    annotations = None if plan.label is None else plan.label.annotations
+    for item in annotations.items if annotations is not None else ():
+        meant = nearest(item.functor, LABEL_WORDS, 0.75) if isinstance(item, nodes.Structure) else None
+        if isinstance(item, nodes.Structure) and meant is not None and set(item.functor) <= set(meant):
+            yield item, meant
 
 
 def children(node: Any) -> list[Any]:

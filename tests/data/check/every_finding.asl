@@ -42,7 +42,7 @@ far(P) :- waypoint(P, D) & L > D & L < 9.          // unbound-variable
 @ask[atomic] -!start
   <- .send(self, askAll, far(_), L); .print(L).    // endless-ask
 
-+!never <- land.                                   // plan-never-used
+@never[atomci] +!never <- land.                    // plan-never-used, misspelt-annotation
 
 -!strat <- land.                                   // plan-never-used
 
