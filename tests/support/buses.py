@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, closing, contextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, contextmanager
 from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol, cast
 
@@ -169,15 +169,17 @@ async def under_way(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 
 async def subscribed(bus: Bus, key: str) -> None:
     """Wait until what `bus` puts on `key` reaches a subscriber: declarations take their time on a busy machine."""
-    with closing(bus.raw.publisher(key)) as publisher:
-        await until(lambda: publisher.matching, f"somebody subscribes to {key}")
+    publisher = bus._session.declare_publisher(key)
+    await until(lambda: publisher.matching_status.matching, f"somebody subscribes to {key}")
+    publisher.undeclare()
 
 
 async def served(bus: Bus, key: str, wanted: bool = True) -> None:
     """Wait until `bus` knows of somebody who serves `key`, or that nobody does. Behind a second router a query may not
     reach it for 0.1 s more, in which that router has no route yet."""
-    with closing(bus.raw.querier(key)) as querier:
-        await until(lambda: querier.matching == wanted, f"somebody serves {key}: {wanted}")
+    querier = bus._session.declare_querier(key)
+    await until(lambda: bool(querier.matching_status.matching) == wanted, f"somebody serves {key}: {wanted}")
+    querier.undeclare()
 
 
 async def until(
