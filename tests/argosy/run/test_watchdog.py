@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator, Callable
+import time
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,9 +16,11 @@ from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.run import recovery
 from argosy.run.recovery import Watchdog
+from schemas.liveness import FIRST_HEALTH, HUNG_AFTER
 from schemas.wire import keys
 from tests.argosy.given import given
 from tests.argosy.recorded import Recording
+from tests.support.buses import until
 
 
 class Looking:
@@ -28,6 +31,8 @@ class Looking:
         self.supervisor = Supervisor(lambda child, line: None, lambda child: None)
         self.recording.status.children = self.supervisor.children
         self.watchdog = Watchdog(self.recording.status)
+        self.now = time.monotonic()
+        """Of the watchdog's clock."""
 
     async def start(self, kind: str, subject: str, *, daemon: bool = True) -> Child:
         """Start a sleeper as a daemon of the board `local`."""
@@ -39,34 +44,30 @@ class Looking:
         """A daemon shows itself."""
         self.recording.model.token(keys.alive("single-uav", name, daemon, "1"), True)
 
-    async def until(self, condition: Callable[[], bool]) -> None:
-        """Look again and again until something holds."""
-        while not condition():
+    def spares(self, seconds: float = FIRST_HEALTH + HUNG_AFTER + 1) -> bool:
+        """Look as a run does for so long; return whether that killed nobody."""
+        end = self.now + seconds
+        while self.now < end:
             self.watchdog.look()
-            await asyncio.sleep(0.01)
+            self.now += recovery.REFRESH
+        return not any("is killed" in line for line in self.recording.lines)
 
-    async def looked(self, times: int = 40) -> None:
-        """Look so often."""
-        for _ in range(times):
-            self.watchdog.look()
-            await asyncio.sleep(0.01)
+    async def kills(self, child: Child) -> None:
+        """Look for long enough, and wait for the end of a child."""
+        assert not self.spares()
+        await until(lambda: not child.alive, "it is killed")
 
 
 @asynccontextmanager
 async def looking() -> AsyncIterator[Looking]:
-    """A watchdog and processes that end with the block."""
+    """A watchdog with a clock of its own, and processes that end with the block."""
     one = Looking()
     try:
-        yield one
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(recovery, "time", SimpleNamespace(monotonic=lambda: one.now))
+            yield one
     finally:
         await one.supervisor.close()
-
-
-@pytest.fixture(autouse=True)
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let nobody have much patience."""
-    monkeypatch.setattr(recovery, "HUNG_AFTER", 0.2)
-    monkeypatch.setattr(recovery, "FIRST_HEALTH", 0.0)
 
 
 @given(looking)
@@ -74,8 +75,9 @@ async def test_a_daemon_that_is_stopped_is_killed_and_told_of(one: Looking) -> N
     child = await one.start("agentd", "uav")
     one.recording.health("uav", "agentd")
     child.signal(signal.SIGSTOP)
-    await one.until(lambda: not child.alive)
-    assert "agentd uav: hangs: it is stopped for 0.2 s, and is killed" in one.recording.lines
+    await until(lambda: child.stopped, "it is stopped")
+    await one.kills(child)
+    assert "agentd uav: hangs: it is stopped for 15 s, and is killed" in one.recording.lines
 
 
 @given(looking)
@@ -83,66 +85,59 @@ async def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is
     one.token("local", "commd")
     one.recording.health("uav1", "bridged")
     bridge, agent = await one.start("bridged", "uav1"), await one.start("agentd", "uav")
-    await one.until(lambda: not agent.alive)
+    await one.kills(agent)
     assert bridge.alive
-    assert one.recording.lines[-1] == "agentd uav: hangs: it publishes nothing for 0.2 s, and is killed"
+    assert one.recording.lines[-1] == "agentd uav: hangs: it publishes nothing for 15 s, and is killed"
     one.recording.at = 10.0
-    await one.until(lambda: not bridge.alive)
+    await one.kills(bridge)
 
 
 @given(looking)
 async def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well(one: Looking) -> None:
     one.token("local", "commd")
     one.recording.health("uav", "agentd")
-    agents = await one.start("agentd", "uav killed_by_its_program")
-    await one.looked()
-    assert agents.alive
+    await one.start("agentd", "uav killed_by_its_program")
+    assert one.spares()
 
 
 @given(looking)
 async def test_nobody_is_judged_while_the_way_to_its_board_is_cut(one: Looking) -> None:
-    agent = await one.start("agentd", "uav")
-    await one.looked()  # commd of its board is not heard
+    await one.start("agentd", "uav")
+    assert one.spares()  # commd of its board is not heard
     one.token("local", "commd")
     one.recording.model.router(up=False)
-    await one.looked()
-    assert agent.alive
+    assert one.spares()
 
 
 @given(looking)
-async def test_a_daemon_that_comes_up_has_time(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recovery, "FIRST_HEALTH", 600.0)
+async def test_a_daemon_that_comes_up_has_time(one: Looking) -> None:
     one.token("local", "commd")
-    agent = await one.start("agentd", "uav")
-    await one.looked()
-    assert agent.alive
+    await one.start("agentd", "uav")
+    assert one.spares(FIRST_HEALTH - 1)
 
 
 @given(looking)
 async def test_the_first_boards_router_is_killed_when_it_does_not_answer(one: Looking) -> None:
     router = await one.start("commd", "local")
-    await one.looked()
-    assert router.alive
+    assert one.spares()
     one.recording.model.router(up=False)
-    await one.until(lambda: not router.alive)
+    await one.kills(router)
 
 
 @given(looking)
 async def test_a_simulator_may_be_stopped(one: Looking) -> None:
     simulator = await one.start("simulator", "uav1", daemon=False)
     simulator.signal(signal.SIGSTOP)
-    await one.looked()
-    assert simulator.alive
+    await until(lambda: simulator.stopped, "it is stopped")
+    assert one.spares()
 
 
 @given(looking)
-async def test_a_daemon_that_only_paused_is_spared(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recovery, "HUNG_AFTER", 600.0)
+async def test_a_daemon_that_only_paused_is_spared(one: Looking) -> None:
     daemon = await one.start("agentd", "uav")
     os.kill(daemon.pid, signal.SIGSTOP)
-    await one.until(lambda: daemon.stopped)
+    await until(lambda: daemon.stopped, "it is stopped")
+    assert one.spares(HUNG_AFTER - 1)
     os.kill(daemon.pid, signal.SIGCONT)
-    await one.until(lambda: not daemon.stopped)
-    monkeypatch.setattr(recovery, "HUNG_AFTER", 0.0)
-    await one.looked()
-    assert daemon.alive
+    await until(lambda: not daemon.stopped, "it goes on")
+    assert one.spares()

@@ -19,7 +19,7 @@ from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFaile
 from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
-from tests.support.buses import Connect, async_test, bus_test, served, subscribed, until
+from tests.support.buses import Connect, async_test, bus_test, served, subscribed, until, virtual_bus_test
 from tests.support.processes import poll
 
 PERCEPT, ACTION = "argosy/test/uav/percept/a", "argosy/test/uav/action/land"
@@ -258,7 +258,7 @@ async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
     assert failed.value.code == code
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Connect) -> None:
     first, second = await connect("uav"), await connect("uav")
     await first.claim("uav")
@@ -386,7 +386,7 @@ async def test_the_admin_space_of_the_router_can_be_read(connect: Connect) -> No
     assert len(answers) == 1
 
 
-@bus_test
+@virtual_bus_test
 async def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(connect: Connect) -> None:
     async def fly(query: Query[Action]) -> None:
         query.reply(ActionStatus(id="1", state="running"))
@@ -401,7 +401,7 @@ async def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_canc
     assert states == ["running", "succeeded"]
 
 
-@bus_test
+@virtual_bus_test
 async def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_it(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:

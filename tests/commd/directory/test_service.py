@@ -179,7 +179,6 @@ async def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_
 async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 2.0)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
     async with fleet.board("pi1") as pi1:
         async with (
@@ -191,6 +190,8 @@ async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_come
             await twin.ask("join")
             await stays.ask("join", stays=True)
         async with fleet.agent("twin", "pi1"):
+            await until(lambda: "twin" not in pi1._absent, "twin is seen")
+            monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 0.0)
             await until(lambda: pi1.services.homes().get("kid") is None, "kid is forgotten")
             assert (pi1.services.homes().get("twin"), pi1.services.homes().get("stays")) == ("pi1", "pi1")
 

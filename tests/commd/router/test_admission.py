@@ -164,8 +164,8 @@ def test_an_address_whose_handshakes_fail_is_told_to_wait_and_the_diagnosis_says
     free_port: Port, fleet_keys: FleetKeys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tls = fleet_keys.make("pi2")
-    monkeypatch.setattr(module, "KNOWN_ALLOWANCE", 0.0)
-    monkeypatch.setattr(module, "KNOWN_REFILL", 0.0)
+    for figure in ("KNOWN_ALLOWANCE", "KNOWN_REFILL", "REFILL"):
+        monkeypatch.setattr(module, figure, 0.0)
 
     async def body(made: Front) -> None:
         made.hangs_up = True
@@ -236,7 +236,10 @@ async def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more
 
 
 @front_test
-async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(made: Front) -> None:
+async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(
+    made: Front, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "STALLED", 0.1)
     (reader, writer), (_, router) = await made.session("pi2")
     reader._transport.pause_reading()  # type: ignore[attr-defined]
     router.write(bytes(40_000_000))
