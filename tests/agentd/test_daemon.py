@@ -51,7 +51,7 @@ def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_pat
     with daemons(path, endpoint, "b") as (first,):
         first.says("agents=b")
         with running("agentd", "serve", path, "b", "--router", endpoint) as second:
-            assert second.ends(30) == 1
+            assert second.ends() == 1
             assert "error: agentd: another agentd serves `b` of fleet `two` already" in second.text
 
 
@@ -92,7 +92,7 @@ def test_what_is_wrong_is_one_line_with_its_place_before_anything_starts(
 ) -> None:
     path = mission(tmp_path, text, **programs)
     with running("agentd", "serve", path, *arguments, "--router", endpoint) as agent:
-        assert agent.ends(30) == 2
+        assert agent.ends() == 2
         assert agent.lines[0].startswith(str(tmp_path / expected))
         assert "Traceback" not in agent.text
 
@@ -102,7 +102,7 @@ def test_decisions_are_kept_for_observers_unless_none_are_asked_for(tmp_path: Pa
 
     async def mind() -> MindView:
         async with open_bus(endpoint, fleet="two", name="observer", daemon="test") as bus:
-            return await bus.ask_one(keys.mind("two", "b"), None, MindView, 10.0)
+            return await bus.ask_one(keys.mind("two", "b"), None, MindView, 60.0)
 
     for arguments, events in (("b --fresh", ["+!go"]), ("b --fresh --decisions 0", [])):
         with daemons(path, endpoint, arguments) as (agent,):
@@ -118,7 +118,7 @@ def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(
     program = "+jag_shutting_down(T) <- .print(told(T)).\n"
     path = mission(tmp_path, wait=f"!g.\n+!g <- .wait(100); .stopMAS({delay},3).\n{program}")
     with daemons(path, endpoint, "b") as (agent,):
-        assert agent.ends(30) == 3
+        assert agent.ends() == 3
         assert ("[b] told(200)" in agent.text) == (delay > 0)
 
 
@@ -128,7 +128,7 @@ def test_included_files_and_their_mistakes_are_those_of_the_program(tmp_path: Pa
         agent.says("[b] included")
     (tmp_path / "more.asl").write_text("!g.\n+!g <- .print(.\n")
     with running("agentd", "serve", path, "b", "--router", endpoint) as agent:
-        assert agent.ends(30) == 2
+        assert agent.ends() == 2
         assert agent.lines[0].startswith(f"{tmp_path}/more.asl:2:")
 
 

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from tests.support.forked import Forked
-from tests.support.processes import poll
+from tests.support.processes import PATIENCE, poll
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 DOUBLES = Path(__file__).with_name("doubles.py")
@@ -53,12 +53,12 @@ class Running:
         """Now is when the stand-in with a fault shows it."""
         self._cue.touch()
 
-    def until(self, text: str, seconds: float = 60) -> None:
+    def until(self, text: str, seconds: float = PATIENCE) -> None:
         """Wait until it has printed a text, and remember the processes that it has then."""
         self.until_true(lambda: text in self.stdout, repr(text), seconds)
         self.remember()
 
-    def until_true(self, condition: Callable[[], bool], wish: str, seconds: float = 60) -> None:
+    def until_true(self, condition: Callable[[], bool], wish: str, seconds: float = PATIENCE) -> None:
         """Wait until something holds of a run that goes on."""
         poll(condition, wish, seconds, said=lambda: self.stdout + self.stderr, process=self.process)
 
@@ -84,10 +84,18 @@ class Running:
         """Wait for its end. Returns the exit code."""
         return self.process.wait(seconds)
 
-    def left_running(self, patience: float = 3.0) -> list[str]:
-        """Return the command lines of remembered processes that are still there."""
-        _, alive = psutil.wait_procs(list(self.family.values()), timeout=patience)
-        return [" ".join(one.cmdline()) for one in alive if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]
+    def left_running(self) -> list[str]:
+        """Return the command lines of remembered processes that do not end."""
+        with suppress(AssertionError):
+            poll(lambda: not self._left(), "all end")
+        return [" ".join(one.cmdline()) for one in self._left()]
+
+    def _left(self) -> list[psutil.Process]:
+        left = []
+        for one in self.family.values():
+            with suppress(psutil.NoSuchProcess):
+                left += [one] * (one.is_running() and one.status() != psutil.STATUS_ZOMBIE)
+        return left
 
     def end(self) -> None:
         """Kill whatever is left."""

@@ -32,7 +32,7 @@ def hurried(running: Running) -> int:
     """Wait for the end of a mission and leave out the measuring of idle use. Returns the exit code."""
     running.until("argosy: done")
     running.process.send_signal(signal.SIGINT)
-    code = running.wait(20)
+    code = running.wait()
     assert running.left_running() == []
     return code
 
@@ -48,7 +48,7 @@ def test_a_robot_of_an_installed_driver_is_run_with_its_own_twin(start: Start, l
 
 def test_without_the_package_the_mission_is_refused_with_what_there_is(start: Start) -> None:
     running = start(LAMP / "lamp.yaml", real_daemons=True)
-    assert running.wait(60) == 2
+    assert running.wait() == 2
     assert "lamp.toml:3: error: robot.driver: no driver `lamp`, there is mavlink, zenoh, python" in running.stderr
     assert running.stdout == ""
 
@@ -75,6 +75,6 @@ def test_the_counter_of_the_page_is_a_driver(start: Start, tmp_path: Path, monke
 
 def test_who_is_asked_about_a_robot_that_is_no_vehicle_is_asked_about_a_robot(start: Start, tmp_path: Path) -> None:
     running = start(written(tmp_path) / "heating.yaml", real_daemons=True)
-    assert running.wait(60) == 2
+    assert running.wait() == 2
     asked = "error: this would act on the real robot room; there is no terminal to ask at: confirm by --yes\n"
     assert running.stderr == asked

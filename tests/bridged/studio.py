@@ -44,7 +44,7 @@ class Studio:
         header = self.bus.header("action", self.agent)
         action = Action(header=header, id=f"{self.agent}:t:{self._ids}", parameters=parameters)
         key = keys.action(self.bus.fleet, self.agent, name)
-        heard = [one.record async for one in self.bus.query(key, action, ActionStatus, 20)]
+        heard = [one.record async for one in self.bus.query(key, action, ActionStatus, 60)]
         assert heard, "nobody serves the action"
         assert heard[-1] is not None
         return heard[-1]

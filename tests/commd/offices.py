@@ -73,7 +73,7 @@ def message(number: int, sender: str = "a", receiver: str = "b", life: str = "li
 async def ask(bus: Bus, key: str, *messages: Message) -> Receipt | str:
     """Ask `key` with a batch. Returns the receipt, or in words why there is none."""
     try:
-        return await bus.ask_one(key, Mail(messages=messages), Receipt, 10)
+        return await bus.ask_one(key, Mail(messages=messages), Receipt, 60)
     except QueryFailed as failed:
         return str(failed)
 
@@ -87,7 +87,7 @@ async def post(bus: Bus, *messages: Message) -> Receipt | str:
 
 async def listed(bus: Bus, name: str) -> Mailboxes:
     """Return what waits at a board, as an operator sees it."""
-    return await bus.ask_one(keys.mailboxes(FLEET, name), None, Mailboxes, 10)
+    return await bus.ask_one(keys.mailboxes(FLEET, name), None, Mailboxes, 60)
 
 
 class Receiver:

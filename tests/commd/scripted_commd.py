@@ -28,7 +28,7 @@ class ScriptedCommd:
         bus.serve(keys.outbox(bus.fleet, name), Mail, self._take)
         bus.serve(keys.service_requests(bus.fleet, "local", "*"), ServiceRequest, self._direct)
 
-    async def offer(self, *messages: Message, patience: float = 10.0) -> Receipt | None:
+    async def offer(self, *messages: Message, patience: float = 60.0) -> Receipt | None:
         """Hand over a batch once. Returns the answer, if there is one."""
         inbox = keys.inbox(self._bus.fleet, self._name)
         found = [one async for one in self._bus.query(inbox, Mail(messages=messages), Receipt, patience)]

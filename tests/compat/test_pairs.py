@@ -46,7 +46,7 @@ def test_a_daemon_does_not_start_beside_a_commd_of_another_major_version(
     start("commd", "serve", mission, "--router", endpoint).says("router board=local")
     for daemon, name in (("agentd", "uav"), ("bridged", "uav1")):
         other = start("tests.compat.next_major", daemon, "serve", mission, name, "--router", endpoint)
-        assert other.ends(30) == 1
+        assert other.ends() == 1
         assert other.lines[-1] == (
             f"error: {daemon}: the commd of board `local` speaks version 1 of the records, this {daemon} version 2:"
             " install the same release of Argosy for all of a board"
@@ -75,5 +75,5 @@ def mail_of(board: str, mission: str, endpoint: str) -> str:
     """Return what `argosy mail` says of the letters to the knower."""
     command = ("argosy", "mail", mission, "--board", board, "--router", endpoint)
     with running(*command) as mail:
-        assert mail.ends(30) == 0, mail.text
+        assert mail.ends() == 0, mail.text
         return "\n".join(line for line in mail.lines if "knower" in line)

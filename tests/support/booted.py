@@ -172,7 +172,7 @@ def _cgroups(name: str) -> list[Path]:
 
 def _remove(groups: list[Path]) -> None:
     """Remove what the machine's systemd has made of its groups, once the last of its processes is gone."""
-    end = time.monotonic() + 5
+    end = time.monotonic() + PATIENCE
     while left := [group for group in groups if not _gone(group)]:
         if time.monotonic() > end:
             raise AssertionError(f"processes are left in {', '.join(map(str, left))}")

@@ -182,6 +182,12 @@ async def served(bus: Bus, key: str, wanted: bool = True) -> None:
     querier.undeclare()
 
 
+async def arrived(*buses: Bus) -> None:
+    """Wait until what these sessions have sent by now, one after the other, has gone through their router."""
+    for bus in buses:
+        assert await bus.round_trip(PATIENCE)
+
+
 async def until(
     condition: Callable[[], object] | Callable[[], Awaitable[object]], wish: str, seconds: float = PATIENCE
 ) -> None:

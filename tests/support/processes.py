@@ -93,7 +93,7 @@ class Daemon:
     def ends(self, seconds: float = PATIENCE) -> int:
         """Wait for its end and return its exit code."""
         code = self.process.wait(seconds)
-        self._reader.join(5)
+        self._reader.join(30)
         return code
 
     def signal(self, number: int) -> None:

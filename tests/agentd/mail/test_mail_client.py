@@ -18,11 +18,13 @@ from commd.client.send_mail import LARGEST, Unsendable
 from commd.mail.message import adds_up
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, Connect, arrived, bus_test, served, until
 
 
 class Desk:
     """Serves the outbox of agent a as commd does: takes each message once, or answers a batch as the test says."""
+
+    bus: Bus
 
     def __init__(self) -> None:
         self.taken: list[Message] = []
@@ -68,8 +70,9 @@ def unsaved(outbox: Outbox) -> list[Outgoing]:
 
 
 async def a_desk(connect: Connect, agent: str = "a") -> Desk:
-    desk, bus = Desk(), await connect("board", "commd")
-    bus.serve(keys.outbox(FLEET, agent), Mail, desk.serve)
+    desk = Desk()
+    desk.bus = await connect("board", "commd")
+    desk.bus.serve(keys.outbox(FLEET, agent), Mail, desk.serve)
     return desk
 
 
@@ -287,7 +290,7 @@ class Reader:
         self.full = False
         self.missing: list[tuple[str, int]] = []
         self.inbox = AgentInbox(bus, "b", lambda: not self.full, self.read, lambda *what: self.missing.append(what))
-        self._backfill = backfill
+        self.bus, self.backfill = bus, backfill
 
     def read(self, message: Message) -> Callable[[], None]:
         if message.content == "bad":
@@ -300,7 +303,7 @@ class Reader:
 
     async def hand_over(self, *messages: Message) -> Receipt:
         mail = Mail(messages=messages)
-        async for reply in self._backfill.query(keys.inbox(FLEET, "b"), mail, Receipt, 10):
+        async for reply in self.backfill.query(keys.inbox(FLEET, "b"), mail, Receipt, 60):
             assert reply.record is not None, reply.error
             return reply.record
         raise AssertionError("nobody serves the inbox")
@@ -337,10 +340,10 @@ async def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(conne
     reader.inbox.absorb(1)
     held, *_ = reader.inbox.captured()
     reader.inbox.absorb(0)
-    await asyncio.sleep(0.1)
+    await arrived(reader.bus, reader.backfill)
     assert not answer.done()
     reader.inbox.done(held)
-    await asyncio.sleep(0.1)
+    await arrived(reader.bus, reader.backfill)
     assert not answer.done()
     reader.absorb()
     assert (await answer) == Receipt(taken=2)

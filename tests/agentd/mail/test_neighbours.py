@@ -18,7 +18,7 @@ from schemas.wire.records import Mail, Queue, Receipt
 from tests.agentd.hosts import Board, Hosted, Hosts, on_a_board
 from tests.agentd.mail.test_mail_client import Desk, a_desk
 from tests.agentd.minds import term
-from tests.support.buses import FLEET, run_by, served, until
+from tests.support.buses import FLEET, arrived, run_by, served, until
 
 SENDS = "+!kqml_received(_, tell, go(N), _) <- for (.range(I, 1, N)) { .send(b, tell, I) }; +sent(N).\n"
 HEARS = "+!kqml_received(_, tell, N, _) <- +got(N); .print(N).\n"
@@ -82,7 +82,7 @@ async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that
     pair.daemon.disk.open.clear()
     go(pair.a, 2)
     await until(lambda: pair.b.prints == ["1", "2"], "the neighbour has both")
-    await asyncio.sleep(0.2)
+    await arrived(pair.bus, desk.bus)
     assert desk.taken == []
     pair.daemon.disk.open.set()
     await until(lambda: desk.told("c") == [1, 2], "what follows leaves when it is kept")
@@ -120,7 +120,7 @@ async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
     await until(lambda: pair.b.prints == ["1", "2"], "the others are there")
     go(pair.a, 1)
     await until(lambda: pair.desk.told("b") == [3, 4, 5, 1], "a later one goes behind those")
-    hand_over = pair.bus.query(keys.inbox(FLEET, "b"), Mail(messages=tuple(pair.desk.taken)), Receipt, 15)
+    hand_over = pair.bus.query(keys.inbox(FLEET, "b"), Mail(messages=tuple(pair.desk.taken)), Receipt, 60)
     assert [reply.record async for reply in hand_over] == [Receipt(taken=4)]
     assert pair.b.prints == ["1", "2", "3", "4", "5", "1"]
     go(pair.a, 2)
@@ -140,7 +140,7 @@ async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_de
     offered = Mail(messages=tuple(pair.desk.taken))
 
     async def offer() -> list[Receipt | None]:
-        return [reply.record async for reply in pair.bus.query(keys.inbox(FLEET, "b"), offered, Receipt, 15)]
+        return [reply.record async for reply in pair.bus.query(keys.inbox(FLEET, "b"), offered, Receipt, 60)]
 
     first = asyncio.create_task(offer())
     await until(lambda: len(pair.b.host._mind.mailbox) == 1, "it waits in the mind")
@@ -170,7 +170,7 @@ async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follo
     pair.daemon.disk.open.clear()
     go(pair.a, 1)
     await until(lambda: pair.b.prints == ["1"], "it is there")
-    await asyncio.sleep(0.2)
+    await arrived(pair.bus, desk.bus)
     assert desk.taken == []
     pair.daemon.disk.open.set()
     await until(lambda: desk.told("c") == [1], "what follows leaves when it is kept")

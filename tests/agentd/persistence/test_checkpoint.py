@@ -192,7 +192,7 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had
                 last = int(process.stdout.readline())
         finally:
             process.send_signal(signal.SIGKILL)
-            rest, _ = process.communicate(timeout=30)
+            rest, _ = process.communicate(timeout=90)
         last = int(rest.split()[-1]) if rest.endswith("\n") and rest.split() else last
         checkpoint = Checkpoint.open(path)
         both = checkpoint.read()

@@ -21,14 +21,14 @@ from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
 from tests.agentd.hosts import Board, Hosted, board_test
 from tests.agentd.mail.test_mail_client import a_desk, numbered
-from tests.support.buses import FLEET, served, until
+from tests.support.buses import FLEET, arrived, served, until
 from tests.support.notes import identities
 
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
 
 
 async def hand_over(backfill: Bus, *messages: Message) -> Receipt:
-    async for reply in backfill.query(keys.inbox(FLEET, "b"), Mail(messages=messages), Receipt, 15):
+    async for reply in backfill.query(keys.inbox(FLEET, "b"), Mail(messages=messages), Receipt, 60):
         assert reply.record is not None, reply.error
         return reply.record
     raise AssertionError("nobody serves the inbox")
@@ -49,7 +49,7 @@ async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(board: 
     agent.disk.open.clear()
     answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
     await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
-    await asyncio.sleep(0.2)
+    await arrived(agent.host._bus, backfill)
     assert not answer.done()
     agent.disk.open.set()
     assert await answer == Receipt(taken=2)
@@ -123,7 +123,7 @@ async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_o
     (note,) = agent.host.health().notes
     assert note.code == "state_not_kept"
     assert "database or disk is full" in note.text
-    await asyncio.sleep(0.3)
+    await arrived(agent.host._bus, desk.bus)
     assert desk.taken == []
     agent.disk.full = ""
     await until(lambda: desk.told("c") == [7], "the message leaves when it is kept")

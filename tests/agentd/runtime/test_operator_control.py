@@ -313,5 +313,5 @@ def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Pat
         agents.says("say 7 for operator")
         agents.process.terminate()
         before = time.monotonic()
-        agents.process.wait(15)
+        agents.ends()
         assert in_time(time.monotonic() - before, 10.0), "a paused agent keeps nobody from ending"

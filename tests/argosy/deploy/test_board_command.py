@@ -53,7 +53,7 @@ def test_one_process_flies_a_mission_and_sigterm_in_flight_leaves_the_robot_as_t
     with _flying(tmp_path) as one:
         one.says("[uav] flying to")
         one.signal(signal.SIGTERM)
-        assert one.ends(60) == 0
+        assert one.ends() == 0
         assert re.search(r"leaving uav1: rtl: the vehicle is in RTL", one.text)
         assert "Traceback" not in one.text
     kept = {path.name for path in (tmp_path / "state").rglob("*") if path.is_file()}
@@ -64,7 +64,7 @@ def test_a_program_that_stops_its_team_ends_no_board(tmp_path: Path) -> None:
     with _flying(tmp_path, uav='!go. +!go <- set_mode("GUIDED"); .stopMAS.') as one:
         one.says("a program has stopped its team; the board goes on without agents")
         one.signal(signal.SIGTERM)
-        assert one.ends(60) == 0
+        assert one.ends() == 0
 
 
 def test_every_option_of_the_three_daemons_is_one_of_the_board() -> None:

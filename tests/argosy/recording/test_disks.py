@@ -83,7 +83,7 @@ def until_it_ends(recorder: Recorder, count: int, at_once: int) -> None:
                 break
             recorder._thread.join(0.05)
     recorder.stop("ctrl-C")
-    recorder._thread.join(20)
+    recorder._thread.join(90)
     assert not recorder._thread.is_alive()
 
 

@@ -173,7 +173,7 @@ def recorded(path: Path, limits: Limits, messages: list[Heard], write_queue: Wri
         taken.put(message)
     recorder.start(lambda: None)
     recorder.stop("ctrl-C")
-    recorder._thread.join(20)
+    recorder._thread.join(90)
     assert not recorder._thread.is_alive()
     return recorder
 

@@ -151,7 +151,7 @@ def read(where: str, daemon: Daemon, wanted: Any) -> dict[Any, float]:
 
     def looked(_: str) -> bool:
         nonlocal found
-        with urllib.request.urlopen(f"http://{where}/metrics", timeout=10) as answer:
+        with urllib.request.urlopen(f"http://{where}/metrics", timeout=90) as answer:
             assert re.match(r"text/plain; version=0\.0\.4", answer.headers["Content-Type"])
             found = samples(answer.read().decode())
         return bool(wanted(found))

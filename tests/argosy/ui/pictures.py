@@ -102,7 +102,7 @@ def main() -> None:
                 asyncio.run(pictures(found[1]))
             finally:
                 flying.signal(signal.SIGINT)
-                flying.ends(60)
+                flying.ends()
 
 
 if __name__ == "__main__":

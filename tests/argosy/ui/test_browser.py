@@ -71,7 +71,7 @@ def patrol(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> Itera
             yield ui, found[1]
         finally:
             flight.signal(signal.SIGINT)
-            flight.ends(60)
+            flight.ends()
 
 
 @async_test

@@ -34,7 +34,7 @@ def address(daemon: Daemon) -> str:
 def opened(url: str) -> HTTPResponse:
     """Open it as a browser does."""
     browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-    answer: HTTPResponse = browser.open(url, timeout=10)
+    answer: HTTPResponse = browser.open(url, timeout=90)
     return answer
 
 
@@ -63,7 +63,7 @@ def test_it_ends_well_while_a_session_is_being_opened() -> None:
         router = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
         with running("argosy", "ui", "--router", router, "--port", "0") as ui:
             address(ui)
-            mute.settimeout(20)
+            mute.settimeout(90)
             mute.accept()[0].close()
             ui.signal(signal.SIGTERM)
             assert ui.ends() == 0, ui.text

@@ -195,7 +195,7 @@ def test_any_change_is_in_effect_or_refused_in_words(values: dict[str, Any], rem
 
 
 async def ask(bus: Bus, change: ManifestChange | None) -> LiveManifest:
-    async for reply in bus.query(keys.manifest("test", "uav1"), change, LiveManifest, 10):
+    async for reply in bus.query(keys.manifest("test", "uav1"), change, LiveManifest, 60):
         assert reply.record is not None, reply.error
         return reply.record
     raise AssertionError("nobody serves the manifest")

@@ -49,7 +49,7 @@ def test_a_program_without_a_loop_sends_and_receives(endpoint: str) -> None:
                 me.done(message)
                 if message.content == 2:
                     break
-            assert offered.result(20) == Receipt(taken=2)
+            assert offered.result(90) == Receipt(taken=2)
         assert [one.content for one in commd.taken] == [[1, "x"]]
         assert [one.do for one in commd.asked] == ["join", "register", "search", "leave"]
 

@@ -308,7 +308,7 @@ async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_i
 
 
 async def _answers(bus: Bus, key: str) -> int:
-    return len([one async for one in bus.query(key, Mail(), Receipt, 5)])
+    return len([one async for one in bus.query(key, Mail(), Receipt, 60)])
 
 
 @bus_test

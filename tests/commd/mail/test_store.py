@@ -69,7 +69,7 @@ def rewrite(path: Path, change: Callable[[bytes], bytes]) -> None:
 
 
 def keep_and_die(path: Path) -> None:
-    assert subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(path)], timeout=30).returncode == -9
+    assert subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(path)], timeout=90).returncode == -9
 
 
 @async_test

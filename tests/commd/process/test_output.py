@@ -119,7 +119,7 @@ def test_a_daemon_whose_output_nobody_reads_still_leaves_when_told_to(tmp_path: 
         try:
             fill(agent.stdout)
             agent.send_signal(signal.SIGTERM)
-            assert agent.wait(30) == 0
+            assert agent.wait(90) == 0
         finally:
             agent.kill()
             agent.wait(10)

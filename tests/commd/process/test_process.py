@@ -27,7 +27,7 @@ raise SystemExit(run_daemon("test", main))
 
 
 def test_a_thread_that_an_extension_has_left_does_not_keep_the_process_and_is_named() -> None:
-    ended = subprocess.run([sys.executable, "-c", LINGERING], capture_output=True, text=True, timeout=30, cwd=ROOT)
+    ended = subprocess.run([sys.executable, "-c", LINGERING], capture_output=True, text=True, timeout=90, cwd=ROOT)
     assert ended.returncode == 3
     assert "ending although threads still run: reader" in ended.stderr
 
@@ -46,7 +46,7 @@ raise SystemExit(run_daemon("test", main))
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.ENFILE])
 def test_a_full_disk_or_file_table_is_an_error_that_a_later_start_may_not_have_and_no_defect(number: int) -> None:
     script = FULL.replace("NUMBER", str(number))
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, cwd=ROOT)
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=90, cwd=ROOT)
     assert ended.returncode == 1
     said = f"error: test: the system refuses: [Errno {number}] {os.strerror(number)}: '/state'"
     assert ended.stderr.strip().endswith(said)
@@ -102,7 +102,7 @@ def test_an_aborted_daemon_names_the_function_that_does_not_return(
                 break
             time.sleep(0.01)
         process.send_signal(signal.SIGABRT)
-        _, told = process.communicate(timeout=30)
+        _, told = process.communicate(timeout=90)
     assert process.returncode == -signal.SIGABRT
     assert f"error: agentd: ended by SIGABRT, as by a watchdog, {said}".replace("FOLDER", str(tmp_path)) in told
     assert ("which has not returned" in told) == (how == "hangs")

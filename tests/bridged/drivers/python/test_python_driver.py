@@ -329,7 +329,7 @@ def test_a_bridge_whose_function_never_returns_serves_on_and_can_end(
         bridge.says("serving bench")
         bridge.says("reading")
         bridge.signal(signal.SIGTERM)
-        assert bridge.ends(10) == 0
+        assert bridge.ends(25) == 0
         assert "leaving bench" in bridge.text
         assert "Traceback" not in bridge.text
 
