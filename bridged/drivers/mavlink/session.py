@@ -352,7 +352,7 @@ class VehicleSession:
         if self.flight.velocity is not None:
             self._keep_velocity(self.flight.velocity)
         for run in list(self._runs):
-            if run not in self._runs or (run.moves and self.control.pending):
+            if run not in self._runs or (run.moves and (self.control.pending or self.vehicle.failsafe_announced)):
                 continue
             try:
                 next(run.steps)
@@ -388,9 +388,8 @@ class VehicleSession:
     def _when_connected(self, run: ProcedureRun) -> Steps:
         """Begin when the vehicle is heard; what an agent asked before it knew of others does not take it from them."""
         waited = False
-        while not self.vehicle.connected or (run.by_agent and self.control.in_doubt):
+        while what := self._awaited(run):
             waited = True
-            what = "the time since boot" if self.vehicle.connected else "a heartbeat"
             run.waits_for = f"{what} from system {self.identity.vehicle}"
             yield
         if refusal := self.vehicle.not_commanded:
@@ -408,6 +407,15 @@ class VehicleSession:
             reason = f"override: when the vehicle was heard, others had set {self.vehicle.mode_name}"
             return Outcome("failed", f"{reason} (pilot, ground station or failsafe)", "pilot")
         return (yield from run.procedure.make_steps(self.flight, run, run.action))
+
+    def _awaited(self, run: ProcedureRun) -> str:
+        """Return what the vehicle has to report before a run may begin; empty = nothing."""
+        if not self.vehicle.connected:
+            return "a heartbeat"
+        if run.by_agent and self.control.in_doubt:
+            return "the time since boot"
+        takes = run.by_agent and (run.moves or run.procedure.sets_mode)
+        return "a heartbeat" if takes and self.vehicle.failsafe_announced else ""
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""

@@ -87,6 +87,11 @@ def event_of(message: dialect.MAVLink_message) -> Event | None:
     return None if event is None or (event.check and not hinders) else event
 
 
+def acts(message: dialect.MAVLink_message) -> bool:
+    """Whether an EVENT says that a failsafe acts from now on, whatever it does."""
+    return message.id in HOLDS_FIRST or message.id in ACTS
+
+
 def holds(message: dialect.MAVLink_message) -> bool:
     """Whether an EVENT says that a failsafe holds the vehicle, first or for good: the mode may be the one before."""
     return message.id in HOLDS_FIRST or (message.id in ACTS and message.arguments[_DOES] == _HOLD)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, table_of
-from bridged.drivers.mavlink.vehicle.px4_events import holds
+from bridged.drivers.mavlink.vehicle.px4_events import acts, holds
 from schemas import geo
 
 _ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -82,6 +82,8 @@ class Vehicle:
         """A mode in which a failsafe of its own flies it, as somebody wants another (CURRENT_MODE); -1 = none."""
         self.held_by_failsafe_at = -math.inf
         """When a failsafe of its own began to hold it, until that is over or an agent has taken control."""
+        self._failsafe_at = -math.inf
+        """When it reported last that a failsafe of its own acts from then on."""
         self.overridden = False
         """Whether others set the present mode; set by the control authority."""
         self.armed = False
@@ -192,8 +194,10 @@ class Vehicle:
             case "CURRENT_MODE":
                 wanted = message.intended_custom_mode in (0, message.custom_mode)
                 self._unwanted_mode = -1 if wanted else message.custom_mode
-            case "EVENT" if holds(message):
-                self.held_by_failsafe_at = now
+            case "EVENT" if acts(message):
+                self._failsafe_at = now
+                if holds(message):
+                    self.held_by_failsafe_at = now
             case "GLOBAL_POSITION_INT":
                 self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
                 self.amsl = message.alt / 1e3
@@ -242,6 +246,11 @@ class Vehicle:
         if self.system_status != dialect.MAV_STATE_CRITICAL or not self.armed:
             return self.armed and self.system_status in GOES_DOWN
         return self.mode == self._unwanted_mode or self.held_by_failsafe_at > -math.inf
+
+    @property
+    def failsafe_announced(self) -> bool:
+        """Whether a failsafe of its own has begun since its last HEARTBEAT: the next one shows the mode."""
+        return self._failsafe_at > self.heard_at
 
     def state(self) -> dict[str, object]:
         """The content of its last HEARTBEAT; empty while it is not heard."""

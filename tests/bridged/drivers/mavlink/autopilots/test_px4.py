@@ -367,6 +367,22 @@ def test_its_fence_that_holds_it_in_the_mode_of_agents_ends_their_motion_and_is_
     assert sky.do("goto", *GOAL).cause == "pilot"
 
 
+@pytest.mark.parametrize("asked", ["setpoint", "fly"])
+def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it(
+    tmp_path: Path, asked: str
+) -> None:
+    sky = px4(tmp_path, GF_ACTION=3).flying(20)
+    sky.done("goto", *GOAL)
+    sky.forward(lambda: sky.driver.flight.now == sky.driver.vehicle.heard_at, "a HEARTBEAT", 2)
+    sky.vehicle.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
+    sky.forward(lambda: sky.vehicle.autopilot.failsafes.acting, "the failsafe", 1)  # type: ignore[attr-defined]
+    sky.wait(0.1)
+    assert sky.driver.vehicle.system_status == dialect.MAV_STATE_ACTIVE
+    status = sky.do(asked, *((HOME.lat, HOME.lon, 20) if asked == "setpoint" else (1.0, 0.0, 0.0)))
+    assert (status.state, status.cause) == ("failed", "pilot")
+    sky.forward(lambda: mode(sky) == "RTL", "the way home", 8)
+
+
 @pytest.mark.parametrize(("does", "said"), [(5, "holds"), (6, "returns"), (7, "lands"), (8, "descends")])
 @pytest.mark.parametrize("number", sorted(ACTS))
 def test_an_event_of_a_failsafe_says_what_the_vehicle_does(number: int, does: int, said: str) -> None:
