@@ -22,6 +22,7 @@ from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.drivers.mavlink.vehicle.streams import message_number
 from schemas.manifest.loader import Retry
+from schemas.wire.records import Cause
 
 ASK_EVERY = (0.5, 0.3)
 """Mission and wall seconds between requests for a message."""
@@ -162,7 +163,7 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
     def shown() -> bool:
         return vehicle.mode == mode
 
-    command = None
+    cause: Cause = "driver"
     for _ in range(MODE_ATTEMPTS):
         flight.expect_mode(mode)
         command = flight.submit(run, action, in_frame=True)
@@ -172,12 +173,13 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
         appeared = yield from appears(flight, shown)
         if appeared and (yield from lasts(flight, shown)):
             return
-        left_in_use = appeared and vehicle.armed  # by a pilot or a failsafe: it is not taken from them again
-        if left_in_use or (vehicle.mode not in (before, mode) and before not in vehicle.modes.booting):
+        others = vehicle.mode not in (before, mode) and before not in vehicle.modes.booting
+        if others or (appeared and vehicle.armed):  # it is not taken again from a pilot or a failsafe
+            cause = "pilot" if vehicle.armed else "driver"
             break
         before = vehicle.mode
     reason = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
-    raise Ended("failed", flight.with_texts(reason, asked))
+    raise Ended("failed", flight.with_texts(reason, asked), cause)
 
 
 def acknowledged(

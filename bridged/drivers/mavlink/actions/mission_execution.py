@@ -199,9 +199,8 @@ def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float)
         if vehicle.armed
         else "the vehicle disarmed"
     )
-    return Outcome(
-        "failed", flight.with_texts(f"{how} before the end of the mission (item {reached} of {last})", asked)
-    )
+    reason = f"{how} before the end of the mission (item {reached} of {last})"
+    return Outcome("failed", flight.with_texts(reason, asked), "pilot" if vehicle.armed else "driver")
 
 
 def _read_within_limits(flight: ProcedureContext, run: ProcedureRun) -> Part:

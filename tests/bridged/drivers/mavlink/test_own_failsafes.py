@@ -70,6 +70,15 @@ def test_a_mission_whose_flight_is_terminated_at_its_last_item_has_failed(sky: S
     assert "the vehicle's failsafe" in status.reason
 
 
+def test_a_mission_that_a_failsafe_breaks_off_names_it_as_the_cause(sky: Sky) -> None:
+    sky.flying(20)
+    sky.done("upload_mission", [["takeoff", 0, 0, 20], [*FAR, 20], ["rtl"]])
+    heard = sky.begin("start_mission")
+    sky.wait(5)
+    sky.vehicle.autopilot.on_shortage(RTL_ACTION)
+    assert (sky.end(heard, 10).state, heard[-1].cause) == ("failed", "pilot")
+
+
 def test_a_failsafe_that_enters_the_mode_of_a_way_home_that_was_just_cancelled_is_no_mode_of_ours(sky: Sky) -> None:
     sky.flying(20)
     sky.begin("return_to_launch")
@@ -91,7 +100,7 @@ def test_a_mode_that_a_failsafe_sets_again_after_an_agent_left_it_is_not_left_a_
     heard = sky.begin("set_mode", "GUIDED")
     sky.forward(lambda: sky.belief("state") == ("GUIDED", True, True), "the mode", 3)
     sky.vehicle.autopilot.on_shortage(RTL_ACTION)
-    assert (sky.end(heard, 20).state, heard[-1].cause) == ("failed", "driver")
+    assert (sky.end(heard, 20).state, heard[-1].cause) == ("failed", "pilot")
     assert sky.vehicle.autopilot.mode is Mode.RTL
     assert sky.belief("override") == ("RTL",)
 
