@@ -10,6 +10,7 @@ from zlib import crc32
 import msgspec
 
 from argosy.recording.mind_inputs import Gap
+from schemas.wire.records import Finite, Int64
 
 SECOND: Final = 1_000_000_000
 """Nanoseconds."""
@@ -31,7 +32,7 @@ class Facts(msgspec.Struct, frozen=True):
     """Unique id; the parts of a split recording share it."""
     fleet: str
     """`*` = every fleet on the router."""
-    started: int
+    started: Int64
     """Unix nanoseconds."""
     version: str
     """Release of Argosy."""
@@ -42,7 +43,7 @@ class Facts(msgspec.Struct, frozen=True):
     mission_text: str = ""
     only: tuple[str, ...] = ()
     """The recorded key expressions; empty = everything of the fleet."""
-    speed: float = 1.0
+    speed: Finite = 1.0
     """Mission seconds per wall second."""
     part: int = 1
     """Number of the file in a split recording, from 1."""
@@ -83,7 +84,7 @@ class End(msgspec.Struct, frozen=True):
 
     why: str
     """Text: `ctrl-C`, `1 h are over`, `the disk is full`."""
-    ended: int
+    ended: Int64
     """Unix nanoseconds."""
     messages: int = 0
     """Messages written."""

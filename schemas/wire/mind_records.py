@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from schemas.wire.records import Header, Record
+from schemas.wire.records import Finite, Header, Int64, Record
 from schemas.wire.terms import Term
 
 
@@ -18,7 +18,7 @@ class BeliefView(Record, frozen=True, kw_only=True):
     """With its annotations."""
     sources: tuple[str, ...] = ()
     """Its sources: agents, `percept`, `self`."""
-    since: float | None = None
+    since: Finite | None = None
     """Mission seconds at which it was added; none = unknown, such as for a belief of a process before this one. A
     source that was added later does not change it."""
 
@@ -27,7 +27,7 @@ class EventView(Record, frozen=True, kw_only=True):
     """An event that waits for a plan."""
 
     text: str
-    intention: int = 0
+    intention: Int64 = 0
     """The intention that it continues; 0 = it will start a new one."""
 
 
@@ -39,11 +39,11 @@ class QuestionView(Record, frozen=True, kw_only=True):
     receiver: str
     performative: str
     content: str
-    asked: float
+    asked: Finite
     """Mission seconds."""
-    until: float | None = None
+    until: Finite | None = None
     """Mission seconds at which the agent gives up; none = never."""
-    intention: int = 0
+    intention: Int64 = 0
     position: str = ""
     """`file:line` of the formula that asks."""
 
@@ -59,14 +59,14 @@ class WaitView(Record, frozen=True, kw_only=True):
     """Name of the action, of the request to the team or of the event, or as the internal action names it."""
     agents: tuple[str, ...] = ()
     """For `answer`: the agents that were asked."""
-    seconds: float | None = None
+    seconds: Finite | None = None
     """For `time`: the whole time, in mission seconds."""
 
 
 class IntentionView(Record, frozen=True, kw_only=True):
     """An intention as observers see it."""
 
-    id: int
+    id: Int64
     state: str
     """running, waiting or suspended."""
     waits_for: WaitView | None = None
@@ -75,7 +75,7 @@ class IntentionView(Record, frozen=True, kw_only=True):
     """Triggering events, the top of the stack first."""
     at: str = ""
     """`file:line` of the next formula."""
-    since: float | None = None
+    since: Finite | None = None
     """Mission seconds at which this wait began."""
 
 
@@ -116,10 +116,10 @@ class RejectedView(Record, frozen=True, kw_only=True):
 class FailureView(Record, frozen=True, kw_only=True):
     """A formula that failed, or a goal for which there was no plan."""
 
-    cycle: int
-    time: float
+    cycle: Int64
+    time: Finite
     """Mission seconds."""
-    intention: int = 0
+    intention: Int64 = 0
     formula: str
     """With the values of its variables."""
     position: str = ""
@@ -140,7 +140,7 @@ class CauseView(Record, frozen=True, kw_only=True):
     kind: Literal["plan", "failure", "intention", "message", "told", "percept", "program", "outside"]
     """`plan`: a plan that waits for it; `failure`: the failure of a goal; `intention`: a plan that does not wait for
     it; `program`: the initial beliefs and goals; `outside`: an operator, the mission, or a restart."""
-    intention: int = 0
+    intention: Int64 = 0
     """For `plan`, `failure` and `intention`: that of the plan or goal."""
     sender: str = ""
     """For `message` and `told`."""
@@ -152,8 +152,8 @@ class CauseView(Record, frozen=True, kw_only=True):
 class DecisionView(Record, frozen=True, kw_only=True):
     """An event of an agent and the plan that was chosen for it; the other plans, and why they were not chosen."""
 
-    cycle: int
-    time: float
+    cycle: Int64
+    time: Finite
     """Mission seconds."""
     event: str
     """As text with its annotations; the source `self` is left out."""
@@ -163,7 +163,7 @@ class DecisionView(Record, frozen=True, kw_only=True):
     """Functor and arity."""
     source: str = ""
     """Its source: an agent, `percept`, `self`."""
-    intention: int = 0
+    intention: Int64 = 0
     """The intention that the chosen plan is part of."""
     goal: str = ""
     """The event of the plan that raised this one and waits for it."""
@@ -192,10 +192,10 @@ class DropView(Record, frozen=True, kw_only=True):
     what: Literal["events", "messages", "questions"]
     name: str = ""
     """Name of the events, such as `+tick/1`, or the sender of the messages or questions."""
-    count: int
-    first: float
+    count: Int64
+    first: Finite
     """Mission seconds."""
-    last: float
+    last: Finite
     """Mission seconds."""
     reason: str = ""
     """For people."""
@@ -205,41 +205,41 @@ class MindView(Record, frozen=True, kw_only=True):
     """An agent's present beliefs and intentions."""
 
     header: Header = Header()
-    format: int = 1
+    format: Int64 = 1
     """Version of this record, increased when a field changes its meaning."""
     agent: str = ""
     program: str = ""
     """The file of its program."""
-    cycle: int = 0
-    time: float = 0.0
+    cycle: Int64 = 0
+    time: Finite = 0.0
     """Mission seconds."""
     state: Literal["reasoning", "waiting", "paused"] = "waiting"
     """`reasoning`: there is something to do; `waiting`: for an input or a time; `paused`: by the operator."""
-    paused_for: float | None = None
+    paused_for: Finite | None = None
     """Wall seconds until it continues by itself, if it is paused."""
     beliefs: tuple[BeliefView, ...] = ()
     """The newest of each name first."""
-    beliefs_left_out: int = 0
+    beliefs_left_out: Int64 = 0
     """Number of beliefs that are not shown."""
     intentions: tuple[IntentionView, ...] = ()
-    intentions_left_out: int = 0
+    intentions_left_out: Int64 = 0
     events: tuple[EventView, ...] = ()
     """Events that wait for a plan, the next one first."""
-    events_left_out: int = 0
-    mailbox: int = 0
+    events_left_out: Int64 = 0
+    mailbox: Int64 = 0
     """Messages that wait for the mind."""
     questions: tuple[QuestionView, ...] = ()
     """Its questions to others that have no answer yet."""
     plans: tuple[PlanView, ...] = ()
     """Its plans in order; only on request (`?plans=true`)."""
-    plan_count: int = 0
+    plan_count: Int64 = 0
     prints: tuple[str, ...] = ()
     """The last lines that the agent printed, oldest first."""
     decisions: tuple[DecisionView, ...] = ()
     """The last decisions, oldest first."""
     failures: tuple[FailureView, ...] = ()
     """The failures of formulas and goals since the first of these decisions, oldest first."""
-    dropped: dict[str, int] = {}
+    dropped: dict[str, Int64] = {}
     """Numbers of `events`, `messages` and `questions` that were dropped because their queues were full."""
     drops: tuple[DropView, ...] = ()
     """Dropped items by kind and name; at most 50 entries."""
@@ -276,19 +276,19 @@ class InitialMind(Record, frozen=True, kw_only=True):
     """The goal with which it continues after a restart, as written in the mission file; empty = none."""
     formulas: tuple[str, ...] = ()
     """The `done` and `failed` formulas of the mission about this mind."""
-    decisions: int = 0
+    decisions: Int64 = 0
     """Number of decisions that it keeps."""
     kept: bool = False
     """Whether its state is kept across restarts."""
-    seed: int = 0
-    start: float = 0.0
+    seed: Int64 = 0
+    start: Finite = 0.0
     """Mission seconds."""
-    epoch: float = 0.0
+    epoch: Finite = 0.0
     """Unix time of mission second 0."""
     zone: str = "UTC"
     names_variables: bool = False
     has_team: bool = True
-    ask_timeout: float | None = None
+    ask_timeout: Finite | None = None
     memory: str = ""
     """Restored state: MessagePack, compressed by zlib, as base64; empty = a fresh start."""
     unknown: str = ""
@@ -298,15 +298,15 @@ class InitialMind(Record, frozen=True, kw_only=True):
 class MindStep(Record, frozen=True, kw_only=True):
     """The time at a cycle. Cycles between two steps had times in between, which made no difference to the mind."""
 
-    first: int
-    now: float
+    first: Int64
+    now: Finite
     """Mission seconds."""
 
 
 class MindInput(Record, frozen=True, kw_only=True):
     """An input of a mind, at the beginning of a cycle or when the program requested it."""
 
-    cycle: int
+    cycle: Int64
     kind: str
     """The class of `agentd.mind.data.inputs`, or the kind of data that was read; docs/reference/records.md
     lists them with their fields."""
@@ -318,15 +318,15 @@ class MindInputs(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     agent: str = ""
-    number: int = 0
+    number: Int64 = 0
     """Number of the section, from 0; a replay needs all sections."""
     initial: InitialMind | None = None
     """In section 0."""
-    last: int = 0
+    last: Int64 = 0
     """The last cycle of this section."""
     steps: tuple[MindStep, ...] = ()
     inputs: tuple[MindInput, ...] = ()
-    decided: int = 0
+    decided: Int64 = 0
     """Number of decisions, failures and effects in this section."""
     digest: str = ""
     """Digest of all of them, in order; empty = not computed, as there was no subscriber."""
@@ -341,18 +341,18 @@ class MindDecisions(Record, frozen=True, kw_only=True):
     agent: str = ""
     decisions: tuple[DecisionView, ...] = ()
     failures: tuple[FailureView, ...] = ()
-    left_out: int = 0
-    now: float = 0.0
+    left_out: Int64 = 0
+    now: Finite = 0.0
     """Mission seconds at the stamp of the header."""
-    speed: float = 1.0
+    speed: Finite = 1.0
     """Mission seconds per wall second."""
 
 
 class ActivityEvent(Record, frozen=True, kw_only=True):
     """An activity of an agent, or something that was done to it, for observers."""
 
-    cycle: int = 0
-    time: float = 0.0
+    cycle: Int64 = 0
+    time: Finite = 0.0
     """Mission seconds."""
     kind: Literal["print", "log", "action", "outcome", "sent", "received", "undelivered", "operator", "stopped"]
     text: str = ""
@@ -374,9 +374,9 @@ class MindActivity(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     agent: str = ""
-    now: float = 0.0
+    now: Finite = 0.0
     """Mission seconds at the stamp of the header."""
-    speed: float = 1.0
+    speed: Finite = 1.0
     """Mission seconds per wall second."""
     events: tuple[ActivityEvent, ...] = ()
-    left_out: int = 0
+    left_out: Int64 = 0

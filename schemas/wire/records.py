@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from schemas.wire.terms import Term
 
+Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+"""A number. MessagePack knows infinity and NaN: a daemon that passes on such a number in JSON would be refused."""
+Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+"""An integer: JSON writes larger ones, which cannot be stored, passed on or shown as a time."""
+Boot = Annotated[str, msgspec.Meta(max_length=64)]
+"""Id of a process; other boards keep it and pass it on."""
 VERSION = 1
 """Major version of all records; it is part of the Encoding, and another major version is refused."""
 
@@ -58,14 +64,14 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
 class Header(Record, frozen=True, kw_only=True):
     """Publisher, time and sequence number of a record."""
 
-    seq: int = 0
+    seq: Int64 = 0
     """Sequence number, counted from 1 for each publisher and kind of record."""
-    stamp: int = 0
+    stamp: Int64 = 0
     """Unix time in nanoseconds."""
     source: str = ""
     """Name of the publisher."""
-    boot: str = ""
-    """Id of the publisher's process; a restart changes it."""
+    boot: Boot = ""
+    """Id of the publisher's process, up to 64 characters; a restart changes it."""
 
 
 class Perception(Record, frozen=True, kw_only=True):
@@ -95,9 +101,9 @@ class Action(Record, frozen=True, kw_only=True):
     agent: str = ""
     name: str = ""
     parameters: tuple[Term, ...] = ()
-    deadline: float | None = None
+    deadline: Finite | None = None
     """Mission seconds from arrival to the end, at most the manifest's; none = the manifest's."""
-    attempt: int = 1
+    attempt: Int64 = 1
     """Number of requests with this id; above 1 the action is not started, only answered."""
     robot: str | None = None
     """The robot that its agent commands; the bridge of another one ignores it. None = not known."""
@@ -117,11 +123,11 @@ class ActionStatus(Record, frozen=True, kw_only=True):
     """The order that overrides it (`operator`, `agent_lost`, `shutdown`)."""
     reason: str = ""
     """For people, with the vehicle's own text."""
-    feedback: dict[str, float] = {}
+    feedback: dict[str, Finite] = {}
     """Progress of a long action, such as `{"distance": 12.5}`, in the units of the manifest."""
-    after: int | None = None
+    after: Int64 | None = None
     """Seq of the last percept that was published before this status."""
-    deadline: float | None = None
+    deadline: Finite | None = None
     """Mission seconds from this status to the deadline; none = the action has ended."""
     paused: bool = False
     """The operator has paused the robot: the action waits for `continue`, and its deadline does not run."""
@@ -155,7 +161,7 @@ class Message(Record, frozen=True, kw_only=True):
     receiver: str
     content: Term
     in_reply_to: str = ""
-    ttl: float | None = None
+    ttl: Finite | None = None
     """Time to live in wall seconds, 0 or more; none = no limit."""
 
 
@@ -188,14 +194,14 @@ class Refusal(Record, frozen=True, kw_only=True):
 class Receipt(Record, frozen=True, kw_only=True):
     """The reply to a batch, sent when the taken messages are on disk. The three counts add up to the batch's length."""
 
-    taken: int = 0
+    taken: Int64 = 0
     """Number of messages taken, now or before."""
     refused: dict[int, Refusal] = {}
     """Messages refused for good: place in the batch, and reason."""
     later: dict[int, Refusal] = {}
     """Messages to be sent again: place in the batch, and reason. They include all later messages of the same pair, to
     keep the order."""
-    numbers: dict[str, int] = {}
+    numbers: dict[str, Int64] = {}
     """Messages taken, by receiver, of the numberings asked about."""
 
 
@@ -217,9 +223,9 @@ class MailSeen(Record, frozen=True, kw_only=True):
 
     boot: str = ""
     """Of the board's `commd`."""
-    time: float = 0.0
+    time: Finite = 0.0
     """The latest `mail_time` of that boot."""
-    former: float = 0.0
+    former: Finite = 0.0
     """The latest of earlier boots."""
 
 
@@ -228,7 +234,7 @@ class BoardServices(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     board: str = ""
-    version: int = 0
+    version: Int64 = 0
     """Number of changes; it is stored on disk."""
     agents: dict[str, tuple[str, ...]] = {}
     """Services of each agent of this board, of the mission or joined, present or away."""
@@ -238,7 +244,7 @@ class BoardServices(Record, frozen=True, kw_only=True):
     """In a reply: why the request is refused; empty if it is fulfilled."""
     prefix: str = ""
     """Prefix of the names of agents that join this board at run time; empty = none."""
-    mail_time: float = 0.0
+    mail_time: Finite = 0.0
     """Its mail clock on disk, in seconds; 0 = not known."""
     mail_seen: dict[str, MailSeen] = {}
     """The mail clocks of other boards, as it has seen them."""
@@ -252,9 +258,9 @@ class Queue(Record, frozen=True, kw_only=True):
     `agentd`, for the receiver's mind."""
     sender: str
     receiver: str
-    messages: int
-    bytes: int = 0
-    oldest: float = 0.0
+    messages: Int64
+    bytes: Int64 = 0
+    oldest: Finite = 0.0
     """Age of the oldest message, in wall seconds."""
     state: str = ""
     """What it waits for, for people: `pi2 is away`, `next attempt in 3 s`."""
@@ -265,7 +271,7 @@ class DeadLetter(Record, frozen=True, kw_only=True):
 
     message: Message
     reason: Refusal
-    stamp: int
+    stamp: Int64
     """Unix time in nanoseconds at which it was given up."""
 
 
@@ -280,7 +286,7 @@ class Mailboxes(Record, frozen=True, kw_only=True):
     queues: tuple[Queue, ...] = ()
     dead: tuple[DeadLetter, ...] = ()
     """The newest of them, the newest last."""
-    dead_count: int = 0
+    dead_count: Int64 = 0
     """Number of all that are stored."""
 
 
@@ -295,9 +301,9 @@ class RunState(Record, frozen=True, kw_only=True):
     phase: RunPhase = "starting"
     why: str = ""
     """Why the run has failed, or why it brings its vehicles home."""
-    mission_time: float = 0.0
+    mission_time: Finite = 0.0
     """Mission seconds from the start of the run to now, or to its end."""
-    speed: float = 1.0
+    speed: Finite = 1.0
     """Mission seconds per wall second."""
     report: str = ""
     """Folder of the report; empty = none is written."""
@@ -339,7 +345,7 @@ class ManifestChange(Record, frozen=True, kw_only=True):
     """New values by their path, such as `{"percepts.altitude.rate": 5}`; a whole entry is a mapping."""
     remove: tuple[str, ...] = ()
     """Paths of entries or single fields, such as `percepts.gps` or `percepts.altitude.ttl`; removed first."""
-    version: int | None = None
+    version: Int64 | None = None
     """The version of the manifest that the change is for; another one refuses it; none = any version."""
 
 
@@ -348,7 +354,7 @@ class LiveManifest(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     robot: str = ""
-    version: int = 1
+    version: Int64 = 1
     """1 when the bridge starts, plus 1 for each change."""
     file: str = ""
     """Its file. Changes are not written there: a restarted bridge reads the file again."""
@@ -367,7 +373,7 @@ class Note(Record, frozen=True, kw_only=False):
     """For people; it may change with releases, and during the warning."""
     about: str = ""
     """The board, file, link, system, function or key concerned; empty = the daemon's own agent, robot or board."""
-    value: float | None = None
+    value: Finite | None = None
     """A figure that may change during the warning, such as seconds or a count."""
 
     @property
@@ -379,18 +385,18 @@ class Note(Record, frozen=True, kw_only=False):
 class AgentHealth(Record, frozen=True, kw_only=True):
     """The health of one agent in that of its daemon; `schemas.wire.health` makes one record of both."""
 
-    drops: int = 0
+    drops: Int64 = 0
     """Items that its queues have dropped."""
-    bad_input: int = 0
+    bad_input: Int64 = 0
     """Records that could not be decoded for it."""
-    counters: dict[str, float] = {}
+    counters: dict[str, Finite] = {}
     """Those that are not 0."""
     notes: tuple[Note, ...] = ()
-    lag: float = 0.0
+    lag: Finite = 0.0
     """Age of the oldest input that waits for it, in wall seconds."""
     last_error: str = ""
     """The newest error logged about it."""
-    last_error_age: float | None = None
+    last_error_age: Finite | None = None
     """Seconds since then."""
     idle: bool | None = None
     """It has no intention, no input and nothing is due; none = not known."""
@@ -403,16 +409,16 @@ class Health(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     daemon: str = ""
-    pid: int = 0
-    uptime: float = 0.0
+    pid: Int64 = 0
+    uptime: Finite = 0.0
     """Seconds."""
-    cpu: float = 0.0
+    cpu: Finite = 0.0
     """CPU seconds of the process."""
-    drops: int = 0
+    drops: Int64 = 0
     """Items that queues have dropped."""
-    bad_input: int = 0
+    bad_input: Int64 = 0
     """Records or packets that could not be decoded."""
-    counters: dict[str, float] = {}
+    counters: dict[str, Finite] = {}
     percepts: dict[str, str] = {}
     """Digest of the present percept set per agent (bridges only)."""
     paused: bool = False
@@ -423,22 +429,22 @@ class Health(Record, frozen=True, kw_only=True):
     """Present warnings."""
     version: str = ""
     """Of Argosy; empty = not known."""
-    restarts: int | None = None
+    restarts: Int64 | None = None
     """Restarts after a failure since the machine's boot; none = not known."""
-    lag: float = 0.0
+    lag: Finite = 0.0
     """Delay of the daemon in wall seconds: the worst of its event loop in the last second, or the age of the oldest
     input that waits for the agent."""
-    errors: int = 0
+    errors: Int64 = 0
     """Errors logged."""
     last_error: str = ""
     """The newest of them; or how the process before this one failed."""
-    last_error_age: float | None = None
+    last_error_age: Finite | None = None
     """Seconds since then; none = not known, as it was before this process."""
     idle: bool | None = None
     """Of an agent: it has no intention, no input and nothing is due; none = not known."""
     agents: dict[str, AgentHealth] = {}
     """The agents of the board that this process runs (`agentd` only)."""
-    left_out: int = 0
+    left_out: Int64 = 0
     """Counters and notes of agents for which the record has no room."""
 
 
@@ -455,16 +461,16 @@ class LinkReport(Record, frozen=True, kw_only=True):
     """The link from one board to another."""
 
     board: str
-    asked: int = 0
+    asked: Int64 = 0
     """Round trips tried."""
-    answered: int = 0
-    round_trip: float | None = None
+    answered: Int64 = 0
+    round_trip: Finite | None = None
     """Wall seconds of the fastest."""
-    slowest: float | None = None
+    slowest: Finite | None = None
     """Wall seconds of the slowest."""
-    ahead: float | None = None
+    ahead: Finite | None = None
     """Seconds by which the other clock is ahead, within half the fastest round trip."""
-    rate: float | None = None
+    rate: Finite | None = None
     """Bytes per second to it; none = not measured, or too fast to measure."""
     problem: str = ""
     """Why something was not measured, for people."""
@@ -477,9 +483,9 @@ class BoardReport(Record, frozen=True, kw_only=True):
     board: str = ""
     state: str = ""
     """Folder of its mail."""
-    disk_free: int | None = None
+    disk_free: Int64 | None = None
     """Free bytes there."""
-    disk_size: int | None = None
+    disk_size: Int64 | None = None
     """Bytes of that file system."""
     links: tuple[LinkReport, ...] = ()
     """To the other boards of the mission, if asked for."""

@@ -63,6 +63,8 @@ def _meaning(following: list[ast.stmt]) -> str:
 
 def _type(annotation: ast.expr) -> str:
     text = re.sub(r"\btuple\[(.*), \.\.\.\]", r"list of \1", ast.unparse(annotation).replace(" | None", ""))
+    for alias, plain in (("Finite", "float"), ("Int64", "int"), ("Boot", "str")):
+        text = re.sub(rf"\b{alias}\b", plain, text)
     if words := get_args(getattr(schemas.wire.records, text, None)):  # such as `State`
         return ", ".join(f"`{word}`" for word in words)
     if reported := re.fullmatch(r"Literal\[(.*)\]", text):

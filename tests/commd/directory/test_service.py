@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager, suppress
 from pathlib import Path
@@ -10,7 +11,7 @@ from sqlite3 import Connection
 
 import pytest
 
-from commd.bus.bus import Bus, Query
+from commd.bus.bus import Bus, Query, open_bus
 from commd.bus.errors import QueryTimeout
 from commd.client import join
 from commd.common.clock import Clock
@@ -20,7 +21,7 @@ from commd.mail.service import MailService, open_mail_service
 from commd.mail.store import Store, StoreFailed
 from schemas.mission.model import read_mission
 from schemas.wire import keys
-from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
+from schemas.wire.records import BoardServices, Header, Mail, Message, Receipt, Refusal, ServiceRequest
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
 from tests.support.buses import FLEET, async_test, session, subscribed, under_way, until
@@ -119,6 +120,21 @@ async def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -
         await until(lambda: a.told == [provider("b", "cook"), provider("a", "cook")], "a is told of itself")
         await b.ask("deregister", "cook")
         await until_found(a, "cook", ("a",))
+
+
+@pytest.mark.parametrize(("boot", "mail_time"), [("x", math.inf), ("x", math.nan), ("y" * 4_000_000, 1.0)])
+@async_test
+async def test_a_board_with_an_endless_clock_or_name_of_its_life_spoils_no_other_directory(
+    boot: str, mail_time: float, fleet: Fleet
+) -> None:
+    """pi1 keeps what it has seen of pi2's clock, and passes it on with its own record, as JSON."""
+    async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+        async with open_bus(fleet.link, fleet=FLEET, name="pi2", daemon="commd", wire="msgpack") as attacker:
+            record = BoardServices(header=Header(boot=boot, seq=1), board="pi2", version=1, mail_time=mail_time)
+            attacker.put(keys.services(FLEET, "pi2"), record)
+            heard = pi1._bus.counters
+            await until(lambda: "pi2" in pi1.services.others or heard["bad_input"] == 1, "it is taken or refused")
+        assert (await a.ask("search", "cook")).mail_seen == {}
 
 
 async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from commd.gateway.gateway import BadDatagram, read_message, write_message
 from schemas.wire import mind_records, records
 from schemas.wire.codec import MAX_BYTES, BadRecord, Wire, codec
-from schemas.wire.records import Action, ActionStatus, Header, Message, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Health, Message, Perception
 from schemas.wire.term_text import BadTerm, read, write
 from schemas.wire.terms import Term
 from tests.schemas.strategies import plain_terms, terms
@@ -68,6 +68,20 @@ def test_reading_any_text_gives_a_term_or_says_why_not(text: str) -> None:
         read(text)
     except BadTerm as error:
         assert "expected" in str(error) or "nested" in str(error)
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan"), 1e301])
+def test_a_number_that_json_cannot_pass_on_is_refused_in_messagepack_too(value: float) -> None:
+    made = codec(Health)
+    for record in (Health(counters={"a": value}), Health(lag=value), Health(last_error_age=value)):
+        with pytest.raises(BadRecord, match=r"Health: Expected `float` (<=|>=) "):
+            made.decode(made.encode(record, "msgpack"), made.encodings["msgpack"])
+
+
+def test_an_integer_that_fits_no_file_and_no_time_is_refused() -> None:
+    for number in (2**63, -(2**63) - 1, 10**30):
+        with pytest.raises(BadRecord, match="Perception: "):
+            codec(Perception).decode(b'{"name":"a","header":{"stamp":%d}}' % number)
 
 
 @pytest.mark.parametrize(
