@@ -119,6 +119,20 @@ async def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
 
 
 @async_test
+async def test_a_takeoff_that_was_held_above_its_altitude_goes_down_to_it(tmp_path: Path) -> None:
+    sky = Sky(tmp_path).armed()
+    climbing = sky.begin("takeoff", 10)
+    sky.forward(lambda: place(sky)[2] > 8, "8 m")
+    await pause(sky)
+    up = sky.vehicle.autopilot.motion.up
+    up.position = up.target = 15.0  # the wind, or a pilot between
+    sky.wait(2)
+    assert (await resume(sky)).state == "succeeded"
+    assert sky.end(climbing).state == "succeeded"
+    assert place(sky)[2] == pytest.approx(10, abs=0.4)
+
+
+@async_test
 async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.armed()

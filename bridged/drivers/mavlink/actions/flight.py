@@ -92,7 +92,7 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
     vehicle, wanted, near = flight.vehicle, action.parameters[6], action.tolerance or 0.3
     if broken := flight.too_high(wanted):
         return Outcome("refused", broken, "limits")
-    if vehicle.aloft and (flight.goes_on(action) or vehicle.placed):
+    if vehicle.aloft and vehicle.placed:
         return (yield from _climb_on(flight, run, action, near))
     aloft_before = vehicle.aloft
     ground = vehicle.position.altitude if vehicle.position is not None else 0.0
