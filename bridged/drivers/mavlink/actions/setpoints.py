@@ -129,13 +129,14 @@ def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     target = _local(run, action)
     check_guided_aloft(flight, "position targets")
     here = yield from asked_message(flight, run, "LOCAL_POSITION_NED", (5.0, 3.0))
-    if here is None or flight.vehicle.position is None or target.position is None:
-        raise Ended("refused", "the vehicle does not report its local position")
+    position = flight.vehicle.position if flight.vehicle.placed else None
+    if here is None or position is None or target.position is None:
+        raise Ended("refused", "the vehicle does not report its position on earth and its local one")
     goal = _from_origin(flight, target, here)
     if goal is None:
         raise Ended("refused", "the vehicle's heading is not known yet")
     north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
-    there = flight.vehicle.position.moved(north, east, -down)
+    there = position.moved(north, east, -down)
     if action.limited and (broken := flight.outside_limits(there)):
         raise Ended("refused", broken, "limits")
     if not flight.autopilot.local_places:
