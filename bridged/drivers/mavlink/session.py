@@ -414,7 +414,7 @@ class VehicleSession:
             return "a heartbeat"
         if run.by_agent and self.control.in_doubt:
             return "the time since boot"
-        takes = run.by_agent and (run.moves or run.procedure.sets_mode)
+        takes = (run.by_agent or run.yields) and (run.moves or run.procedure.sets_mode)
         return "a heartbeat" if takes and self.vehicle.failsafe_announced else ""
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:

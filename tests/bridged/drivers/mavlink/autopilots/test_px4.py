@@ -367,7 +367,14 @@ def test_its_fence_that_holds_it_in_the_mode_of_agents_ends_their_motion_and_is_
     assert sky.do("goto", *GOAL).cause == "pilot"
 
 
-@pytest.mark.parametrize("asked", ["setpoint", "fly"])
+def test_a_place_in_metres_is_no_target_while_where_on_earth_it_flies_is_not_known(sky: Sky) -> None:
+    sky.flying(20)
+    sky.we_hear = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
+    sky.wait(7)
+    assert sky.do("move", 20.0, 0.0, 20.0).state == "refused"
+
+
+@pytest.mark.parametrize("asked", ["setpoint", "fly", "order"])
 def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it(
     tmp_path: Path, asked: str
 ) -> None:
@@ -378,8 +385,13 @@ def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_
     sky.forward(lambda: sky.vehicle.autopilot.failsafes.acting, "the failsafe", 1)  # type: ignore[attr-defined]
     sky.wait(0.1)
     assert sky.driver.vehicle.system_status == dialect.MAV_STATE_ACTIVE
-    status = sky.do(asked, *((HOME.lat, HOME.lon, 20) if asked == "setpoint" else (1.0, 0.0, 0.0)))
-    assert (status.state, status.cause) == ("failed", "pilot")
+    if asked == "order":
+        ended = sky.bridge.action_server.order("hold", Outcome("failed", "lost"), block=False, insist=False)
+        sky.forward(lambda: ended.outcome, "the end of the order", 3)
+        assert ended.outcome == Outcome("failed", "the mode became HOLD, which nobody here asked for", "pilot")
+    else:
+        status = sky.do(asked, *((HOME.lat, HOME.lon, 20) if asked == "setpoint" else (1.0, 0.0, 0.0)))
+        assert (status.state, status.cause) == ("failed", "pilot")
     sky.forward(lambda: mode(sky) == "RTL", "the way home", 8)
 
 
