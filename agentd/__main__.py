@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from agentd.process import guarded
-from commd.process.command_line import Help, check_command, interruptible
+from commd.process.command_line import Help, Parser, check_command, interruptible
 
 _COMMANDS = {
     "run": ("agentd.standalone.command", "run agents in this process, without a bus", "hello.asl --exit-when-idle"),
@@ -44,7 +44,7 @@ def _starting() -> Iterator[None]:
 def _read(arguments: list[str]) -> argparse.Namespace:
     """Read the command line. Import the command that it names, for its arguments."""
     what = "Run, test and check BDI agents in the Jason dialect of AgentSpeak."
-    parser = argparse.ArgumentParser(prog="agentd", description=what, formatter_class=Help)
+    parser = Parser(prog="agentd", description=what, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=parser.prog)
     chosen = arguments[0] if arguments else ""
     for name, (module, text, example) in _COMMANDS.items():

@@ -1,10 +1,9 @@
 """The operator's command, `argosy`."""
 
 import sys
-from typing import NoReturn
 
 
-def command() -> NoReturn:
+def command() -> None:
     """Run the command line as a process. Ctrl-C during the imports, which take long, ends it without a traceback."""
     try:
         from argosy import __main__

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from commd.process.command_line import Help, check_command, interruptible
+from commd.process.command_line import Help, Parser, check_command, interruptible
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -18,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(argv: list[str]) -> int:
     """Run the command line; each command imports only what it needs: daemons stay small."""
     about = "Argosy's bridge between robots and their agents."
-    parser = argparse.ArgumentParser(prog="bridged", description=about, formatter_class=Help)
+    parser = Parser(prog="bridged", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)
     what, example = (
         "connect robots of a mission to their agents",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from commd.process.command_line import Help, check_command, interruptible
+from commd.process.command_line import Help, Parser, check_command, interruptible
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -19,7 +18,7 @@ def _main(given: Sequence[str]) -> int:
     from commd import daemon
 
     about = "Argosy's comm daemon: router and mail of a board."
-    parser = argparse.ArgumentParser(prog="commd", description=about, formatter_class=Help)
+    parser = Parser(prog="commd", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)
     what = "run the router of a mission's board and deliver its agents' mail"
     example = "example: commd serve missions/search_and_rescue.yaml --board pi1"

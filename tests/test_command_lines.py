@@ -24,9 +24,13 @@ from commd.__main__ import main as commd
         (bridged, ["simulat"], "bridged: error: there is no command `simulat`, did you mean `simulate`?"),
         (bridged, ["zzz"], "bridged: error: there is no command `zzz`; known are serve, simulate"),
         (commd, ["server", "m.yaml"], "commd: error: there is no command `server`, did you mean `serve`?"),
+        (argosy, ["run", "m.yaml", "--repot=x"], "unrecognized arguments: --repot=x, did you mean `--report`?"),
+        (argosy, ["run", "m.yaml", "other.yaml"], "unrecognized arguments: other.yaml\n".rstrip()),
+        (agentd, ["test", "f", "--juint", "x"], "unrecognized arguments: --juint x, did you mean `--junit`?"),
+        (commd, ["serve", "m.yaml", "--bord", "pi1"], "unrecognized arguments: --bord pi1, did you mean `--board`?"),
     ],
 )
-def test_a_misspelt_command_is_told_with_the_one_that_was_meant(
+def test_a_misspelt_command_or_option_is_told_with_the_one_that_was_meant(
     program: Callable[[list[str]], int], given: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:

@@ -16,23 +16,13 @@ from agentd.check.survey import survey
 from agentd.check.symbol_table import Survey
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree import nodes
-from agentd.language.syntax_tree.errors import SyntaxErrors, near
+from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.syntax_tree.traversal import is_labelled
 from agentd.runtime.program_paths import SourcePaths
 from agentd.testing.discovery import LIBRARY, OF_JASON
 from schemas.files.findings import Finding, Findings
-from schemas.files.text_files import read_bounded
-
-
-def near_file(name: str, beside: str) -> str:
-    """``; did you mean x.asl?`` if a program of nearly this name is in the folder of the missing one."""
-    wanted = Path(beside).parent / name
-    try:
-        there = [path.name for path in wanted.parent.iterdir() if path.suffix == ".asl" and path.is_file()]
-    except (OSError, ValueError):
-        return ""
-    return near(wanted.name, there)
+from schemas.files.text_files import near_file, read_bounded
 
 
 class Includes:
@@ -80,7 +70,7 @@ class Includes:
         except SyntaxErrors as errors:
             self._findings += errors.findings
         except OSError as error:
-            text = f'cannot include "{name}": {error.strerror or error}{near_file(name, beside)}'
+            text = f'cannot include "{name}": {error.strerror or error}'
             self._findings.append(finding(Kind.FILE, position, text))
         else:
             self._findings += program.warnings
@@ -128,7 +118,7 @@ def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Findin
             yield paths.find(name, file)
         except (OSError, ValueError) as error:
             why = (error.strerror if isinstance(error, OSError) else None) or error
-            text = f'cannot create an agent of "{name}": {why}{near_file(name, file)}'
+            text = f'cannot create an agent of "{name}": {why}'
             findings.append(finding(Kind.FILE, position, text))
 
 
@@ -200,7 +190,7 @@ def _read(file: str, paths: SourcePaths, more: Iterable[nodes.Item], subjects: S
         shown = {one: str(one) for one in included_by_rest(errors, paths)}
         _cannot_be_read(file, shown | {problem.finding: str(problem) for problem in errors.problems}, subjects)
     except OSError as error:
-        unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
+        unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}{near_file(file)}", kind=Kind.FILE.label)
         _cannot_be_read(file, {unread: str(unread)}, subjects)
     else:
         program = structs.replace(program, items=(*program.items, *more))

@@ -47,6 +47,9 @@ def parse_file(path: str | Path) -> Program:
 def parse_source(read: Callable[[], Source], path: str | Path) -> Program:
     """`parse_file` for a caller that reads the file itself, as `agentd.language.syntax_tree.source.read_source`
     does."""
+    if Path(path).suffix in (".yaml", ".yml", ".toml", ".mcap"):
+        text = "expected a program in AgentSpeak; missions, manifests and recordings are for `argosy`"
+        raise SyntaxErrors([Problem(Finding(str(path), 0, 0, text, kind=SYNTAX), "", 0)])
     try:
         source = read()
     except UnicodeDecodeError as error:

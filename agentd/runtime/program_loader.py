@@ -20,6 +20,7 @@ from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Formula, Goal, Item, Program
 from agentd.trace.initial_state import Sources
 from schemas.files.findings import Finding, Findings
+from schemas.files.text_files import near_file
 from schemas.files.yaml_positions import Steps
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import Mission
@@ -132,7 +133,7 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
     else:
         where = ("agents", agent, "program")
         kind = "a folder, not a program" if path.is_dir() else "no regular file (a pipe, socket or device)"
-        why = f"{path} is {kind}" if path.exists() else f"there is no file {path}"
+        why = f"{path} is {kind}" if path.exists() else f"there is no file {path}{near_file(path)}"
         findings.append(mission.positions.finding(where, f"agents.{agent}.program: {why}"))
     for index, text in enumerate(spec.beliefs):
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)

@@ -18,6 +18,7 @@ from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.parse import parse_file, parse_program
 from agentd.mind.beliefs.work_limit import TooMuchWork, limited
 from schemas.files.findings import Finding
+from schemas.files.text_files import near_file
 
 USUAL_FOLDERS = (".", "src/agt", "src/agt/inc", "src/asl", "asl")
 """Where projects of Jason keep their programs, below the project's folder; searched last."""
@@ -58,7 +59,9 @@ class SourcePaths:
         looked = [f"{folder}" for folder in dict.fromkeys(c.parent for c in candidates) if folder.is_dir()]
         where = f" (looked in {', '.join(looked)})" if len(looked) > 1 else ""
         advice = self.advice if beside else ""
-        raise FileNotFoundError(errno.ENOENT, f"No such file or directory{where}{advice}", str(candidates[0]))
+        raise FileNotFoundError(
+            errno.ENOENT, f"No such file or directory{where}{advice}{near_file(candidates[0])}", str(candidates[0])
+        )
 
     def _mapped(self, path: str) -> str:
         found = self.expand(path)

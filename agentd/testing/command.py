@@ -18,6 +18,7 @@ from agentd.standalone.command import add_environment_arguments, add_path_argume
 from agentd.testing.discovery import Case, TestPaths, find_cases
 from agentd.testing.results import Outcome, Unread, Verdict
 from agentd.testing.runner import Settings, run_case
+from commd.process.state_dir import write_output
 from schemas.humanize import count
 
 DESCRIPTION = """Run the plans marked as tests, @name[test] +!goal <- ..., each in a new agent and on virtual time:
@@ -123,7 +124,7 @@ def _settings(args: Namespace) -> Settings:
 
 def _write(file: str, document: bytes) -> bool:
     try:
-        Path(file).write_bytes(document)
+        write_output(Path(file), document)
     except OSError as error:
         print(f"agentd test: error: cannot write {file}: {error.strerror or error}", file=sys.stderr)
         return False

@@ -9,7 +9,7 @@ from typing import TypeVar
 from argosy.cli.errors import BadInput, CommandError, progress
 from argosy.cli.operator_bus import Unanswered, replies
 from commd.bus.bus import Bus
-from commd.process.state_dir import replace_file
+from commd.process.state_dir import write_output
 from schemas.wire.vehicle_records import ParameterRequest, StoredPlan, VehicleParameters
 
 AT_MOST = 360.0
@@ -48,6 +48,6 @@ def check_new(path: Path, force: bool) -> None:
 def write_whole(path: Path, text: str) -> None:
     """Write a file as a whole or not at all. Raises CommandError."""
     try:
-        replace_file(path, text.encode(), private=False)
+        write_output(path, text.encode())
     except OSError as error:
         raise CommandError(f"{path}: {error.strerror}") from None

@@ -141,7 +141,14 @@ def _pip(*arguments: str, doing: str) -> None:
     options = ["--quiet", "--no-input", "--disable-pip-version-check", "--timeout=20", "--retries=2"]
     command = [sys.executable, "-m", "pip", *arguments, *options]
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=sys.stderr, timeout=PATIENCE, check=False)
+        done = subprocess.run(  # in a session of its own, as ctrl-C would make pip print a traceback: it is killed
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=sys.stderr,
+            timeout=PATIENCE,
+            check=False,
+            start_new_session=True,
+        )
     except subprocess.TimeoutExpired:
         raise NoWheel(f"{doing}: not done within {PATIENCE:.0f} s") from None
     if done.returncode:

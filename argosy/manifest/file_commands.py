@@ -11,7 +11,7 @@ from argosy.cli.errors import BadInput, CommandError
 from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
-from commd.process.state_dir import replace_file
+from commd.process.state_dir import write_output
 from schemas.files.findings import Finding, Findings
 from schemas.files.text_files import read_text
 from schemas.manifest.document import write_toml
@@ -118,7 +118,7 @@ def convert(args: Namespace) -> int:
     if args.output.exists():
         raise BadInput(f"{args.output} exists: name another file")
     try:
-        replace_file(args.output, text.encode(), private=False)
+        write_output(args.output, text.encode())
     except OSError as error:
         raise CommandError(f"{args.output}: {error.strerror}") from None
     print(f"{args.output}: {len(manifest.percepts)} percepts, {len(manifest.actions)} actions")

@@ -9,12 +9,12 @@ import math
 import re
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.vehicle.safety_parameters import is_vehicles_own, safety_kind
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, nearest
 from schemas.files.text_files import read_bounded
 from schemas.humanize import columns, count, joined
 
@@ -153,6 +153,8 @@ class Comparison:
     """Those of the file that the vehicle changes by itself: they are not compared."""
     same: int
     not_in_file: int
+    near: Mapping[str, str] = field(default_factory=dict)
+    """For unknown ones, the vehicle's parameter of nearly the same name."""
 
     def text(self, robot: str) -> str:
         """Return it for people: a line for each difference, and a summary."""
@@ -162,7 +164,10 @@ class Comparison:
         ]
         parts = [f"{count(len(rows), 'parameter')} differ{'s' if len(rows) == 1 else ''}", f"{self.same} equal"]
         if self.unknown:
-            parts.append(f"{len(self.unknown)} that the vehicle does not have: {some(self.unknown)}")
+            unknown = [
+                f"{name} (did you mean {self.near[name]}?)" if name in self.near else name for name in self.unknown
+            ]
+            parts.append(f"{len(unknown)} that the vehicle does not have: {some(unknown)}")
         if self.own:
             parts.append(f"{self.own} that the vehicle changes by itself, not compared")
         parts.append(f"{self.not_in_file} of the vehicle that the file does not have")
@@ -183,7 +188,8 @@ def compare(wanted: Mapping[str, float], held: Mapping[str, float]) -> Compariso
         elif not same_value(held[theirs], value):
             differences.append(Difference(name, held[theirs], value))
     same = len(found) - own - len(differences)
-    return Comparison(tuple(differences), tuple(unknown), own, same, len(held) - len(found))
+    hints = {name: hint for name in unknown[:MOST_NAMED] if (hint := nearest(name, held, 0.8)) is not None}
+    return Comparison(tuple(differences), tuple(unknown), own, same, len(held) - len(found), hints)
 
 
 def some(names: Sequence[str]) -> str:

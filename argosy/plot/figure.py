@@ -17,7 +17,7 @@ from argosy.plot import panels as plot_panels
 from argosy.plot.data import Scene
 from argosy.plot.map import plan, shape
 from argosy.plot.style import INCH, NARROW, settings
-from commd.process.state_dir import replace_file
+from commd.process.state_dir import write_output
 
 Panel = Literal["track", "altitude", "modes", "actions", "messages"]
 PANELS: Final[tuple[Panel, ...]] = get_args(Panel)
@@ -82,7 +82,7 @@ def write_plot(scene: Scene, panels: list[Panel], width: float, out: Path) -> No
     data = drawn.getvalue()
     if kind == "svg":  # without indents, and with two decimals, to be smaller: hundredths of a point are enough
         data = _INDENT.sub(b"\n", _DIGITS.sub(lambda found: found[1] or found[0], data))
-    replace_file(out, data, private=False)
+    write_output(out, data)
 
 
 def _draw(scene: Scene, panels: list[Panel], wide: float) -> Any:

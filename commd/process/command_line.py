@@ -8,6 +8,7 @@ import sys
 from argparse import ArgumentParser, HelpFormatter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import NoReturn
 
 
 class Help(HelpFormatter):
@@ -15,6 +16,27 @@ class Help(HelpFormatter):
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=_columns() - 2)
+
+
+class Parser(ArgumentParser):
+    """A parser that has a hint for a misspelt option."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with an error."""
+        unknown = message.removeprefix("unrecognized arguments: ").split()[0]
+        if unknown != message.split()[0] and unknown.startswith("--"):
+            from schemas.files.findings import nearest  # imported only for a typing error
+
+            near = nearest(unknown.partition("=")[0], _options(self))
+            message += f", did you mean `{near}`?" if near is not None else ""
+        super().error(message)
+
+
+def _options(parser: ArgumentParser) -> Iterator[str]:
+    for action in parser._actions:
+        yield from action.option_strings
+        for command in action.choices.values() if isinstance(action.choices, dict) else ():
+            yield from _options(command)
 
 
 @contextmanager
@@ -30,9 +52,7 @@ def command_parser(program: str, name: str, text: str, example: str) -> Argument
     """Return the parser of a command from its help, and the arguments of an example."""
     called = f"{program} {name}"
     about = f"{text[0].upper()}{text[1:]}."
-    return ArgumentParser(
-        prog=called, description=about, epilog=f"example: {called} {example}".rstrip(), formatter_class=Help
-    )
+    return Parser(prog=called, description=about, epilog=f"example: {called} {example}".rstrip(), formatter_class=Help)
 
 
 def _columns() -> int:

@@ -52,6 +52,17 @@ def replace_file(path: Path, content: bytes, *, private: bool = True, synced: bo
         raise
 
 
+def write_output(path: Path, content: bytes) -> None:
+    """Write a file that a user has named, as a whole or not at all; into a link, pipe or device as it is.
+
+    Raises OSError, which names the file.
+    """
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        path.write_bytes(content)  # to replace /dev/stdout would be no help
+    else:
+        replace_file(path, content, private=False)
+
+
 def probe(folder: Path, size: int) -> None:
     """Write a file of `size` bytes and remove it. Raises OSError."""
     make_private_folder(folder)

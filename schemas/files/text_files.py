@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, nearest
 
 DISK_FAILS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS})
 """Errors of a disk that is full or broken: what may be done without it goes on."""
@@ -20,6 +20,17 @@ MAX_LINE = 10_000
 """Characters of a line: some readers need the square of its length."""
 MAX_PROGRAM = 16 * 2**20
 """Bytes of a program, the saved ones of agents included."""
+
+
+def near_file(path: str | Path) -> str:
+    """Return ``; did you mean x.yaml?`` if a file of nearly this name and the same suffix is in its folder."""
+    path = Path(path)
+    try:
+        there = [one.name for one in path.parent.iterdir() if one.suffix == path.suffix and one.is_file()]
+    except (OSError, ValueError):
+        return ""
+    found = nearest(path.name, there, 0.7)
+    return "" if found is None else f"; did you mean {found}?"
 
 
 def open_regular(path: str | Path) -> BinaryIO:
@@ -61,6 +72,7 @@ def read_text(path: Path) -> str:
         if error.errno in MAY_PASS:
             raise
         what = f"{error.strerror}" if error.errno == errno.EFBIG else f"cannot be read: {error.strerror}"
+        what += near_file(path) if error.errno == errno.ENOENT else ""
         raise Findings.about(path, what) from None
     try:
         text = content.decode("utf-8")

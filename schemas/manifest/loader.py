@@ -15,7 +15,7 @@ import msgspec
 
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import shipped, shipped_names
-from schemas.files.text_files import read_text
+from schemas.files.text_files import near_file, read_text
 from schemas.files.toml_positions import line_of, toml_lines
 from schemas.files.units import decode_hook
 from schemas.files.validation import convert, misfits
@@ -83,7 +83,8 @@ def load_manifest(name: str | Path, relative_to: Path | None = None, check: Chec
     path = find_manifest(str(name), relative_to)
     if path is None:
         known = ", ".join(shipped_names("manifests", ".toml"))
-        raise Findings.about(name, f"no such manifest; expected a file or one of: {known}")
+        near = near_file(name if relative_to is None else relative_to / name)
+        raise Findings.about(name, f"no such manifest; expected a file or one of: {known}{near}")
     return _read_once(read_text(path), str(path), check)
 
 

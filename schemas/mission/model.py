@@ -398,14 +398,24 @@ class Mission:
         return [name for name, member in members.items() if member.robot == robot]
 
 
+_PROGRAMS = "programs are for `agentd run` and `agentd check`"
+OTHER_FILES = {
+    ".asl": _PROGRAMS,
+    ".mas2j": _PROGRAMS,
+    ".toml": "manifests are for `argosy manifest`",
+    ".mcap": "recordings are for `argosy replay`",
+}
+"""What else has a command of its own, by its suffix."""
+
+
 def load_mission(path: str | Path) -> Mission:
     """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong."""
     path = mission_file(path)
     if not path.suffix and not path.exists():
         instead = did_you_mean(path.name, shipped_names("missions", ".yaml"))
         raise Findings.about(path, f"no such file, and no mission of that name ships{instead}")
-    if path.suffix in (".asl", ".mas2j"):
-        raise Findings.about(path, "expected a mission in YAML; programs are for `agentd run` and `agentd check`")
+    if other := OTHER_FILES.get(path.suffix):
+        raise Findings.about(path, f"expected a mission in YAML; {other}")
     return read_mission(read_text(path), path)
 
 
