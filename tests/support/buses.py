@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, contextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, closing, contextmanager
 from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol, cast
 
@@ -118,12 +118,11 @@ def in_a_loop(body: Test) -> None:
 
 
 def in_virtual_time(body: Test) -> None:
-    """Run `body()` in an event loop that never waits: its clock goes to the next timer."""
-    loop: Any = VirtualLoop()
-    try:
+    """Run `body()` in an event loop that never waits: its clock goes to the next timer, and is `time.monotonic`."""
+    loop = VirtualLoop()
+    with pytest.MonkeyPatch.context() as patch, closing(loop):
+        patch.setattr(time, "monotonic", loop.time)
         loop.run_until_complete(body())
-    finally:
-        loop.close()
 
 
 async_test = run_by(in_a_loop)

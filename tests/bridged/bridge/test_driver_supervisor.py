@@ -146,7 +146,7 @@ deadline = "0.3s"
 
 
 @pytest.mark.parametrize("defect", [False, True], ids=["", "a defect at the first look"])
-@async_test
+@virtual_test
 async def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
     sonar: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: bool
 ) -> None:
