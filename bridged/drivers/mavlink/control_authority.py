@@ -37,8 +37,8 @@ class ControlAuthority:
         self, flight: ProcedureContext, runs: Collection[ProcedureRun], end: Callable[[ProcedureRun, Outcome], None]
     ) -> None:
         self.override = ""
-        """The mode that others set while an agent had control, or in which an armed vehicle was first heard; empty once
-        an agent has set the mode again, or they have handed the vehicle over."""
+        """The mode that others set last, once they took control from an agent or had an armed vehicle that was first
+        heard; empty when an agent has set the mode again, or they have handed the vehicle over."""
         self._flight, self._vehicle, self._runs, self._end = flight, flight.vehicle, runs, end
         self._by_agent = False
         """Whether an agent set the mode last, for all the bridge knows, or was handed the vehicle over."""
@@ -189,7 +189,7 @@ class ControlAuthority:
         if any(run.procedure.sets_mode or run.judges_mode for run in self._runs):
             return
         self.pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
-        if self._by_agent:
+        if self._by_agent or self.override:
             self._by_agent, self.override, self._unreported = False, name, True
         self._report_override()
 

@@ -314,7 +314,8 @@ def test_sticks_of_a_pilot_take_it(sky: Sky) -> None:
         sky.wait(0.2)
     sky.wait(1.5)
     assert heard[-1].cause == "pilot"
-    assert sky.belief("override") == ("POSCTL",)
+    assert sky.told("override")[0] == ("POSCTL",)
+    assert sky.belief("override") == ("HOLD",), "his sticks fell silent, which is a failsafe"
 
 
 def test_a_lost_link_ends_its_actions_and_its_own_failsafe_is_told(tmp_path: Path) -> None:
@@ -351,6 +352,8 @@ def test_its_failsafe_that_holds_in_the_mode_of_agents_is_not_undone_by_them(tmp
     assert sky.do("goto", *GOAL).cause == "pilot"
     sky.wait(6)
     assert mode(sky) == "RTL"
+    assert sky.belief("override") == ("RTL",), "the mode that they have set, not the first one"
+    assert "others have set RTL" in sky.do("goto", *GOAL).reason
 
 
 def test_its_fence_that_holds_it_in_the_mode_of_agents_ends_their_motion_and_is_not_undone(tmp_path: Path) -> None:
