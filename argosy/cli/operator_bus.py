@@ -23,6 +23,7 @@ from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
 from commd.process.process import EXIT_DONE, tls_of
 from schemas.files.findings import Findings, did_you_mean
+from schemas.humanize import joined
 from schemas.liveness import ACTION_SILENT
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
@@ -160,6 +161,9 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
                 code, failed = error.code, error
             if code != EXIT_DONE and place.boards is not None and bus.name in place.boards.security.observers:
                 print(f"note: `{bus.name}` is an observer in the mission: it may not give orders", file=sys.stderr)
+            if code != EXIT_DONE and place.tls is None and (others := await other_fleets(bus, place.fleet)):
+                there = f"there is {joined([f'fleet `{one}`' for one in others])}"
+                note(f"nobody of fleet `{place.fleet}` is on the bus at {place.router}; {there}")
             if failed is not None:
                 raise failed
             return code
@@ -207,6 +211,12 @@ async def names_there(bus: Bus, fleet: str, daemon: str = "*") -> dict[tuple[str
         if (parsed := keys.parse_alive(token)) is not None:
             found.setdefault(parsed[:2], set()).add(parsed[2])
     return found
+
+
+async def other_fleets(bus: Bus, fleet: str) -> list[str]:
+    """Return the fleets on the router if nobody of `fleet` is there: the mission or the router may be a wrong one."""
+    there = {its for its, _ in await names_there(bus, ANY)} if fleet != ANY else set[str]()
+    return [] if fleet in there else sorted(there)
 
 
 def put_out(text: str) -> bool:

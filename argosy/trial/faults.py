@@ -272,6 +272,8 @@ def _check(fault: Fault, mission: Mission) -> None:
             Faults.parse([fault.fault])
         case Battery():
             _expect(fault.robot, vehicles)
+        case Operator() if not robots:
+            raise ValueError("the mission has no robot for an order")
         case Operator():
             _expect(fault.robot or robots[0], robots)
         case Kill():

@@ -167,6 +167,12 @@ def test_a_bad_file_is_named_with_place_and_what_was_expected(tmp_path: Path, te
     assert f"{path}:{place}: error: {text}" in str(refused.value)
 
 
+def test_an_order_in_a_mission_without_robots_is_refused_at_its_line(tmp_path: Path) -> None:
+    (path := tmp_path / "storm.yaml").write_text("- {kind: operator, order: rtl, at: 5}\n")
+    with pytest.raises(Findings, match=r"storm\.yaml:1:3: error: the mission has no robot for an order"):
+        read(path, replace(TEAM, robots={}))
+
+
 def test_all_that_is_wrong_with_a_file_is_told_also_that_it_is_no_yaml_or_not_there(tmp_path: Path) -> None:
     (path := tmp_path / "storm.yaml").write_text("- {kind: kill}\n- {kind: kill, daemon: commd}\n- {kind: quake}\n")
     with pytest.raises(Findings) as refused:
