@@ -14,6 +14,7 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.source_annotations import PERCEPT
 from agentd.language.terms.terms import (
+    PER_PART,
     Code,
     Collection,
     Expression,
@@ -101,6 +102,7 @@ def _to_wire(term: Any, depth: int, syntax: ToSyntax) -> wire.Term:
         case float():
             return wire.number(term)
         case str():
+            syntax.count(len(term) // PER_PART)
             return term
         case Literal():
             return _literal(term, depth, syntax)

@@ -9,7 +9,7 @@ from agentd.language.terms.order import compare, is_in, place_in
 from agentd.language.terms.terms import Collection, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, alternatives, unify
-from agentd.mind.beliefs.work_limit import distinct, ordered
+from agentd.mind.beliefs.work_limit import MOST_MEMBERS, bounded, distinct, ordered
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
@@ -196,6 +196,7 @@ def queue_create(mind: MindState, trail: Trail, term: Term, kind: Term | None = 
 
 def _enqueue(held: Collection, items: list[Term]) -> None:
     """Equal terms of a priority queue keep their order."""
+    bounded(".queue.add_all", len(held.content) + len(items), MOST_MEMBERS, "members")
     held.content.extend(items)
     if held.kind == "priority":
         held.content[:] = ordered(held.content)

@@ -10,9 +10,10 @@ import re
 from decimal import ROUND_HALF_UP, Decimal, localcontext
 from typing import Any, Final, NamedTuple
 
-from agentd.language.terms.format import text
+from agentd.language.terms.format import whole_text
 from agentd.language.terms.numbers import double_text, number_text
 from agentd.language.terms.terms import List, Term, deref, split
+from agentd.mind.beliefs.work_limit import joined, substituted
 from agentd.mind.data.formula_failure import Failed
 
 _PLACE: Final = re.compile(r"%(?:(\d+)\$|(<))?([-#+ 0,(]*)(\d*)(?:\.(\d+))?([a-zA-Z%])|%")
@@ -54,7 +55,7 @@ def java_format(form: str, values: list[Term]) -> str:
             _fail(f"there is no value for {place.written}")
         return _converted(values[last], place)
 
-    return _PLACE.sub(piece, form)
+    return substituted(".printf", _PLACE, piece, form)
 
 
 def _size(digits: str) -> int:
@@ -91,8 +92,8 @@ def java_text(value: Term) -> str:
         return number_text(value)
     if type(value) is List:
         members, _ = split(value)
-        return f"[{', '.join(java_text(deref(m)) for m in members)}]"
-    return value if type(value) is str else text(value)
+        return f"[{joined('.printf', (java_text(deref(m)) for m in members), ', ')}]"
+    return value if type(value) is str else whole_text(value)
 
 
 def _justified(shown: str, place: _Place) -> str:

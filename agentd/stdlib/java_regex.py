@@ -12,7 +12,7 @@ import re
 from functools import lru_cache
 from typing import Any, Final
 
-from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, bounded, limited
+from agentd.mind.beliefs.work_limit import limited, substituted
 from agentd.mind.data.formula_failure import Failed
 
 _NAMED_GROUP: Final = re.compile(r"\(\?<(?![=!])")
@@ -51,17 +51,9 @@ def replace_all(pattern: str, new: str, whole: str) -> str:
 
     Fails with ``unknown`` where Java throws, ``too_much_work`` or ``too_large``.
     """
-    plain, size = "$" not in new and "\\" not in new, len(whole)
-
-    def inserted(match: re.Match[str]) -> str:
-        nonlocal size
-        text = new if plain else _expanded(new, match)
-        size += len(text) - (match.end() - match.start())
-        bounded(".replace", size, MOST_CHARACTERS, "characters")
-        return text
-
+    plain = "$" not in new and "\\" not in new
     with limited(f"a search by '{pattern}'"):
-        return compiled(pattern).sub(inserted, whole)
+        return substituted(".replace", compiled(pattern), lambda at: new if plain else _expanded(new, at), whole)
 
 
 def _expanded(new: str, match: re.Match[str]) -> str:

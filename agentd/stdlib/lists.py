@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from agentd.language.terms.format import text
+from agentd.language.terms.format import whole_text
 from agentd.language.terms.numbers import java_int
 from agentd.language.terms.order import is_in
 from agentd.language.terms.terms import Collection, List, Term, Var, deref, make_list, proper, spans
@@ -61,7 +61,7 @@ def nth(mind: MindState, trail: Trail, position: Term, collection: Term, item: T
     ?- .nth(I, [a,b,a], a) gives I = 0; I = 2
     """
     position, collection = deref(position), deref(collection)
-    members = list(collection) if type(collection) is str else members_of(collection, ".nth")
+    members: Any = collection if type(collection) is str else members_of(collection, ".nth")
     mark = len(trail)
     if type(position) is Var:
         for at, element in enumerate(members):
@@ -93,7 +93,7 @@ def delete(mind: MindState, trail: Trail, *args: Any) -> bool:
     if len(what) > 1:
         raise Failed("internal_action", ".delete of a range takes two numbers")
     if type(first) is str:
-        whole = collection if type(collection) is str else text(resolve(collection))
+        whole = collection if type(collection) is str else whole_text(resolve(collection))
         return unify(result, replace_all(first, "", whole), trail)
     members = _deletable(collection)
     left = []

@@ -11,6 +11,7 @@ from agentd.language.terms.terms import Code, Literal, Term, Var, deref
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.beliefs.work_limit import joined, limited, substituted
 from agentd.mind.data.effects import Log, Print
 from agentd.mind.data.formula_failure import argument
 from agentd.mind.data.intention import values_of
@@ -27,7 +28,7 @@ def _line(mind: MindState, shown: str) -> Print:
 @internal_action(".println", (0, None))
 def print_terms(mind: MindState, trail: Trail, *args: Term) -> bool:
     """``.print(T, ...)``, ``.println(T, ...)``: the texts of the terms, joined, as one line."""
-    mind.effects.append(_line(mind, "".join([printed(resolve(a)) for a in args])))
+    mind.effects.append(_line(mind, joined(".print", (printed(resolve(a)) for a in args))))
     return True
 
 
@@ -41,7 +42,7 @@ def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
     """``.log(Level, T, ...)``: as ``.print``; below ``info`` it is shown only after ``.verbose(2)``."""
     name = argument(Literal, level, ".log takes a level first", "unknown").functor
     shown = _LEVELS.get(name, "debug" if name in ("fine", "finer", "finest") else "info")
-    line = "".join([printed(resolve(a)) for a in args])
+    line = joined(".log", (printed(resolve(a)) for a in args))
     mind.effects.append(Log(shown, line) if shown == "debug" and mind.verbose < DEBUGGING else _line(mind, line))
     return True
 
@@ -59,7 +60,9 @@ def printf(mind: MindState, trail: Trail, pattern: Term, *args: Term) -> bool:
     form = argument(str, pattern, ".printf takes a format string first")
     from agentd.stdlib.java_format import java_format  # it needs `decimal`, which costs every other program memory
 
-    mind.effects.append(_line(mind, java_format(form, [deref(resolve(a)) for a in args])))
+    with limited("the format of .printf"):
+        line = java_format(form, [deref(resolve(a)) for a in args])
+    mind.effects.append(_line(mind, line))
     return True
 
 
@@ -80,7 +83,7 @@ def puts(mind: MindState, trail: Trail, pattern: Term, result: Term | None = Non
         value = values.get(match.group(1))
         return match.group(1) if value is None else printed(resolve(value))
 
-    line = _PLACE.sub(piece, form)
+    line = substituted(".puts", _PLACE, piece, form)
     if result is None:
         mind.effects.append(_line(mind, line))
         return True

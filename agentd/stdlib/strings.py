@@ -7,7 +7,7 @@ from typing import Any
 
 from agentd.language.parse import parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.terms.format import text
+from agentd.language.terms.format import whole_text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import java_int
 from agentd.language.terms.terms import (
@@ -25,7 +25,7 @@ from agentd.language.terms.terms import (
 )
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.beliefs.work_limit import MOST_CHARACTERS, MOST_MEMBERS, PARSING, bounded, work
+from agentd.mind.beliefs.work_limit import MOST_MEMBERS, PARSING, bounded, joined, work
 from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.state import MindState
@@ -33,11 +33,11 @@ from agentd.stdlib.java_regex import replace_all
 
 
 def plain_text(term: Term) -> str:
-    """The text of a term without the quotes of a string or quoted atom."""
+    """The text of a term without the quotes of a string or quoted atom. Raises as `whole_text`."""
     term = deref(term)
     if type(term) is str:
         return term
-    written = text(resolve(term))
+    written = whole_text(resolve(term))
     if type(term) is Literal and not term.args and written.startswith("'") and written.endswith("'"):
         return written[1:-1]
     return written
@@ -53,23 +53,17 @@ def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
     *parts, result = args
     result = deref(result)
     if type(deref(parts[0])) is List:
-        joined: list[Any] = []
+        together: list[Any] = []
         for part in parts:
             members = proper(part)
             if members is None:
                 wrong_arguments(".concat joins lists with lists only")
-            joined.extend(members)
-            bounded(".concat", len(joined), MOST_MEMBERS, "members")
+            together.extend(members)
+            bounded(".concat", len(together), MOST_MEMBERS, "members")
         if type(result) is not List and type(result) is not Var:
             raise Failed("internal_action", "the last argument of .concat is neither a list nor a variable")
-        return unify(result, make_list(joined), trail)
-    texts: list[str] = []
-    size = 0
-    for part in parts:
-        texts.append(plain_text(part))
-        size += len(texts[-1])
-        bounded(".concat", size, MOST_CHARACTERS, "characters")
-    whole = "".join(texts)
+        return unify(result, make_list(together), trail)
+    whole = joined(".concat", map(plain_text, parts))
     if type(result) is Literal:
         return plain_text(result) == whole
     return unify(result, whole, trail)
@@ -160,7 +154,7 @@ def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term,
 def _in_case(name: str, change: Callable[[str], str], what: str, example: str) -> None:
     @internal_action(name, 2, pure=True)
     def in_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
-        return unify(result, change(plain_text(term)), trail)
+        return unify(result, joined(name, [change(plain_text(term))]), trail)  # a capital may be three characters
 
     in_case.__doc__ = f"``{name}(S, R)``: {what}.\n\n?- {name}({example}"
 
@@ -213,14 +207,14 @@ def term2string(mind: MindState, trail: Trail, term: Term, string: Term) -> bool
     """
     term, string = deref(term), deref(string)
     if type(string) is Var:
-        return unify(string, text(resolve(term)), trail)
+        return unify(string, whole_text(resolve(term)), trail)
     if type(string) is not str and type(term) is Var:
         string = plain_text(string)
     if type(string) is not str:
         raise Failed("internal_action", "the second argument of .term2string is a string")
     if type(term) is Var:
         return unify(term, read_term(mind, string), trail)
-    return text(resolve(term)) == string
+    return whole_text(resolve(term)) == string
 
 
 @internal_action(".empty", 1, pure=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Final
 
 from msgspec.structs import replace
@@ -15,6 +16,7 @@ from agentd.language.terms.to_ast import NoSyntax, ToSyntax
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.beliefs.work_limit import joined
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
@@ -158,23 +160,28 @@ DEEPEST: Final = 1000
 
 def program_text(mind: MindState, goals: list[Any]) -> str:
     """The program as text, with these initial goals. Parts without syntax are left out and logged."""
-    lines: list[str] = []
+    return joined(".save_agent", (_line(mind, what, kind) for what, kind in _parts(mind, goals)))
 
-    def put(what: Any, kind: type[nodes.Belief | nodes.Goal] = nodes.Belief) -> None:
-        try:
-            lines.append(source_text(_item(what, kind)))
-        except NoSyntax as why:
-            shown = what.head if type(what) is Plan else text(what)
-            mind.effects.append(Log("warning", f".save_agent leaves out {shown}: {why}"))
 
+def _parts(mind: MindState, goals: list[Any]) -> Iterator[tuple[Any, type[nodes.Belief | nodes.Goal]]]:
     for predicate in reversed(mind.beliefs.predicates()):  # initial beliefs are added from the last to the first
         for entry in reversed(predicate.entries.values()):
-            put(Code(entry.syntax, entry.values, bare=True) if type(entry) is RuleClause else entry)
+            is_rule = type(entry) is RuleClause
+            yield (Code(entry.syntax, entry.values, bare=True) if is_rule else entry), nodes.Belief
     for goal in goals:
-        put(deref(resolve(goal)), nodes.Goal)
+        yield deref(resolve(goal)), nodes.Goal
     for plan in mind.plans:
-        put(plan)
-    return "".join(f"{line}\n" for line in lines)
+        yield plan, nodes.Belief
+
+
+def _line(mind: MindState, what: Any, kind: type[nodes.Belief | nodes.Goal]) -> str:
+    """The line of a part of the program; empty for one without syntax."""
+    try:
+        return f"{source_text(_item(what, kind))}\n"
+    except NoSyntax as why:
+        shown = what.head if type(what) is Plan else text(what)
+        mind.effects.append(Log("warning", f".save_agent leaves out {shown}: {why}"))
+        return ""
 
 
 def _item(what: Any, kind: type[nodes.Belief | nodes.Goal]) -> nodes.Item:

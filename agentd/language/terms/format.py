@@ -14,6 +14,7 @@ from agentd.language.terms.terms import (
     ARITHMETIC,
     EMPTY,
     FIRST_NODES,
+    MOST_CHARACTERS,
     MOST_NODES,
     Code,
     Collection,
@@ -37,8 +38,28 @@ _MOST_FLAT: Final = 12
 """Arguments and annotations of its structures."""
 
 
+class TooManyCharacters(ValueError):
+    """A text of a term has more than `MOST_CHARACTERS`."""
+
+    def __init__(self) -> None:
+        super().__init__(f"a text of a term has more than {MOST_CHARACTERS} characters")
+
+
 def text(term: Any) -> str:
-    """Return the text of a term; strings keep their quotes (inner quotes are not escaped)."""
+    """Return the text of a term for people; strings keep their quotes (inner quotes are not escaped).
+
+    That of a cyclic or too large term is cut off.
+    """
+    out: list[str] = []
+    try:
+        write(term, out)
+    except (RecursionError, TooManyCharacters):
+        out.append("...")
+    return "".join(out)
+
+
+def whole_text(term: Any) -> str:
+    """Return the text of a term as a program gets it. Raises RecursionError for too many parts, TooManyCharacters."""
     out: list[str] = []
     write(term, out)
     return "".join(out)
@@ -90,49 +111,54 @@ def _flat_texts(terms: tuple[Any, ...], depth: int) -> str | None:
 
 
 def printed(term: Any) -> str:
-    """Return the text of an argument of ``.print``: a string without quotes, a free variable as ``<no-value>``."""
+    """Return the text of an argument of ``.print``: a string without quotes, a free variable as ``<no-value>``.
+
+    Raises as `whole_text`.
+    """
     term = deref(term)
     if type(term) is str:
         return term
     if type(term) is Var:
         return f"{term.name}<no-value>"
-    return text(term)
+    return whole_text(term)
 
 
 def write(term: Any, out: list[str]) -> None:
-    """Append the text of a term in pieces. No recursion, so any depth can be written; a cyclic term is cut off."""
+    """Append the text of a term in pieces. No recursion, so any depth can be written.
+
+    Raises RecursionError for a cyclic term and for one of too many parts, TooManyCharacters.
+    """
     pending: list[Any] = [term]
-    budget, rest = FIRST_NODES, MOST_NODES
+    budget, rest, left = FIRST_NODES, MOST_NODES, MOST_CHARACTERS
     while pending:
         budget -= 1
         if not budget:
-            try:
-                budget, rest = further(rest, pending, "written")
-            except RecursionError:
-                out.append("...")
-                return
+            budget, rest = further(rest, pending, "written")
         term = pending.pop()
         kind = type(term)
         if kind is _Piece:
-            out.append(term.text)
+            piece = term.text
         elif kind is float:
-            out.append(number_text(term))
+            piece = number_text(term)
         elif kind is str:
-            out.append(f'"{term}"')
-        elif kind is Var:
-            if term.ref is None:
-                out.append(term.name)
-            else:
-                pending.append(term.ref)
+            piece = f'"{term}"'
+        elif kind is Var and term.ref is not None:
+            pending.append(term.ref)
+            continue
         elif kind in _PARTS:
             pending.extend(reversed(_PARTS[kind](term)))
+            continue
         elif kind is Code:
             try:
-                out.append(code_text(term))
+                piece = code_text(term)
             except RecursionError:  # code that holds code that holds code ...
-                out.append("{ ... }")
+                piece = "{ ... }"
         else:
-            out.append(str(term))
+            piece = term.name if kind is Var else str(term)
+        left -= len(piece)
+        if left < 0:
+            raise TooManyCharacters
+        out.append(piece)
 
 
 class _Piece:
@@ -223,8 +249,21 @@ _PARTS: Final[dict[type, Callable[[Any], list[Any]]]] = {
 
 
 def code_text(code: Code) -> str:
-    """Return a plan, trigger, body or rule, with the values that its variables had when it became a term."""
-    inner = unbraced_text(code.syntax, lambda node: text(instantiate(node, code.values)))
+    """Return a plan, trigger, body or rule, with the values that its variables had when it became a term.
+
+    Raises RecursionError for code that holds code without end, TooManyCharacters.
+    """
+    left = MOST_CHARACTERS
+
+    def written(node: Any) -> str:
+        nonlocal left
+        value = text(instantiate(node, code.values))
+        left -= len(value)
+        if left < 0:
+            raise TooManyCharacters
+        return value
+
+    inner = unbraced_text(code.syntax, written)
     if code.bare:
         return inner
     return "{ }" if not inner else f"{{ {inner} }}"

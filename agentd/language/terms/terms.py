@@ -23,6 +23,10 @@ Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Cod
 MOST_NODES: Final = 1_000_000
 """Walking a term with more parts than this ends with RecursionError. It takes a second or two: a part that is in a term
 many times counts each time, so forty plans can make one of a million million parts (``X = f(Y,Y)``)."""
+MOST_CHARACTERS: Final = 16_000_000
+"""Characters of a text that a program makes, of terms or of other texts; a message may have a million bytes."""
+PER_PART: Final = 32
+"""Characters of a text in a term that count as one part more where a term is copied out of the mind."""
 FIRST_NODES: Final = 100_000
 """After this many parts a walk of a term calls `further`, which refuses a cyclic one (``X = f(X)``)."""
 

@@ -13,6 +13,7 @@ from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.terms.terms import (
     ARITHMETIC,
     MOST_NODES,
+    PER_PART,
     Code,
     Expression,
     List,
@@ -71,6 +72,7 @@ class ToSyntax:
             case float():
                 return _number(term)
             case str():
+                self.count(len(term) // PER_PART)
                 return _string(term)
             case Var():
                 return nodes.Variable(self.names.of(term))
@@ -95,9 +97,9 @@ class ToSyntax:
                 return kinds[type(node)](node)
         raise NoSyntax(f"a {type(term).__name__.lower()} cannot be written as text")
 
-    def count(self) -> None:
-        """Count a part of a term, which may be in it many times. Raises NoSyntax if there are too many."""
-        self._left -= 1
+    def count(self, parts: int = 1) -> None:
+        """Count parts of a term, which may be in it many times. Raises NoSyntax if there are too many."""
+        self._left -= parts
         if self._left < 0:
             raise NoSyntax(f"more than {MOST_NODES} parts")
 

@@ -11,13 +11,14 @@ counted. What the asked program has written itself, in its rules, is compiled an
 
 from __future__ import annotations
 
+import re
 import signal
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, NoReturn, Protocol
 
 from agentd.language.terms import order
-from agentd.language.terms.terms import Term, deref, parts_of
+from agentd.language.terms.terms import MOST_CHARACTERS, Term, deref, parts_of
 from agentd.mind.data.formula_failure import Failed
 
 PURE: Final[set[str]] = set()
@@ -36,10 +37,8 @@ _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
 """Internal actions whose work may grow with the square of their arguments' size."""
 LONGEST: Final = 1.0
 """Seconds of processor time for work that counts no steps: regular expressions, and the order of terms."""
-MOST_CHARACTERS: Final = 16_000_000
-"""Characters of one text that an internal action makes; a message may have a million bytes."""
 MOST_MEMBERS: Final = 1_000_000
-"""Members of one list that ``.concat`` makes."""
+"""Members of a list or queue that an internal action makes of others."""
 PARSING: Final = 20
 """Steps that it takes to parse a character of source text."""
 
@@ -74,6 +73,31 @@ def bounded(action: str, size: int, most: int, what: str) -> None:
     """Fail with ``too_large`` if an ``action`` makes more than ``most`` of ``what`` (characters or members)."""
     if size > most:
         raise Failed("too_large", f"{action} makes {size} {what}, expected at most {most}")
+
+
+def joined(action: str, pieces: Iterable[str], between: str = "") -> str:
+    """Return the text that an ``action`` makes of pieces; fails with ``too_large`` beyond `MOST_CHARACTERS`."""
+    taken: list[str] = []
+    size = 0
+    for piece in pieces:
+        taken.append(piece)
+        size += len(piece) + len(between)
+        bounded(action, size, MOST_CHARACTERS, "characters")
+    return between.join(taken)
+
+
+def substituted(action: str, pattern: re.Pattern[str], new: Callable[[re.Match[str]], str], whole: str) -> str:
+    """Return ``whole`` with what ``new`` makes of each match; fails with ``too_large`` beyond `MOST_CHARACTERS`."""
+    size = len(whole)
+
+    def inserted(match: re.Match[str]) -> str:
+        nonlocal size
+        made = new(match)
+        size += len(made) - (match.end() - match.start())
+        bounded(action, size, MOST_CHARACTERS, "characters")
+        return made
+
+    return pattern.sub(inserted, whole)
 
 
 _limiting = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NoReturn, TypeVar
 
+from agentd.language.terms.format import TooManyCharacters
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.terms import Literal, Term, deref
 
@@ -36,6 +37,8 @@ def as_failed(error: Exception) -> Failed:
             return error
         case UndefinedNumber():
             return Failed("undefined_number", str(error))
+        case TooManyCharacters():
+            return Failed("too_large", str(error))
         case RecursionError():
             return Failed("recursion_too_deep", "the computation is too deep")
     return Failed("unknown", f"{type(error).__name__}: {error}")

@@ -26,6 +26,7 @@ from agentd.language.terms.terms import (
     EMPTY,
     FIRST_NODES,
     MOST_NODES,
+    PER_PART,
     Code,
     Collection,
     Expression,
@@ -118,8 +119,11 @@ class _Writer:
         while work:
             term = work.pop()
             kind = type(term)
-            if kind is float or kind is str:
+            if kind is float:
                 out.append(term)
+            elif kind is str:
+                out.append(term)
+                until_check -= len(term) // PER_PART
             elif kind is Literal:
                 if term is SOURCE_SELF:
                     out.append(_MYSELF)
@@ -136,8 +140,8 @@ class _Writer:
             else:
                 self._open(term, work)
             until_check -= 1
-            if not until_check:
-                left -= FIRST_NODES
+            if until_check <= 0:
+                left -= FIRST_NODES - until_check
                 if left <= 0:
                     raise CannotKeep(f"it has more than {MOST_NODES} parts")
                 further(1, work, "kept")

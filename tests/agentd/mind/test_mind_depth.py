@@ -73,6 +73,31 @@ LARGE = {
         f"""!s("a"). +!s(S) <- .replace("{"a" * 50}", "a", S, T); !s(T). -!s(_)[error(E)] <- .print(E).""",
         "too_large",
     ),
+    "a format of many wide places fails": (
+        f"""!s. +!s <- !t(11, "%10000s", F); .printf(F, {", ".join(["1"] * 2048)}). {TWICE}""",
+        "too_large",
+    ),
+    "a list of long texts in a format fails": (
+        f"""!s. +!s <- !t(17, "{"a" * 100}", S); .printf("%s", [S,S]). {TWICE}""",
+        "too_large",
+    ),
+    "a text with many long variables in it fails": (
+        f"""!s. +!s <- !t(17, "{"a" * 100}", S); .puts("#{{S}}#{{S}}", R). {TWICE}""",
+        "too_large",
+    ),
+    "a line of long texts fails": (f"""!s. +!s <- !t(17, "{"a" * 100}", S); .print(S, S). {TWICE}""", "too_large"),
+    "the text of a term that holds a long text many times fails": (
+        f"""!s. +!s <- !t(17, "{"a" * 100}", S); .term2string(f(S,S), R). {TWICE}""",
+        "too_large",
+    ),
+    "the text of code that holds a long text many times fails": (
+        f"""!s. +!s <- !t(17, "{"a" * 100}", S); .print({{ +!g <- a(S); b(S) }}). {TWICE}""",
+        "too_large",
+    ),
+    "a queue that is added to itself fails": (
+        f"""!s. +!s <- .queue.create(Q); .queue.add(Q, a); !q(Q). +!q(Q) <- .queue.add_all(Q, Q); !q(Q). {TWICE}""",
+        "too_large",
+    ),
     "a context of fifty literals compiles": (f"{FACTS} !s. +!s : {CONTEXT} <- .print(X0, X49).", "049"),
     "a pattern with a hundred elements fits": (
         f"!s. +!s <- .findall(I, .range(I,0,99), L); !g(L). +!g([{PATTERN}]) <- .print(X0, X99).",

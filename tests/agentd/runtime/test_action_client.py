@@ -11,7 +11,7 @@ import pytest
 
 from agentd.conversion.term_conversion import BadTerm, to_wire
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.terms.terms import Literal, atom
+from agentd.language.terms.terms import Literal, atom, make_list
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.persistence.checkpointer import Checkpointer
@@ -384,8 +384,9 @@ def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_it_is_too_large
     part = atom("x")
     for _ in range(60):
         part = Literal(signature("f", 2), (part, part))
-    with pytest.raises(BadTerm, match="more than 1000 parts"):
-        to_wire(part)
+    for large in (part, make_list(["x" * 4000] * 10)):
+        with pytest.raises(BadTerm, match="more than 1000 parts"):
+            to_wire(large)
 
 
 @pytest.mark.usefixtures("usual_recursion")

@@ -45,6 +45,12 @@ def again(one: Any) -> Any:
     return found
 
 
+def test_a_long_text_that_is_in_a_term_many_times_is_not_kept() -> None:
+    assert again(make_list(["x" * 1_000_000] * 2)) == make_list(["x" * 1_000_000] * 2)
+    with pytest.raises(CannotKeep, match="more than 1000000 parts"):
+        terms_to_bytes([make_list(["x" * 1_000_000] * 40)])
+
+
 @given(ground)
 def test_a_ground_term_comes_back_equal(one: Any) -> None:
     assert again(one) == one
