@@ -17,12 +17,10 @@ from commd.bus.queries import ROUTER_LOST
 from commd.bus.raw import Sample
 from schemas.wire.records import Action, ActionStatus, Perception
 from tests.argosy.trial.networks import Stage, VirtualStage, on_virtual, same_on_both
-from tests.support.buses import served, subscribed, until
+from tests.support.buses import arrived, served, subscribed, until
 
 PERCEPT = "argosy/test/uav/percept"
 ACTION = "argosy/test/uav/action"
-SETTLED = 1.0
-"""Seconds after which what must not arrive has not arrived."""
 
 
 def append_parameter(found: list[Any], key: str, record: Perception) -> None:
@@ -121,7 +119,6 @@ async def test_one_server_answers_fails_stays_silent_or_is_not_there(stage: Stag
         "arm": sorted((f"argosy/test/{n}/action/arm", s, "") for n in ("uav", "usv") for s in ("running", "succeeded")),
         "land": ["uav cannot land", "usv cannot land"],
         "all": ["uav running", "uav succeeded", "usv running", "usv succeeded"],
-        "twice": 4,
         "own": 2,
     }
 )
@@ -138,8 +135,12 @@ async def test_several_servers_answer_each_query_that_matches(stage: Stage) -> A
     found = {"arm": sorted(await replies(asker, "argosy/test/*/action/arm")), "land": errors, "all": sorted(got)}
     own = len(await replies(servers["uav"], "argosy/test/uav/action/arm"))
     serve(servers["uav"], "argosy/test/uav/action/*", "uav")  # a second time by the same session
-    await asyncio.sleep(SETTLED)
-    return {**found, "twice": len(await replies(asker, "argosy/test/uav/action/arm")), "own": own}
+
+    async def answered_twice() -> bool:
+        return len(await replies(asker, "argosy/test/uav/action/arm")) == 4
+
+    await until(answered_twice, "each of the two answers")
+    return {**found, "own": own}
 
 
 @same_on_both(([("argosy/test/uav/action/arm", "running", "")], 1))
@@ -346,12 +347,12 @@ async def test_a_router_is_lost_and_comes_back(stage: Stage) -> Any:
     querier = bus.raw.querier(f"{ACTION}/hover")
     asking = asyncio.ensure_future(replies(bus, f"{ACTION}/hover", 3600))
     raw = asyncio.ensure_future(collected(querier.ask(b"{}", "")))
-    await asyncio.sleep(SETTLED / 2)
+    await arrived(bus, other)
     await stage.stop_router()
     found["query"] = {error for _, _, error in await asyncio.wait_for(asking, 60)} <= {ROUTER_LOST}
     found["raw query"] = await asyncio.wait_for(raw, 60)
     await until(lambda: events == [False] and not other.router_up, "the router is lost")
-    await asyncio.sleep(SETTLED)
+    await until(lambda: len(seen) >= 2, "the tokens end")
     found["away"] = sorted(seen)
     seen.clear()
     other.put(f"{PERCEPT}/a", Perception(name="a", parameters=(2,)))
@@ -366,10 +367,9 @@ async def test_a_router_is_lost_and_comes_back(stage: Stage) -> Any:
     found["ask away"] = kind, "nobody answers" in text
     await stage.start_router()
     await until(lambda: bus.router_up and other.router_up, "the router is back")
-    await until(lambda: seen, "the other's token")
+    await until(lambda: len(seen) >= 2, "both tokens")
     await served(bus, f"{ACTION}/arm")
     await subscribed(other, f"{PERCEPT}/a")
-    await asyncio.sleep(SETTLED)
     other.put(f"{PERCEPT}/a", Perception(name="a", parameters=(3,)))
     await until(lambda: got[-1] == 3, "it arrives again")
     trips.append(await bus.round_trip(30))
@@ -390,7 +390,7 @@ async def test_a_client_waits_for_its_router_and_a_router_for_none(stage: Stage)
             pass
     found.append(str(closed.value).partition(" at ")[0])
     opening = asyncio.ensure_future(stage.open())
-    await asyncio.sleep(SETTLED)
+    await asyncio.sleep(1)  # it waits
     await stage.start_router()
     found.append((await opening).router_up)
     with pytest.raises(BusClosed) as closed:

@@ -152,9 +152,10 @@ async def test_the_missions_time_to_live_is_for_messages_that_bring_none(connect
 
 @bus_test
 async def test_what_may_have_arrived_in_time_is_asked_for_before_it_is_given_up(
-    connect: Connect, tmp_path: Path
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first batch is taken and its receipt lost; the second one never arrives. Both are too late by then."""
+    monkeypatch.setattr("commd.mail.delivery.RETRY_MOST", 0.3)
     now = Time()
     air = Losing(True, False, *[False] * 6)
     async with board(connect, "pi1", tmp_path, now=now, air=air) as first, board(connect, "pi2", tmp_path, now=now):
