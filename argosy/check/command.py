@@ -16,16 +16,17 @@ from msgspec import structs
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind, finding
-from agentd.check.programs import Surveyed, included_by_rest, read_survey
+from agentd.check.programs import Includes, Surveyed, included_by_rest, read_survey
 from agentd.check.symbol_table import Survey
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Belief, Formula, Goal, Item, Program, Structure
+from agentd.language.syntax_tree.nodes import And, Belief, Directive, Formula, Goal, Item, Not, Or, Program, Structure
+from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.syntax_tree.traversal import walk
 from agentd.process import loading_notice
 from agentd.runtime.program_loader import as_goal, compose, endings, read_item
 from agentd.runtime.program_paths import SourcePaths
-from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
 from argosy.check.plan_files import check_plans
 from argosy.processes.mavlink_links import check_links, group_of
@@ -342,3 +343,34 @@ def _texts(value: Any) -> tuple[str, ...]:
 
 def _mapping(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
+
+
+def mentioned(program: Program) -> set[tuple[str, int]]:
+    """Return functor and arity of every structure in a program and the files that it includes, anywhere."""
+    includes = Includes(program.file, SourcePaths(), [])  # the survey reports what is wrong with them
+    found: set[tuple[str, int]] = set()
+    waiting: list[Any] = [program]
+    while waiting:
+        for node in walk(waiting.pop()):
+            if isinstance(node, Structure):
+                found.add((node.functor, len(node.args)))
+            elif isinstance(node, Directive) and node.name.functor == "include":
+                waiting += includes(node, DEFAULT)
+    return found
+
+
+def beliefs_of(formula: Formula) -> set[tuple[str, int]]:
+    """Return functor and arity of the beliefs that a formula asks for."""
+    found: set[tuple[str, int]] = set()
+    waiting: list[Any] = [formula]
+    while waiting:
+        match waiting.pop():
+            case Structure(functor=functor, args=args):
+                found.add((functor, len(args)))
+            case Not(operand=inner):
+                waiting.append(inner)
+            case And(left=left, right=right) | Or(left=left, right=right):
+                waiting += (left, right)
+            case _:
+                pass
+    return found

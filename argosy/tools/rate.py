@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import sys
 from argparse import ArgumentParser, Namespace
 from collections import deque
 from collections.abc import Iterable
 from itertools import pairwise
+from statistics import pstdev
 
 from argosy.cli.arguments import duration
 from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out, unreached
@@ -86,9 +86,7 @@ def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
     rate, many = f"{len(times) / span:.2f}", (f"{size / span:.0f}", str(len(times)))
     if not gaps:
         return rate, "-", "-", "-", *many
-    mean = sum(gaps) / len(gaps)
-    jitter = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps))
-    return rate, *(f"{1000 * one:.1f}" for one in (min(gaps), max(gaps), jitter)), *many
+    return rate, *(f"{1000 * one:.1f}" for one in (min(gaps), max(gaps), pstdev(gaps))), *many
 
 
 def table(rows: Iterable[tuple[str, ...]]) -> list[str]:

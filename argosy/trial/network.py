@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 from collections import defaultdict
 from collections.abc import Callable, Collection
-from contextvars import Context, copy_context
+from contextvars import copy_context
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import count
@@ -18,7 +18,7 @@ from typing import Any, Final
 import msgspec
 import zenoh
 
-from argosy.trial.event_loop import VirtualLoop
+from argosy.trial.event_loop import WIRE, VirtualLoop
 from commd.bus.session import LEASE_MS
 
 PUT, DELETE = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
@@ -31,8 +31,6 @@ LEASE: Final = LEASE_MS / 1000
 sent in a shorter silence arrives late, in a longer one not at all (measured with a relay between two routers)."""
 AGAIN: Final = 0.3
 """Virtual seconds after which a client notices that its router is back."""
-BUS: Final[Context] = copy_context()
-"""Of what is under way: it arrives although its sender has died."""
 
 
 @lru_cache(maxsize=65536)
@@ -60,10 +58,6 @@ class Payload:
     def to_bytes(self) -> bytes:
         """Return the bytes."""
         return self._bytes
-
-    def to_string(self) -> str:
-        """Return them as text."""
-        return self._bytes.decode()
 
     def __len__(self) -> int:
         return len(self._bytes)
@@ -110,7 +104,7 @@ class _Asked:
         for number, server in self.open.items():
             if not network.reaches(server, self.asker):
                 due = network.last_arrival(server, self.asker, HOP)
-                network.loop.call_at(due, self.dropped, number, context=BUS)
+                network.loop.call_at(due, self.dropped, number, context=WIRE)
 
     def _timed_out(self) -> None:
         if self.open:
@@ -495,7 +489,7 @@ class Network:
         for one in closing:
             one.closed = True
             if lease:
-                self.loop.call_later(lease, notice, one, context=BUS)
+                self.loop.call_later(lease, notice, one, context=WIRE)
             else:
                 self._bury(one)
         for one in closing:
@@ -538,7 +532,7 @@ class Network:
             since, until = self._cuts.get(line, (now, now))
             self._cuts[line] = (since, max(until, now + seconds)) if until >= now else (now, now + seconds)
             for change in (self._cuts[line][0] + LEASE, self._cuts[line][1]):
-                self.loop.call_at(max(now, change), self.topology_changed, context=BUS)
+                self.loop.call_at(max(now, change), self.topology_changed, context=WIRE)
 
     def _linked(self, one: str, other: str) -> bool:
         """Return whether two routers have a link: whether it is cut or not, until one has heard nothing for a lease."""
@@ -585,7 +579,7 @@ class Network:
         due = self.last_arrival(sender, receiver, delay)
         self._last[sender.number, receiver.number] = due
         self.sent += 1
-        self.loop.call_at(due, self._arrive, sender, receiver, deliver, context=BUS)
+        self.loop.call_at(due, self._arrive, sender, receiver, deliver, context=WIRE)
 
     def last_arrival(self, sender: Session, receiver: Session, delay: float) -> float:
         """Return when what is sent now arrives: not before what was sent earlier."""
@@ -660,7 +654,7 @@ class Network:
                 askers = "publisher" if kind == "subscriber" else "querier"
                 for one in self._tables[askers].matching(declared.key_expr):
                     if one.matched is not None:
-                        self.loop.call_later(HOP, one.tell_matching, context=BUS)
+                        self.loop.call_later(HOP, one.tell_matching, context=WIRE)
 
     def topology_changed(self) -> None:
         """Tell watchers which tokens, and publishers whether subscribers, have appeared or ended; end queries."""
@@ -671,7 +665,7 @@ class Network:
                 if declared.kind == "watcher":
                     self._show_tokens(declared)
                 elif declared.matched is not None:
-                    self.loop.call_later(HOP, declared.tell_matching, context=BUS)
+                    self.loop.call_later(HOP, declared.tell_matching, context=WIRE)
 
     def _show_tokens(self, watcher: _Declared) -> None:
         found = self.tokens(watcher.session, watcher.key_expr)
@@ -687,4 +681,4 @@ class Network:
         self._seen[watcher] = set(present)
 
     def _show(self, watcher: _Declared, key: str, kind: Any, delay: float) -> None:
-        self.loop.call_later(delay, watcher.take, Sample(key, Payload(b""), kind=kind), context=BUS)
+        self.loop.call_later(delay, watcher.take, Sample(key, Payload(b""), kind=kind), context=WIRE)

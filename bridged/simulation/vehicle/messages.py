@@ -37,13 +37,9 @@ class Streams:
     def __post_init__(self) -> None:
         self.intervals = dict(self.defaults)
 
-    def knows(self, message: int) -> bool:
-        """Return whether the vehicle can send a message at all, by its id (0 or more)."""
-        return message in self.known
-
     def interval_us(self, message: int) -> int:
         """Return the interval in µs as in MESSAGE_INTERVAL, by message id: 0 unknown, -1 not sent."""
-        if not self.knows(message):
+        if message not in self.known:
             return 0
         interval = self.intervals.get(message)
         return -1 if interval is None else round(interval * 1e6)
@@ -53,7 +49,7 @@ class Streams:
 
         Returns False for an unknown one.
         """
-        if not self.knows(message):
+        if message not in self.known:
             return False
         self._next_due = None
         seconds = self.defaults.get(message) if interval_us == 0 else interval_us / 1e6
@@ -139,9 +135,9 @@ class MessageHandler(ABC, Generic[A]):
         """Whether something is to be sent soon that is no stream."""
         return False
 
-    @abstractmethod
     def regular(self) -> Messages:
         """Return what is sent regularly and is no stream, for all channels."""
+        return []
 
     @abstractmethod
     def value_of(self, parameter: Parameter, *, named: bool = False) -> dialect.MAVLink_message:

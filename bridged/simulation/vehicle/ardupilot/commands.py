@@ -91,7 +91,7 @@ class CommandContext:
                     return Result.FAILED
                 interval = self.streams.interval_us(wanted)
                 self.ahead.append(dialect.MAVLink_message_interval_message(wanted, interval))
-                return Result.ACCEPTED if self.streams.knows(wanted) else Result.FAILED
+                return Result.ACCEPTED if wanted in self.streams.known else Result.FAILED
             case dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
                 if not math.isfinite(second):
                     return Result.DENIED

@@ -59,20 +59,8 @@ class Mode(IntEnum):
         return self in (Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.LOITER, Mode.POSHOLD)
 
 
-_SIMULATED = frozenset(
-    (
-        Mode.STABILIZE,
-        Mode.ALT_HOLD,
-        Mode.AUTO,
-        Mode.GUIDED,
-        Mode.LOITER,
-        Mode.RTL,
-        Mode.LAND,
-        Mode.POSHOLD,
-        Mode.BRAKE,
-    )
-)
 _ARMABLE = frozenset((Mode.STABILIZE, Mode.ALT_HOLD, Mode.GUIDED, Mode.LOITER, Mode.POSHOLD))
+_SIMULATED = _ARMABLE | {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE}
 
 
 class PlaneMode(IntEnum):

@@ -85,10 +85,6 @@ class Px4Messages(MessageHandler[Px4]):
         """Whether an upload or something that takes its time goes on."""
         return bool(self._later) or self._mission.uploading
 
-    def regular(self) -> Messages:
-        """Return nothing: all that PX4 sends regularly is a stream."""
-        return []
-
     def notify(self, event: Event, channels: list[Channel]) -> None:
         """Send a notification on every channel; STATUSTEXT only where a ground station is heard."""
         if isinstance(event, Text):
