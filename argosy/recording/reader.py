@@ -181,11 +181,11 @@ class Recording:
         while True:
             self._look_into(file, facts, counts)
             self.files.append(file.path)
-            following = self.end.following if self.end is not None else ""
+            following = Path(self.end.following).name if self.end is not None else ""
             if not following:
                 break
-            path = file.path.with_name(Path(following).name)
-            if not path.exists():
+            path = file.path.with_name(following)
+            if not _is_there(path):
                 self._lacks.append(f"{path}: is missing: the recording continues in it")
                 break
             if (next_one := _part(path, facts, facts.part + len(self.files))) is None:
@@ -263,6 +263,13 @@ def _facts_of(file: McapFile) -> Facts | None:
             except ValueError as error:
                 raise BadRecording(f"{file.path}: {error}") from None
     return None
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a recording may name any file: this name is too long
+        return False
 
 
 def _part(path: Path, facts: Facts, number: int) -> McapFile | None:

@@ -42,6 +42,11 @@ ELSEWHERE = "refused: this request does not come from the page of `argosy ui`\n"
 MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
 
 
+def host_of(request: web.Request) -> str:
+    """Return the `Host` header; empty without one, where aiohttp's own waits for the name service."""
+    return request.headers.get("Host", "")
+
+
 @dataclass(frozen=True)
 class AuthGuard:
     """The access rules of one run of the server."""
@@ -100,7 +105,7 @@ class AuthGuard:
     def is_ours(self, request: web.Request) -> bool:
         """Whether our own page made a request."""
         site = request.headers.get("Sec-Fetch-Site", "same-origin")
-        return site == "same-origin" and request.headers.get("Origin") == f"http://{request.host}"
+        return site == "same-origin" and request.headers.get("Origin") == f"http://{host_of(request)}"
 
     def enter(self, request: web.Request) -> web.StreamResponse | None:
         """Answer a request that shows the token: with the cookie, and the address without the token."""
@@ -123,14 +128,14 @@ class AuthGuard:
         answer = await self._answer(request, handler)
         if not answer.prepared:
             answer.headers.update(HEADERS)
-            answer.headers["Content-Security-Policy"] = POLICY.format(host=request.host)
+            answer.headers["Content-Security-Policy"] = POLICY.format(host=host_of(request))
             kept = isinstance(answer, web.FileResponse)  # the browser asks each time whether its copy still holds
             answer.headers["Cache-Control"] = "no-cache" if kept else "no-store"
         return answer
 
     async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not self.names(request.host):
-            return web.Response(status=421, text=MISNAMED.format(host=request.host[:100]))
+        if not self.names(host := host_of(request)):
+            return web.Response(status=421, text=MISNAMED.format(host=host[:100]))
         entered = self.enter(request) if request.method == "GET" else None
         if entered is not None:
             return entered

@@ -102,7 +102,7 @@ def _asked(
             return web.Response(status=415, text="expected application/json\n")
         try:
             asked = decoder.decode(await request.read())
-        except msgspec.DecodeError as bad:
+        except (msgspec.DecodeError, UnicodeDecodeError) as bad:
             return web.Response(status=400, text=f"{bad}\n")
         return web.Response(body=encoded(await answer(asked)), content_type="application/json")
 

@@ -187,6 +187,16 @@ def test_the_name_of_a_missing_part_commands_no_terminal(tmp_path: Path) -> None
     assert [one for one in RAW if one in missing.encode()] == []
 
 
+@pytest.mark.parametrize(
+    ("following", "missing"), [(".", ""), ("/", ""), ("x" * 300, "is missing"), ("\0", "is missing")]
+)
+def test_what_is_no_name_of_a_file_is_no_next_part(following: str, missing: str, tmp_path: Path) -> None:
+    values, found = read(part(tmp_path / "a.mcap", 1, following=following))
+    assert values == [1]
+    assert missing in found
+    assert bool(missing) == bool(found)
+
+
 def test_what_is_no_name_of_a_fleet_is_none(tmp_path: Path) -> None:
     messages = [altitude(1, 1.0), heard(f"argosy/{IN_KEY}/uav/percept/x", Perception(name="x"))]
     write(path := tmp_path / "a.mcap", messages).close(end())

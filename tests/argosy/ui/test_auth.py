@@ -105,6 +105,7 @@ async def test_every_answer_forbids_what_is_not_ours() -> None:
     [
         (b"x" * 20_000, 413),
         (b"{", 400),
+        (b'{"order":"hold","at":1,"robots":["\xff"]}', 400),
         ({"order": "explode"}, 400),
         ({"order": "hold", "and": "more"}, 400),
         ({"order": "hold", "robots": "uav1"}, 400),
@@ -195,6 +196,21 @@ async def test_an_address_of_a_command_line_opens_once() -> None:
         browser.session.cookie_jar.clear()
         assert (await browser.get(path))[0] == 401, "somebody else has read it"
         await browser.enter()
+
+
+@async_test
+async def test_a_request_without_a_host_is_refused_without_a_question_to_the_name_service(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("socket.getfqdn", lambda name="": asked.append(name) or "here")
+    async with served() as browser:
+        reader, writer = await asyncio.open_connection("127.0.0.1", browser.auth.port)
+        writer.write(b"GET / HTTP/1.0\r\n\r\n")
+        answer = await asyncio.wait_for(reader.read(), 120)
+        writer.close()
+    assert b" 421 " in answer.split(b"\r\n")[0]
+    assert not asked
 
 
 @async_test
