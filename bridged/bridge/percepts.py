@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +27,8 @@ from schemas.wire.records import Header, Note, Perception
 from schemas.wire.terms import Atom, Term, to_float
 
 MAX_BELIEFS = 1000
-"""Beliefs that a robot may give at a time; the oldest goes first, and is counted."""
+"""Beliefs that a robot may give at a time; the oldest of the name that has most of them goes first, and is counted: a
+vehicle that sends a thousand parameters keeps its position."""
 MAX_SOURCES = 256
 """Sources whose last reading is kept."""
 JITTER = 0.25
@@ -255,7 +257,8 @@ class PerceptPublisher:
         if slot is None:
             while len(self._slots) >= MAX_BELIEFS:
                 self.dropped += 1
-                self._remove(next(iter(self._slots)))
+                ((most, _),) = Counter(slot.name for slot in self._slots.values()).most_common(1)
+                self._remove(next(key for key, slot in self._slots.items() if slot.name == most))
             slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now, _period(entry))
             self._publish_slot(slot, parameters, now)
             due = math.inf if entry.ttl is None else now + entry.ttl * self._ttl_scale

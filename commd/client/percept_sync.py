@@ -19,7 +19,7 @@ from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
 from commd.common.repeated_log import is_logged
 from schemas.wire import keys
-from schemas.wire.percept_set import PerceptSet, differences, tells_of_none
+from schemas.wire.percept_set import MOST_BYTES, PerceptSet, differences, tells_of_none
 from schemas.wire.records import Health, Note, Perception, Perceptions
 
 log = logging.getLogger("percepts")
@@ -159,7 +159,7 @@ class PerceptSync:
         family = perception.name, len(perception.parameters)
         beside = bool(len(self._by_hand.percepts)) and self._by_hand.percepts.family(*family)
         before = self.percepts.family(*family) if beside else []
-        life = self.percepts.boot
+        life, left_out = self.percepts.boot, self.percepts.left_out
         if self.percepts.apply(perception):
             if life != self.percepts.boot:
                 self._left = life
@@ -167,6 +167,9 @@ class PerceptSync:
                 self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
             else:
                 self._on_change(perception)
+        elif self.percepts.left_out > left_out:
+            what = f"a percept {perception.name} is left out: those of {self._robot} take {MOST_BYTES} bytes already"
+            self._note("left_out", what)
         elif asyncio.get_running_loop().time() > self._repaired_at + IN_FLIGHT:
             header, at = perception.header, self.percepts.seq
             why = f"its header has source {header.source} and seq {header.seq}, after seq {at}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from itertools import accumulate
 
 import msgspec
 from msgspec.structs import replace
@@ -20,6 +21,9 @@ Family = tuple[str, int]
 _ENCODE = msgspec.msgpack.Encoder().encode
 _DIGITS = 20
 """Digits of a seq at most."""
+MOST_BYTES = 16 * 2**20
+"""Bytes of a set, with `_EACH` for each belief: some 10,000 of them. A bridge of ours has a tenth."""
+_EACH = 1_600
 
 
 class PerceptSet:
@@ -32,6 +36,9 @@ class PerceptSet:
         """Seq of the last applied perception."""
         self.missed = 0
         """Number of skipped seqs: lost perceptions."""
+        self.left_out = 0
+        """Number of beliefs for which there was no room: the set is not the publisher's then."""
+        self._bytes = 0
         self._families: dict[Family, dict[bytes, Perception]] = {}
         self.in_doubt = False
         """Whether the whole set must be fetched, whatever its bridge reports: after a gap."""
@@ -43,7 +50,7 @@ class PerceptSet:
         return sum(map(len, self._families.values()))
 
     def apply(self, perception: Perception) -> bool:
-        """Apply one perception. Returns False for an old one, which changes nothing."""
+        """Apply one perception. Returns False for an old one, and one for which there is no room: nothing changes."""
         boot, seq, identity = perception.header.boot, perception.header.seq, _identity(perception)
         if boot != self.boot:
             self.in_doubt = self.in_doubt or len(self) > 0
@@ -54,8 +61,21 @@ class PerceptSet:
             self.missed += seq - self.seq - 1
             self.in_doubt = True
         self.seq = seq
+        if not self._has_room(perception, identity):
+            self.left_out += 1
+            return False
         self._alter(perception, identity)
         return True
+
+    def _has_room(self, perception: Perception, identity: bytes) -> bool:
+        """Return whether the set stays below `MOST_BYTES` with a perception."""
+        more = self._bytes + len(identity) + _EACH - MOST_BYTES
+        if more <= 0 or perception.update == "remove":
+            return True
+        beliefs = self._families.get((perception.name, len(perception.parameters)), {})
+        if perception.update == "add":
+            return identity in beliefs
+        return sum(len(known) + _EACH for known in self._concerned(perception, identity, beliefs)) >= more
 
     def alter(self, perception: Perception) -> list[Perception]:
         """Apply a perception without a stream. Returns the changes, removals first."""
@@ -83,8 +103,10 @@ class PerceptSet:
         gone: dict[bytes, Perception] = {}
         if perception.update != "add":
             gone = {known: beliefs.pop(known) for known in self._concerned(perception, identity, beliefs)}
+        self._bytes -= sum(len(known) + _EACH for known in gone)
         come = perception.update != "remove" and identity not in gone and identity not in beliefs
         if perception.update != "remove":
+            self._bytes += 0 if identity in beliefs else len(identity) + _EACH
             beliefs[identity] = perception
         elif not beliefs:
             del self._families[family]
@@ -143,7 +165,8 @@ class PerceptSet:
             return True
         if self.in_doubt or not readable:
             return self.in_doubt
-        return content != self.digest().rpartition(":")[2]
+        full = self.left_out and self._bytes > MOST_BYTES // 2
+        return not full and content != self.digest().rpartition(":")[2]
 
     def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
         """Become the reply to a repair query that was asked at our seq `asked_at` (now by default).
@@ -151,7 +174,8 @@ class PerceptSet:
         Returns the differences, removals first. Returns None, and changes nothing, if a newer perception came
         meanwhile: ask again. A reply older than our seq at the query is taken: ours was not the bridge's.
         """
-        present = list(snapshot)
+        whole = list(snapshot)
+        present = [one for one, size in zip(whole, accumulate(map(_size, whole)), strict=True) if size <= MOST_BYTES]
         boot = present[0].header.boot if present else self.boot
         seq = max((one.header.seq for one in present), default=self.seq if self._reported is None else self._reported)
         was_ahead = asked_at is not None and seq < asked_at <= self.seq
@@ -164,6 +188,7 @@ class PerceptSet:
         for one in present:
             self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
         self.boot, self.seq, self.in_doubt, self._digest = boot, seq, False, ""
+        self.left_out, self._bytes = len(whole) - len(present), sum(map(_size, present))
         return changes
 
     def clear(self) -> list[Perception]:
@@ -171,6 +196,7 @@ class PerceptSet:
         gone = [_removal(one) for one in self.present()]
         self._families.clear()
         self.boot, self.seq, self.in_doubt, self._digest, self._reported = "", 0, False, "", None
+        self.left_out = self._bytes = 0
         return gone
 
 
@@ -199,6 +225,11 @@ def _concerns(change: Perception, belief: Perception) -> bool:
 def _identity(perception: Perception) -> bytes:
     """Return the belief without header, update and key, encoded."""
     return _ENCODE((perception.name, perception.parameters))
+
+
+def _size(perception: Perception) -> int:
+    """Return the bytes that a belief takes of `MOST_BYTES`."""
+    return len(_identity(perception)) + _EACH
 
 
 def _removal(belief: Perception) -> Perception:

@@ -53,7 +53,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/guides/restart.md": ("0.5 s, 0.3 s, 10 times, 200 times, 1 MB, 64 MB", "limits and pauses"),
     "docs/start/search-and-rescue.md": ("20 %, 1500 us", "what a rescuer goes out with, and when a latch is open"),
     "docs/guides/security.md": (
-        "0.1 s, 0.3 s, 0.5 s, 4 MiB, 8 MiB, 1 MB, 64 MB, 128 kB, 150 kB, 256 kB, 256 MB, 512 MB",
+        "0.1 s, 0.3 s, 0.5 s, 4 MiB, 8 MiB, 16 MiB, 1 MB, 64 MB, 128 kB, 150 kB, 256 kB, 256 MB, 512 MB",
         "limits and pauses",
     ),
     "docs/guides/simulation.md": (

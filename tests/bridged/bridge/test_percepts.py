@@ -386,6 +386,14 @@ def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:
     assert board.percepts.dropped == 50
 
 
+def test_a_flood_of_one_percept_takes_the_place_of_no_other(board: Board) -> None:
+    board.hear("MODE", name="GUIDED", armed=False)
+    for number in range(MAX_BELIEFS + 50):
+        board.hear("EVENT", text=f"event {number}")
+    assert board.percepts.sets["uav"].named("mode")
+    assert board.percepts.sets["uav"].named("event")[0].parameters == ("event 51",)
+
+
 def test_an_older_digest_is_asked_about_and_what_is_newer_stays(board: Board) -> None:
     copy = PerceptSet()
     board.hear("MODE", name="GUIDED", armed=False)

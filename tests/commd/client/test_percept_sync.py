@@ -213,6 +213,28 @@ async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
 
 
 @bus_test
+async def test_percepts_that_are_added_without_end_fill_no_memory(
+    connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bridge, perceiving, heard = await watched(connect)
+    bridge.percepts = PerceptSet()
+    monkeypatch.setattr("schemas.wire.percept_set.MOST_BYTES", 50_000)
+    for number in range(100):
+        bridge.tell("victim", number, update="add")
+    await until(lambda: perceiving.percepts.seq == 100, "all arrive")
+    there = len(perceiving.percepts)
+    assert 20 < there < 40
+    assert len(heard) == there
+    assert perceiving.counters["left_out"] == 100 - there
+    bridge.report()
+    bridge.tell("victim", 0, update="remove", key=(0,))
+    bridge.tell("altitude", 7)
+    await until(lambda: heard[-1] == ("came", "altitude", (7,)), "there is room again")
+    assert perceiving.counters["repairs"] <= 1
+    assert "a percept victim is left out: those of uav1 take " in caplog.text
+
+
+@bus_test
 async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
