@@ -15,7 +15,7 @@ from bridged.drivers.api import Execution, FinalState, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
-from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
+from bridged.drivers.mavlink.vehicle.state import GOES_DOWN, Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from commd.process.state_dir import make_private_folder, replace_file
 from schemas.manifest.loader import Retry
@@ -463,7 +463,10 @@ class ProcedureContext:
     @property
     def others(self) -> str:
         """Who set a mode that nobody here asked for, for people."""
-        return "the vehicle's failsafe" if self.vehicle.failsafe_acts else "pilot, ground station or failsafe"
+        if not self.vehicle.failsafe_acts:
+            return "pilot, ground station or failsafe"
+        state = dialect.enums["MAV_STATE"][self.vehicle.system_status].name.removeprefix("MAV_STATE_")
+        return f"the vehicle's failsafe{f'; its state is {state}' if self.vehicle.system_status in GOES_DOWN else ''}"
 
     def state_text(self) -> str:
         """Return mode, arming and whether it flies, for people."""

@@ -50,7 +50,8 @@ def test_a_motion_of_a_vehicle_that_goes_down_or_whose_motors_are_cut_has_failed
     sent = len(sky.sent)
     status = sky.end(landing, 5)
     assert (status.state, status.cause) == ("failed", "pilot")
-    assert "the vehicle's failsafe" in status.reason
+    name = dialect.enums["MAV_STATE"][state].name.removeprefix("MAV_STATE_")
+    assert f"(the vehicle's failsafe; its state is {name})" in status.reason
     assert sky.belief("override") == ("LAND",)
     assert sky.do("goto", *FAR, 40).cause == "pilot"
     asked = {one.command for one in sky.sent[sent:] if one.get_type().startswith("COMMAND_")}
