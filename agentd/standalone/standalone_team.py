@@ -293,7 +293,7 @@ class Team:
                 if self._world is not None:
                     self._world.perform(mind, effect)
                 else:
-                    why = f"there is no environment that could perform {name}"
+                    why = f"there is no environment that could perform {name}: name one by --env"
                     mind.feed(ActionDone(number, False, missing_action(name, len(parameters)) if "." in name else why))
             case CancelAction():
                 if self._world is not None:

@@ -178,6 +178,7 @@ def _restart(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
         text = f"on_restart: the program has no plan for `+!{wanted[0]}`"
         if wanted[1]:
             text = f"{text[:-1]}/{wanted[1]}`"
+        text += near(wanted[0], {placed.name for placed in survey.plans if placed.event == "+!" and placed.name})
         yield mission.positions.finding(("agents", agent, "on_restart"), text)
 
 

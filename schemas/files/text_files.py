@@ -26,11 +26,11 @@ def near_file(path: str | Path) -> str:
     """Return ``; did you mean x.yaml?`` if a file of nearly this name and the same suffix is in its folder."""
     path = Path(path)
     try:
-        there = [one.name for one in path.parent.iterdir() if one.suffix == path.suffix and one.is_file()]
+        there = [one.stem for one in path.parent.iterdir() if one.suffix == path.suffix and one.is_file()]
     except (OSError, ValueError):
         return ""
-    found = nearest(path.name, there, 0.7)
-    return "" if found is None else f"; did you mean {found}?"
+    found = nearest(path.stem, there)
+    return "" if found is None else f"; did you mean {found}{path.suffix}?"
 
 
 def open_regular(path: str | Path) -> BinaryIO:

@@ -182,7 +182,9 @@ def test_a_test_that_fails_otherwise_is_in_error_with_the_reason_and_the_formula
         "at some_test.asl:2: @no_plan[test] +!a <- !nowhere(1).",
         "that is: nowhere(1)[source(self)]",
     ]
-    assert ran.details("action")[0] == "action_failed: there is no environment that could perform fly"
+    assert (
+        ran.details("action")[0] == "action_failed: there is no environment that could perform fly: name one by --env"
+    )
     assert ran.details("own_reason")[0] == "internal_action: too windy"
     assert ran.details("context") == [
         "no_applicable: the context of the test plan does not hold",

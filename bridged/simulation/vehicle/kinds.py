@@ -20,6 +20,7 @@ from bridged.simulation.vehicle.px4.copter import Px4Copter
 from bridged.simulation.vehicle.px4.messages import Px4Messages
 from bridged.simulation.vehicle.px4.plane import Px4Plane
 from bridged.simulation.vehicle.px4.rover import Px4Rover
+from schemas.files.findings import nearest
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -53,7 +54,9 @@ class VehicleKind:
         parameters = Parameters(self.autopilot.ROWS)
         for name, value in ((self.autopilot.SYSTEM_ID, system), *settings):
             if name not in parameters:
-                raise ValueError(f"the simulated {self.name} has no parameter {name!r}")
+                near = nearest(name, [row[0] for row in self.autopilot.ROWS])
+                hint = f", did you mean `{near}`?" if near is not None else ""
+                raise ValueError(f"the simulated {self.name} has no parameter {name!r}{hint}")
             parameters.set(name, value)
         return self.autopilot(place, parameters, heading, boot, charge_time)
 

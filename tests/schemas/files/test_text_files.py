@@ -16,11 +16,11 @@ from schemas.mission.model import load_mission
 
 
 def test_a_missing_file_is_told_with_the_one_that_it_nearly_is(tmp_path: Path) -> None:
-    for name in ("single_uav.yaml", "uav.asl", "copter.toml", "ova.asl"):
+    for name in ("single_uav.yaml", "uav.asl", "copter.toml", "a.asl"):
         (tmp_path / name).touch()
     (tmp_path / "uaw.asl").mkdir()
     assert near_file(tmp_path / "uaf.asl") == "; did you mean uav.asl?"
-    assert [near_file(tmp_path / name) for name in ("uav.asl", "zzz.asl", "uav.txt", "none/uav.asl")] == [""] * 4
+    assert [near_file(tmp_path / name) for name in ("uav.asl", "b.asl", "uav.txt", "none/uav.asl")] == [""] * 4
     with pytest.raises(Findings, match=r"No such file or directory; did you mean single_uav[.]yaml[?]$"):
         load_mission(tmp_path / "single_uaf.yaml")
     with pytest.raises(Findings, match=r"; did you mean copter[.]toml[?]$"):
