@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
 from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, ProcedureContext, ProcedureRun
 from bridged.drivers.mavlink.actions.flight import arm
@@ -171,6 +173,8 @@ class ControlAuthority:
                 self._end_override()
             elif run.by_agent and run.moves:
                 self._by_agent = True
+        elif self._vehicle.system_status == dialect.MAV_STATE_BOOT:
+            pass  # nobody has set the mode that it begins with
         elif self._vehicle.overridden and (run.judges_mode or (run.procedure.sets_mode and self._vehicle.armed)):
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()

@@ -128,6 +128,16 @@ def test_a_vehicle_that_reboots_in_flight_is_called_rebooted_and_nobody_has_take
     assert sky.bridge.health().notes == ()
 
 
+def test_a_mode_that_is_being_set_when_the_vehicle_reboots_is_not_taken_by_others(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, faults=Faults(reboots=(45.0,))).flying(10)
+    sky.forward(lambda: sky.vehicle.age > 44.8, "the reboot", 60)
+    heard = sky.begin("set_mode", "LOITER")
+    assert sky.end(heard, 20).state == "failed"
+    sky.wait(5)
+    assert sky.driver.vehicle.reboots == 1
+    assert sky.told("override") == []
+
+
 def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None:
     sky = Sky(tmp_path).flying(10)
     heard = sky.begin("goto", GOAL[0] + 0.01, GOAL[1], 20)
