@@ -154,9 +154,7 @@ class Outbox:
 
     async def drain(self, patience: float) -> None:
         """Wait until all messages on disk are handed over, at most `patience` wall seconds; then end."""
-        try:
-            await asyncio.wait_for(self._empty.wait(), patience)
-        except TimeoutError:
+        if not await wait_at_most(self._empty, patience):
             log.warning("agent=%s mail_left messages=%d: commd has not taken them", self._agent, len(self))
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from argosy.cli.journal import Journal
 from argosy.processes.process_table import Process
+from commd.common.tasks import wait_at_most
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.wire import log_lines
 from schemas.wire.log_lines import LogLine
@@ -255,8 +256,7 @@ class Restarts:
         task.add_done_callback(self._tasks.discard)
 
     async def _again(self, child: Child, delay: float) -> None:
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._over.wait(), delay)
+        if await wait_at_most(self._over, delay):
             return
         try:
             new = await self._supervisor.start(child.process, instead_of=child)

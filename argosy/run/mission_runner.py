@@ -22,6 +22,7 @@ from argosy.run.recovery import Recovery, Watchdog
 from argosy.run.run_status import Status
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
+from commd.common.tasks import wait_at_most
 from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.manifest.rules import FUNCTOR
 from schemas.mission.model import Ending as Formula
@@ -230,8 +231,7 @@ class MissionRunner:
             if self.status.setup.restart:
                 self._watchdog.look()
                 self._restarts.report_restarted(self.status.serves)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._wake.wait(), REFRESH)
+            await wait_at_most(self._wake, REFRESH)
 
     def _interrupted(self) -> str:
         """Return the signal by which the user ended the run, as text; empty if there was none."""
@@ -257,11 +257,7 @@ class MissionRunner:
     async def _undisturbed(self, seconds: float) -> bool:
         """Wait `seconds`, unless the user or a process ends. Returns whether the time passed."""
         self._wake.clear()
-        try:
-            await asyncio.wait_for(self._wake.wait(), seconds)
-        except TimeoutError:
-            return True
-        return False
+        return not await wait_at_most(self._wake, seconds)
 
     async def _bring_home(self) -> str:
         """Wait until no vehicle is armed; the agents leave meanwhile, so that only bridges command vehicles.

@@ -16,6 +16,7 @@ from aiohttp import WSMsgType, web
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.fleet_model.timeline import Entry, Timeline
 from argosy.ui.view_structs import encoded
+from commd.common.tasks import wait_at_most
 
 AT_FIRST = 600
 """Events that a new page is sent."""
@@ -154,8 +155,7 @@ class Page:
 
     async def _send_news(self, socket: web.WebSocketResponse) -> None:
         """Send the news whenever the page has taken the last message."""
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._hurry.wait(), 1.0)  # for its first message
+        await wait_at_most(self._hurry, 1.0)  # for its first message
         sent_at = 0.0
         while not socket.closed:
             self._hurry.clear()
@@ -171,8 +171,7 @@ class Page:
                         await socket.close(code=1008, message=b"too slow")
                     return
                 sent_at, self.sent = now, self.sent + len(message)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self._hurry.wait(), PERIOD)
+            await wait_at_most(self._hurry, PERIOD)
 
 
 EMPTY = len('{"now":1234567890.123}')

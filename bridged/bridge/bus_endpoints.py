@@ -345,8 +345,7 @@ class VehicleRequests:
             with suppress(TimeoutError):
                 async with asyncio.timeout(REQUEST_AT_MOST):
                     while not ended.is_set():
-                        await wait_at_most(ended, STATUS_EVERY)
-                        if not ended.is_set():
+                        if not await wait_at_most(ended, STATUS_EVERY):
                             figures, (kind, came, of) = execution.feedback, progress
                             query.reply(kind(came=int(figures.get(came, 0)), of=int(figures.get(of, 0))))
             waited = f"; it waited for {execution.waits_for}" if execution.waits_for else ""

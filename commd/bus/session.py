@@ -20,6 +20,7 @@ from commd.bus.connect_diagnosis import why_not
 from commd.bus.errors import BusClosed
 from commd.bus.tls import Tls, identity_in
 from commd.common.repeated_log import RepeatedLog
+from commd.common.tasks import wait_at_most
 from schemas.files.findings import Findings
 
 log = logging.getLogger("bus")
@@ -229,11 +230,7 @@ async def close_session(session: zenoh.Session) -> bool:
             loop.call_soon_threadsafe(closed.set)  # not behind all that waits to be handed over
 
     threading.Thread(target=close, name=CLOSING, daemon=True).start()
-    try:
-        await asyncio.wait_for(closed.wait(), CLOSE_PATIENCE)
-    except TimeoutError:
-        return False
-    return True
+    return await wait_at_most(closed, CLOSE_PATIENCE)
 
 
 def _close(session: zenoh.Session) -> None:

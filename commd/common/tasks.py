@@ -54,11 +54,12 @@ def in_step(now: float, period: float, least: float = 0.0) -> float:
     return left if left >= least else left + period
 
 
-async def wait_at_most(event: asyncio.Event, seconds: float | None) -> None:
-    """Wait for an event, at most `seconds` (wall; None = for ever)."""
+async def wait_at_most(event: asyncio.Event, seconds: float | None) -> bool:
+    """Wait for an event, at most `seconds` (wall; None = for ever). Returns whether it is set."""
     with suppress(TimeoutError):
         async with asyncio.timeout(seconds):  # wait_for of Python 3.11 loses a cancel that coincides with the event
             await event.wait()
+    return event.is_set()
 
 
 class Alarm:
