@@ -82,7 +82,7 @@ class Perception(Record, frozen=True, kw_only=True):
     """May be empty in a percept put by hand: then the key has it."""
     parameters: tuple[Term, ...] = ()
     update: Literal["replace", "add", "remove"] = "replace"
-    key: tuple[int, ...] = ()
+    key: tuple[Int64, ...] = ()
     """Positions of the parameters that identify the belief to replace or remove; none = all of that name and arity."""
 
 

@@ -131,6 +131,8 @@ def decode_hook(expected: type, value: Any) -> Any:
     if isinstance(value, _PLAIN):
         if type(value) is float and not math.isfinite(value):
             return number(value)
+        if type(value) is int and not -(2**63) <= value < 2**63:
+            raise ValueError("Expected a number, got an integer of more than 64 bits: write it with a point")
         return value
     if isinstance(value, list):
         return [decode_hook(expected, item) for item in value]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from schemas.wire.records import Cause, Header, Record
+from schemas.wire.records import Cause, Finite, Header, Int64, Record
 
 
 class ParameterRequest(Record, frozen=True, kw_only=True):
     """A request to set one parameter of a vehicle that is not armed; a query without it reads all of them."""
 
     name: str
-    value: float
+    value: Finite
     allow_safety: bool = False
     """Whether it may be one that the vehicle's safety depends on, such as a failsafe."""
 
@@ -18,12 +18,12 @@ class VehicleParameters(Record, frozen=True, kw_only=True):
     """Parameters as a vehicle reports them. While they arrive there are replies without values; the last is `done`."""
 
     header: Header = Header()
-    values: dict[str, float] = {}
+    values: dict[str, Finite] = {}
     left_out: tuple[str, ...] = ()
     """Parameters whose value is no finite number."""
-    came: int = 0
+    came: Int64 = 0
     """Number of those that have arrived."""
-    of: int = 0
+    of: Int64 = 0
     """Number of all; 0 = not known yet."""
     done: bool = False
     problem: str = ""
@@ -35,14 +35,14 @@ class VehicleParameters(Record, frozen=True, kw_only=True):
 class PlanItem(Record, frozen=True, kw_only=True):
     """An item of a vehicle's mission, with the fields of MISSION_ITEM_INT."""
 
-    command: int
-    frame: int
-    parameters: tuple[float | None, float | None, float | None, float | None] = (0.0, 0.0, 0.0, 0.0)
+    command: Int64
+    frame: Int64
+    parameters: tuple[Finite | None, Finite | None, Finite | None, Finite | None] = (0.0, 0.0, 0.0, 0.0)
     """None = not a number: the vehicle's choice."""
-    x: int = 0
-    y: int = 0
-    z: float = 0.0
-    autocontinue: int = 1
+    x: Int64 = 0
+    y: Int64 = 0
+    z: Finite = 0.0
+    autocontinue: Int64 = 1
 
 
 class StoredPlan(Record, frozen=True, kw_only=True):
@@ -51,13 +51,13 @@ class StoredPlan(Record, frozen=True, kw_only=True):
     header: Header = Header()
     items: tuple[PlanItem, ...] = ()
     """The first is home."""
-    autopilot: int = 0
+    autopilot: Int64 = 0
     """MAV_AUTOPILOT of the vehicle."""
-    vehicle: int = 0
+    vehicle: Int64 = 0
     """MAV_TYPE of the vehicle."""
-    came: int = 0
+    came: Int64 = 0
     """Number of items that have arrived."""
-    of: int = 0
+    of: Int64 = 0
     """Number of all; 0 = not known yet."""
     done: bool = False
     problem: str = ""

@@ -84,6 +84,13 @@ def test_an_integer_that_fits_no_file_and_no_time_is_refused() -> None:
             codec(Perception).decode(b'{"name":"a","header":{"stamp":%d}}' % number)
 
 
+@pytest.mark.parametrize("place", ["%d", "[[%d]]", '{"kind":"structure","functor":"f","args":[%d]}'])
+@pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 10**400])
+def test_an_integer_in_a_term_that_no_number_of_a_mind_holds_is_refused(place: str, number: int) -> None:
+    with pytest.raises(BadRecord, match=r"Perception: .*got an integer of more than 64 bits"):
+        codec(Perception).decode(f'{{"name":"a","parameters":[{place % number}]}}'.encode())
+
+
 @pytest.mark.parametrize(
     ("payload", "error"),
     [
