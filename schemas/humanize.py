@@ -26,6 +26,11 @@ def joined(parts: Sequence[str], last: str = "and") -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""
 
 
+def some(parts: Sequence[str], most: int) -> str:
+    """Return `a, b and c`, of more than `most` (1 or more) the first, and how many more there are."""
+    return joined([*parts[:most], f"{len(parts) - most} more"] if len(parts) > most else parts)
+
+
 def span(seconds: float) -> str:
     """Return a length of time in seconds: `0.4 s`, `95 s`, `3 min 5 s`, `2 h 5 min`, `3 d 2 h`; `? s` if not finite."""
     if not math.isfinite(seconds):

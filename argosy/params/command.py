@@ -11,19 +11,19 @@ from argosy.cli.errors import BadInput, CommandError, complain, consent
 from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, fleet_of, note, on_the_bus, put_out
 from argosy.cli.vehicle_requests import ask_vehicle, check_new, write_whole
 from argosy.params.param_files import (
+    MOST_NAMED,
     Comparison,
     Difference,
     ParameterFile,
     compare,
     read_parameter_file,
-    some,
     value_text,
     write_parameters,
 )
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
-from schemas.humanize import count, printable
+from schemas.humanize import count, printable, some
 from schemas.wire import keys
 from schemas.wire.vehicle_records import ParameterRequest, VehicleParameters
 
@@ -134,7 +134,7 @@ async def _read(bus: Bus, fleet: str, robot: str) -> dict[str, float]:
     if found.problem:
         raise CommandError(f"{robot}: {found.problem}")
     if found.left_out:
-        note(f"{robot}: left out, as their values are no numbers: {some(found.left_out)}")
+        note(f"{robot}: left out, as their values are no numbers: {some(found.left_out, MOST_NAMED)}")
     return found.values
 
 
@@ -166,6 +166,6 @@ async def _set_all(bus: Bus, fleet: str, args: Namespace, chosen: list[Differenc
                 break
     finally:
         if chosen:
-            rest = f"; {len(left)} not confirmed: {some(left)}" if left else ""
+            rest = f"; {len(left)} not confirmed: {some(left, MOST_NAMED)}" if left else ""
             put_out(f"{args.robot}: {done} of {count(len(chosen), 'parameter')} set{rest}")
     return left

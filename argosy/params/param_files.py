@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.vehicle.safety_parameters import is_vehicles_own, safety_kind
 from schemas.files.findings import Finding, Findings, nearest
 from schemas.files.text_files import read_bounded
-from schemas.humanize import columns, count, joined
+from schemas.humanize import columns, count, some
 
 MAX_BYTES = 2**20
 """A vehicle has about 1,400 parameters; their table at QGroundControl has 50 kB."""
@@ -167,7 +167,7 @@ class Comparison:
             unknown = [
                 f"{name} (did you mean {self.near[name]}?)" if name in self.near else name for name in self.unknown
             ]
-            parts.append(f"{len(unknown)} that the vehicle does not have: {some(unknown)}")
+            parts.append(f"{len(unknown)} that the vehicle does not have: {some(unknown, MOST_NAMED)}")
         if self.own:
             parts.append(f"{self.own} that the vehicle changes by itself, not compared")
         parts.append(f"{self.not_in_file} of the vehicle that the file does not have")
@@ -190,9 +190,3 @@ def compare(wanted: Mapping[str, float], held: Mapping[str, float]) -> Compariso
     same = len(found) - own - len(differences)
     hints = {name: hint for name in unknown[:MOST_NAMED] if (hint := nearest(name, held, 0.8)) is not None}
     return Comparison(tuple(differences), tuple(unknown), own, same, len(held) - len(found), hints)
-
-
-def some(names: Sequence[str]) -> str:
-    """Return the first of some names, and how many more there are."""
-    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
-    return joined([*names[:MOST_NAMED], *more])

@@ -29,7 +29,7 @@ from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, on_end_signals
-from schemas.humanize import count, printable, size
+from schemas.humanize import count, printable, size, some
 from schemas.mission.model import DEFAULT_ROUTER
 from schemas.wire import keys
 
@@ -139,7 +139,7 @@ async def _somebody(bus: Bus, fleets: Iterable[str], player: Player) -> list[str
 
 
 def _danger(there: list[str]) -> str:
-    who = there[0] if len(there) == 1 else f"{there[0]} and {len(there) - 1} more"
+    who = some(there, 1)
     return f"{who} is running: it must not receive the percepts of another flight. Name another --fleet, or use --force"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from schemas.humanize import joined, shortened, span
+from schemas.humanize import shortened, some, span
 from schemas.wire.mind_records import FailureView, PlanView, RejectedView, WaitView
 
 ANSWERING = "+!answer_question"
@@ -101,9 +101,7 @@ def raiser_text(event: str) -> str:
 
 def goals_text(events: Iterable[str]) -> str:
     """Return several goals, the innermost first; of many the number."""
-    goals = [goal_text(event) for event in events]
-    rest = len(goals) - MOST_GOALS
-    return joined([*goals[:MOST_GOALS], f"{rest} more"] if rest > 0 else goals)
+    return some([goal_text(event) for event in events], MOST_GOALS)
 
 
 def plan_text(plan: PlanView) -> str:
