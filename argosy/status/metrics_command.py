@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +31,8 @@ REQUEST_BYTES = 8_192
 REQUEST_PATIENCE = 5.0
 """Wall seconds that a caller has to ask, and to take the answer."""
 
+_HOST = re.compile(rb"\r\nhost:[ \t]*(\[[^\]\r]*\]|[^:\r]*)", re.ASCII | re.IGNORECASE)
+"""The header of a request that names its server."""
 COUNTERS = 100
 """Counters of one daemon that are exported; further ones are left out."""
 FIGURES: tuple[tuple[str, str, Callable[[Health], float | None]], ...] = (
@@ -59,13 +62,14 @@ def run(args: Namespace) -> int:
     async def serve(bus: Bus, where: Where) -> int:
         fleet_status = FleetStatus.of_bus(bus, where.fleet, where.mission)
         fleet = "" if where.fleet == ANY else where.fleet
-        page = Page(lambda: Fleet(fleet, fleet_status.rows(), bus.router_up, fleet_status.dropped).page())
+        local = is_loopback(host)
+        page = Page(lambda: Fleet(fleet, fleet_status.rows(), bus.router_up, fleet_status.dropped).page(), local=local)
         try:
             server = await asyncio.start_server(page.answer, host.strip("[]"), port, limit=REQUEST_BYTES)
         except OSError as error:
             raise CommandError(f"cannot listen at {args.listen}: {error.strerror or error}") from None
         print(f"serving http://{args.listen}/metrics", flush=True)
-        if not is_loopback(host):
+        if not local:
             print(
                 f"warning: everyone who reaches {args.listen} can read the metrics: no password, no TLS",
                 file=sys.stderr,
@@ -80,8 +84,9 @@ def run(args: Namespace) -> int:
 class Page:
     """Answers `GET /metrics`, to a bounded number of callers at the same time."""
 
-    def __init__(self, text: Callable[[], bytes]) -> None:
-        self._text = text
+    def __init__(self, text: Callable[[], bytes], *, local: bool = True) -> None:
+        """`local`: only this machine reaches it, by its own names: others' may be pointed here by a web page."""
+        self._text, self._local = text, local
         self.callers = 0
 
     async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -106,6 +111,8 @@ class Page:
             return _response("405 Method Not Allowed", b"expected GET\n")
         if words[1].split(b"?")[0] != b"/metrics":
             return _response("404 Not Found", b"expected /metrics\n")
+        if self._local and (host := _HOST.search(request)) is not None and not is_loopback(host[1].decode("latin-1")):
+            return _response("421 Misdirected Request", b"expected the name of this machine: localhost or 127.0.0.1\n")
         found = _response("200 OK", self._text())
         return found if words[0] == b"GET" else found.partition(b"\r\n\r\n")[0] + b"\r\n\r\n"
 

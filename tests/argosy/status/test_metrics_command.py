@@ -86,7 +86,10 @@ async def ask(port: int, request: bytes) -> bytes:
     ("request_", "first"),
     [
         (b"GET /metrics HTTP/1.1\r\n\r\n", b"HTTP/1.1 200 OK"),
-        (b"GET /metrics?x=1 HTTP/1.0\r\nHost: x\r\n\r\n", b"HTTP/1.1 200 OK"),
+        (b"GET /metrics?x=1 HTTP/1.0\r\nHost: localhost:9464\r\n\r\n", b"HTTP/1.1 200 OK"),
+        (b"GET /metrics HTTP/1.1\r\nA: b\r\nhost:[::1]:9464\r\n\r\n", b"HTTP/1.1 200 OK"),
+        (b"GET /metrics HTTP/1.1\r\nHost: evil.example:9464\r\n\r\n", b"HTTP/1.1 421 "),
+        (b"GET /metrics HTTP/1.1\r\nHost: \xff\r\n\r\n", b"HTTP/1.1 421 "),
         (b"HEAD /metrics HTTP/1.1\r\n\r\n", b"HTTP/1.1 200 OK"),
         (b"GET /etc/passwd HTTP/1.1\r\n\r\n", b"HTTP/1.1 404 Not Found"),
         (b"POST /metrics HTTP/1.1\r\n\r\n", b"HTTP/1.1 405 Method Not Allowed"),
