@@ -15,6 +15,7 @@ from agentd.runtime.program_loader import DECISIONS, prepare
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
+from commd.process.command_line import mission_speed
 from commd.process.garbage import look_seldom
 from commd.process.output import ERROR, stderr
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
@@ -41,7 +42,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--board", help="board whose agents to run (default: all boards of the mission)")
     add_router_argument(parser)
     parser.add_argument(
-        "--speed", type=float, help="mission seconds per wall second, in simulation only (default: that of the mission)"
+        "--speed",
+        type=mission_speed,
+        help="mission seconds per wall second, in simulation only (default: that of the mission)",
     )
     parser.add_argument(
         "--state",

@@ -15,6 +15,7 @@ from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
 from bridged.bridge.two_bridges import run_alone
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
+from commd.process.command_line import mission_speed
 from commd.process.garbage import look_seldom
 from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import note_start
@@ -38,7 +39,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_router_argument(parser)
     parser.add_argument(
         "--speed",
-        type=float,
+        type=mission_speed,
         metavar="X",
         help="mission seconds per wall second (default: the mission's; simulation only)",
     )

@@ -85,7 +85,7 @@ def chosen(mission: Mission, asked: str | None) -> str:
         text = f"which board is this? Name it by --board: the mission has {', '.join(boards)}"
         raise Findings.about(mission.path, text)
     if asked is not None and asked not in boards:
-        raise Findings.about(mission.path, f"no board `{asked}`{did_you_mean(asked, mission.boards)}")
+        raise Findings.about(mission.path, f"no board `{asked}`{did_you_mean(asked, boards)}")
     return asked or boards[0]
 
 

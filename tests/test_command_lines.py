@@ -39,6 +39,19 @@ def test_a_misspelt_command_or_option_is_told_with_the_one_that_was_meant(
     assert told in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.parametrize("speed", ["nan", "0", "-1", "inf", "101"])
+@pytest.mark.parametrize(
+    ("program", "command"), [(argosy, "run"), (argosy, "simulate"), (agentd, "serve"), (bridged, "serve")]
+)
+def test_a_speed_that_none_can_keep_is_refused(
+    program: Callable[[list[str]], int], command: str, speed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        program([command, "m.yaml", f"--speed={speed}"])
+    assert ended.value.code == 2
+    assert f"argument --speed: expected a speed above 0, at most 100, got `{speed}`" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("program", [argosy, agentd, bridged, commd])
 def test_without_a_command_the_usage_is_told(
     program: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]

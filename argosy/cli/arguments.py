@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
 from typing import NoReturn
 
-from commd.process.command_line import check_command, command_parser
+from commd.process.command_line import check_command, command_parser, finite_number
 from schemas.files.units import Duration
 from schemas.wire.keys import check_name
 
@@ -48,21 +47,6 @@ def count(text: str) -> int:
     if not _COUNT.fullmatch(text):
         raise ArgumentTypeError(f"expected a number, 1 or more, got `{text}`")
     return int(text)
-
-
-def finite_number(accepted: Callable[[float], bool], expected: str) -> Callable[[str], float]:
-    """Return a reader of finite numbers that refuses those not `accepted`; `expected` describes the others."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not (math.isfinite(value) and accepted(value)):
-            raise ArgumentTypeError(f"expected {expected}, got `{text}`")
-        return value
-
-    return read
 
 
 mission_second = finite_number(lambda value: value >= 0, "a mission second, 0 or more")

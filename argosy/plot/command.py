@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError
 from argosy.plot.csv_tables import write_tables
 from argosy.plot.data import Heard, Scene, SceneReader, part_of
@@ -16,6 +15,7 @@ from argosy.plot.figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
 from argosy.plot.style import INCH, WIDTHS
 from argosy.recording.metadata import SECOND
 from argosy.recording.reader import Recording
+from commd.process.command_line import finite_number
 from commd.process.process import EXIT_DONE
 from schemas.files.findings import Findings
 from schemas.humanize import count

@@ -28,6 +28,7 @@ from argosy.recording.records import wanted_keys
 from argosy.recording.write_queue import WriteQueue
 from argosy.recording.writer import COMPRESSIONS
 from commd.bus.bus import Bus
+from commd.process.command_line import mission_speed
 from commd.process.output import ERROR, NOTICE, flush, stderr, stdout
 from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.humanize import count, size
@@ -91,7 +92,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument(
         "--speed",
-        type=float,
+        type=mission_speed,
         metavar="X",
         help="mission seconds per wall second, to be stored in the file (default: the mission's)",
     )

@@ -16,7 +16,6 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError, progress
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
@@ -28,6 +27,7 @@ from argosy.recording.reader import Recording
 from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
+from commd.process.command_line import finite_number
 from commd.process.process import EXIT_DONE, on_end_signals
 from schemas.humanize import count, printable, size, some
 from schemas.mission.model import DEFAULT_ROUTER

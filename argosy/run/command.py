@@ -17,7 +17,6 @@ from typing import Protocol, Self, TextIO
 
 from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
-from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError, consent
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
@@ -35,6 +34,7 @@ from argosy.run.run_status import Status
 from argosy.run.summary import FIGURE, summary, write_report
 from bridged.drivers.registry import load_robot_manifest
 from commd.common.clock import Clock
+from commd.process.command_line import mission_speed
 from commd.process.local_runs import announced, starting
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
 from schemas.mission.model import Mission
@@ -43,8 +43,9 @@ from schemas.mission.model import Mission
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy run`."""
     parser.add_argument("mission", help="mission file")
-    speed = finite_number(lambda value: 0 < value <= 100, "a speed above 0, at most 100")
-    parser.add_argument("--speed", type=speed, metavar="X", help="mission seconds per wall second (simulation only)")
+    parser.add_argument(
+        "--speed", type=mission_speed, metavar="X", help="mission seconds per wall second (simulation only)"
+    )
     parser.add_argument("--plain", action="store_true", help="print lines instead of the live view")
     parser.add_argument(
         "--real",

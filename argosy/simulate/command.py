@@ -20,6 +20,7 @@ from argosy.processes.process_table import Kind, Process, python_command, real_r
 from argosy.processes.simulators import command, machine_of, only_real, require_links, vehicle_of
 from argosy.processes.supervisor import Child, Supervisor
 from bridged.drivers.mavlink.transport.address import LinkAddressError
+from commd.process.command_line import mission_speed
 from commd.process.process import EXIT_DONE, EXIT_FAILED, on_end_signals
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.units import host_and_port
@@ -40,7 +41,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="simulate the robots of this machine, by `simulate.board` or `board` (default: the only one)",
     )
     parser.add_argument(
-        "--speed", type=float, metavar="X", help="mission seconds per wall second (default: the mission's)"
+        "--speed", type=mission_speed, metavar="X", help="mission seconds per wall second (default: the mission's)"
     )
     parser.add_argument(
         "--real", action="append", default=[], metavar="ROBOT", help="do not simulate ROBOT (or `all`): it is real"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -15,10 +16,13 @@ import msgspec
 from argosy.cli.operator_bus import ANY, Where, add_mission_argument, add_router_argument, note_unreached, on_the_bus
 from argosy.fleet_model.fleet_status import FleetStatus, Row
 from commd.bus.bus import Bus
+from commd.process.command_line import finite_number
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import json_lines, printable
 from schemas.liveness import SILENT_AFTER
 
+TABLE_COLUMNS = 80
+"""Of a terminal for the table."""
 WATCH_EVERY = 1.0
 """Wall seconds between two updates of `--watch`."""
 ANY_FLEET = "any"
@@ -32,6 +36,9 @@ def add_mission_arguments(parser: ArgumentParser) -> None:
     add_router_argument(parser, "the mission's")
 
 
+_seconds = finite_number(lambda value: value >= 0, "wall seconds, 0 or more")
+
+
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy status`."""
     add_mission_arguments(parser)
@@ -40,7 +47,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     form.add_argument("--plain", action="store_true", help="one line for each daemon, as in a pipe")
     parser.add_argument("--watch", action="store_true", help="update until ctrl-C; in a pipe: print changes")
     help_ = f"wall seconds to wait for health (default {SILENT_AFTER + 0.5:g})"
-    parser.add_argument("--wait", type=float, default=SILENT_AFTER + 0.5, metavar="S", help=help_)
+    parser.add_argument("--wait", type=_seconds, default=SILENT_AFTER + 0.5, metavar="S", help=help_)
 
 
 def run(args: Namespace) -> int:
@@ -69,7 +76,7 @@ def _view(fleet: str, args: Namespace) -> Callable[[list[Row]], None]:
     """Return a function that prints the rows: as a table on a terminal, as lines in a pipe, or as JSON."""
     if args.json:
         return lambda rows: print(json_lines(to_json(fleet, rows, well(rows))))
-    if args.plain or not sys.stdout.isatty():
+    if _in_lines(args):
         return lambda rows: print("\n".join([*map(status_line, rows), summary(fleet, rows)]))
     from rich.console import Console
 
@@ -78,9 +85,14 @@ def _view(fleet: str, args: Namespace) -> Callable[[list[Row]], None]:
     return lambda rows: Console().print(table(summary(fleet, rows), rows))
 
 
+def _in_lines(args: Namespace) -> bool:
+    """Return whether a table is not wanted, or its names and standings would be cut off."""
+    return args.plain or not sys.stdout.isatty() or shutil.get_terminal_size().columns < TABLE_COLUMNS
+
+
 async def _watch(fleet_status: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:
     """Show the status until ctrl-C."""
-    if args.json or args.plain or not sys.stdout.isatty():
+    if args.json or _in_lines(args):
         return await _tell_changes(fleet_status, fleet, args)
     from rich.console import Console
     from rich.live import Live

@@ -14,7 +14,7 @@ from tempfile import TemporaryFile
 from typing import Final
 
 from argosy.check.command import check_mission
-from argosy.cli.arguments import count, finite_number
+from argosy.cli.arguments import count
 from argosy.cli.errors import BadInput, progress
 from argosy.cli.extras import install_command
 from argosy.processes.simulators import ON_MAVLINK, vehicle_of
@@ -26,6 +26,7 @@ from argosy.trial.statistics import cause_of, causes, same_cause
 from argosy.trial.worker import ENOUGH
 from argosy.trial.workers import workers
 from bridged.bridge.robot_setup import prepare
+from commd.process.command_line import finite_number
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Finding, Findings
 from schemas.humanize import printable, span

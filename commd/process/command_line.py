@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
-from argparse import ArgumentParser, HelpFormatter
-from collections.abc import Iterable, Iterator, Sequence
+from argparse import ArgumentParser, ArgumentTypeError, HelpFormatter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NoReturn
 
@@ -37,6 +38,25 @@ def _options(parser: ArgumentParser) -> Iterator[str]:
         yield from action.option_strings
         for command in action.choices.values() if isinstance(action.choices, dict) else ():
             yield from _options(command)
+
+
+def finite_number(accepted: Callable[[float], bool], expected: str) -> Callable[[str], float]:
+    """Return a reader of finite numbers that refuses those not `accepted`; `expected` describes the others."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and accepted(value)):
+            raise ArgumentTypeError(f"expected {expected}, got `{text}`")
+        return value
+
+    return read
+
+
+mission_speed = finite_number(lambda value: 0 < value <= 100, "a speed above 0, at most 100")
+"""Reads mission seconds per wall second."""
 
 
 @contextmanager

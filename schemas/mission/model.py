@@ -499,7 +499,7 @@ def _check(mission: Mission) -> list[Finding]:
             if path not in where.values:
                 wrong((kind, name), f"{kind}.{name}: needs `board:`, one of {', '.join(mission.boards)}")
             else:
-                hint = did_you_mean(part.board, mission.boards)
+                hint = did_you_mean(part.board, mission.board_names)
                 wrong(path, f"{kind}.{name}: there is no board `{part.board}`{hint}")
     try:
         check_endpoint(mission.router.endpoint)
@@ -545,7 +545,7 @@ def _check_addresses(mission: Mission, wrong: Any) -> None:
 def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
     if gateway.board not in mission.board_names:
         if ("gateway", "board") in mission.positions.values:
-            text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
+            text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.board_names)}"
             wrong(("gateway", "board"), text)
         else:
             wrong(("gateway",), f"gateway: needs `board:`, one of {', '.join(mission.boards)}")

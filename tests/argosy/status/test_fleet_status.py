@@ -6,6 +6,7 @@ import json
 import re
 import signal
 import subprocess
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from rich.console import Console
 
 from argosy.__main__ import main
 from argosy.fleet_model.fleet_status import MOST, FleetStatus
-from argosy.status.command import status_line, summary, to_json
+from argosy.status.command import _view, status_line, summary, to_json
 from argosy.status.metrics_command import Fleet
 from argosy.status.table import table
 from schemas.humanize import span
@@ -214,6 +215,24 @@ def test_spans_are_told_in_words(seconds: float, told: str) -> None:
 
 def status(mission: Path, router: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return forked.run(["argosy", "status", mission, "--router", router, *arguments], cwd=ROOT)
+
+
+@pytest.mark.parametrize(("columns", "first"), [("80", "\x1b[1;31mfleet "), ("79", "missing commd")])
+def test_a_terminal_too_narrow_for_the_table_gets_lines(
+    mission: Mission, columns: str, first: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", columns)
+    status = FleetStatus(mission, lambda: 0.0)
+    _view(mission.fleet, Namespace(json=False, plain=False))(status.rows())
+    assert capsys.readouterr().out.startswith(first)
+
+
+@pytest.mark.parametrize("wait", ["inf", "nan", "-1"])
+def test_a_wait_without_end_is_refused(wait: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["status", f"--wait={wait}"])
+    assert f"--wait: expected wall seconds, 0 or more, got `{wait}`" in capsys.readouterr().err
 
 
 def test_real_daemons_that_are_up_dead_and_started_again(tmp_path: Path, endpoint: str) -> None:
