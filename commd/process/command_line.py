@@ -6,10 +6,9 @@ import math
 import os
 import signal
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, HelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
 
 
 class Help(HelpFormatter):
@@ -22,15 +21,27 @@ class Help(HelpFormatter):
 class Parser(ArgumentParser):
     """A parser that has a hint for a misspelt option."""
 
-    def error(self, message: str) -> NoReturn:
-        """End the process with an error."""
-        unknown = message.removeprefix("unrecognized arguments: ").split()[0]
-        if unknown != message.split()[0] and unknown.startswith("--"):
+    def parse_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Namespace | None = None
+    ) -> Namespace:
+        """Return the arguments, or end the process with an error."""
+        return self._all_known(*self.parse_known_args(args, namespace))
+
+    def parse_intermixed_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Namespace | None = None
+    ) -> Namespace:
+        """Return the arguments, with options anywhere, or end the process with an error."""
+        return self._all_known(*self.parse_known_intermixed_args(args, namespace))
+
+    def _all_known(self, found: Namespace, unknown: Sequence[str]) -> Namespace:
+        if unknown:
             from schemas.files.findings import nearest  # imported only for a typing error
 
-            near = nearest(unknown.partition("=")[0], _options(self))
-            message += f", did you mean `{near}`?" if near is not None else ""
-        super().error(message)
+            first = unknown[0].partition("=")[0]
+            near = nearest(first, _options(self)) if first.startswith("--") else None
+            hint = f", did you mean `{near}`?" if near is not None else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found
 
 
 def _options(parser: ArgumentParser) -> Iterator[str]:
