@@ -11,7 +11,9 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
+from unittest.mock import patch
 
+from commd.process.command_line import Parser
 from tests.docs.pages import COMMANDS, Block, blocks, without_blocks
 from tests.docs.table import NOT_COMMANDS, entry
 
@@ -157,15 +159,11 @@ def _only_parsing(prepare: Callable[[argparse.ArgumentParser], bool]) -> Iterato
 
         return parsed
 
-    names = ("parse_args", "parse_intermixed_args")
-    kept = [getattr(argparse.ArgumentParser, name) for name in names]
-    for name, parse in zip(names, kept, strict=True):
-        setattr(argparse.ArgumentParser, name, ending(parse))
-    try:
+    with contextlib.ExitStack() as patches:
+        for kind in (argparse.ArgumentParser, Parser):
+            for name in ("parse_args", "parse_intermixed_args"):
+                patches.enter_context(patch.object(kind, name, ending(getattr(kind, name))))
         yield
-    finally:
-        for name, parse in zip(names, kept, strict=True):
-            setattr(argparse.ArgumentParser, name, parse)
 
 
 def parser_of(program: str, *names: str) -> argparse.ArgumentParser:
