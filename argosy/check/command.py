@@ -35,7 +35,7 @@ from bridged.bridge.robot_setup import prepare
 from bridged.drivers.mavlink.vehicle.flight_modes import simulated_table
 from bridged.drivers.registry import load_robot_manifest
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
-from schemas.files.findings import Finding, Findings, nearest
+from schemas.files.findings import Finding, Findings, near_miss
 from schemas.files.shipped_files import mission_file
 from schemas.files.text_files import read_bounded
 from schemas.files.yaml_positions import Positions, Steps, read_yaml
@@ -272,10 +272,10 @@ def _endings(
             beliefs = beliefs_of(_formula(mission, one, field, findings))
             for functor, arity in () if anything else sorted(beliefs - known):
                 belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
-                near = nearest(belief, others)
-                hint = "" if near is None else f", did you mean `{near}`?"
                 where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
-                found = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
+                found = mission.positions.finding(
+                    where, f"{field}: no program ever believes `{belief}`{near_miss(belief, others)}"
+                )
                 findings.append(replace(found, severity="warning"))
     return findings
 

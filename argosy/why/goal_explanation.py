@@ -11,7 +11,7 @@ from argosy.why.decisions import WITHOUT_PLAN, aftermath, cause_lines, decision_
 from argosy.why.question import Subject, parts_of
 from argosy.why.unanswered_questions import MailFacts, question_paragraph
 from argosy.why.wording import ago, event_text, failure_text, plan_text, shown, sign_of
-from schemas.files.findings import nearest
+from schemas.files.findings import near_miss
 from schemas.humanize import count, span
 from schemas.wire.mind_records import ActivityEvent, BeliefView, FailureView, IntentionView, MindView, PlanView
 
@@ -205,6 +205,4 @@ def _unknown(view: MindView, subject: Subject) -> str:
         return f"Nothing is remembered of {subject.text}, and nothing is believed about it."
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     hint = f"; known are {', '.join(names[:MOST_NAMES])}{more}." if names else ": no goal, belief or action."
-    if (near := nearest(subject.name, names)) is not None:
-        hint = f", did you mean `{near}`?"
-    return f"{view.agent} has nothing called `{subject.name}`{hint}"
+    return f"{view.agent} has nothing called `{subject.name}`{near_miss(subject.name, names) or hint}"

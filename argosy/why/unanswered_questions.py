@@ -10,7 +10,7 @@ from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
 from argosy.why.question import parts_of
 from argosy.why.wording import ago, awaited, event_text, failure_text, plan_text, raiser_text, rejected_text, shown
-from schemas.files.findings import nearest
+from schemas.files.findings import near_miss
 from schemas.humanize import span
 from schemas.wire.mind_records import DecisionView, MindView, QuestionView
 from schemas.wire.records import Mailboxes
@@ -63,9 +63,7 @@ def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterat
     if mind is None:
         if home is None and facts.homes:
             hint = f"; known are {', '.join(sorted(facts.homes))}."
-            if (near := nearest(receiver, facts.homes)) is not None:
-                hint = f", did you mean `{near}`?"
-            yield f"No board knows an agent `{receiver}`{hint}", ""
+            yield f"No board knows an agent `{receiver}`{near_miss(receiver, facts.homes) or hint}", ""
         elif home is not None and home in facts.silent:
             yield f"{receiver} belongs to {home}, which does not answer: {facts.silent[home]}.", ""
         else:

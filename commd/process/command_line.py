@@ -35,11 +35,10 @@ class Parser(ArgumentParser):
 
     def _all_known(self, found: Namespace, unknown: Sequence[str]) -> Namespace:
         if unknown:
-            from schemas.files.findings import nearest  # imported only for a typing error
+            from schemas.files.findings import near_miss  # imported only for a typing error
 
             first = unknown[0].partition("=")[0]
-            near = nearest(first, _options(self)) if first.startswith("--") else None
-            hint = f", did you mean `{near}`?" if near is not None else ""
+            hint = near_miss(first, _options(self)) if first.startswith("--") else ""
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return found
 

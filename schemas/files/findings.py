@@ -60,9 +60,13 @@ def nearest(word: str, known: Iterable[str], close: float = 0.6) -> str | None:
     return found[0] if found else None
 
 
+def near_miss(word: str, known: Iterable[str]) -> str:
+    """Return `, did you mean `x`?` for a near miss, else an empty text."""
+    near = nearest(word, known)
+    return "" if near is None else f", did you mean `{near}`?"
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `, did you mean `x`?` for a near miss, else the list of known names."""
     names = sorted(known)
-    if (near := nearest(word, names)) is not None:
-        return f", did you mean `{near}`?"
-    return f"; known are {', '.join(names)}" if names else ""
+    return near_miss(word, names) or (f"; known are {', '.join(names)}" if names else "")

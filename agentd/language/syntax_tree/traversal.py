@@ -64,8 +64,10 @@ def misspelt_words(plan: nodes.Plan) -> Iterator[tuple[nodes.Structure, str]]:
     """
     annotations = None if plan.label is None else plan.label.annotations
     for item in annotations.items if annotations is not None else ():
-        meant = nearest(item.functor, LABEL_WORDS, 0.75) if isinstance(item, nodes.Structure) else None
-        if isinstance(item, nodes.Structure) and meant is not None and set(item.functor) <= set(meant):
+        if not isinstance(item, nodes.Structure):
+            continue
+        meant = nearest(item.functor, LABEL_WORDS, 0.75)
+        if meant is not None and set(item.functor) <= set(meant):
             yield item, meant
 
 

@@ -20,7 +20,7 @@ from bridged.simulation.vehicle.px4.copter import Px4Copter
 from bridged.simulation.vehicle.px4.messages import Px4Messages
 from bridged.simulation.vehicle.px4.plane import Px4Plane
 from bridged.simulation.vehicle.px4.rover import Px4Rover
-from schemas.files.findings import nearest
+from schemas.files.findings import near_miss
 
 AutopilotName = Literal["ardupilot", "px4"]
 
@@ -54,8 +54,7 @@ class VehicleKind:
         parameters = Parameters(self.autopilot.ROWS)
         for name, value in ((self.autopilot.SYSTEM_ID, system), *settings):
             if name not in parameters:
-                near = nearest(name, [row[0] for row in self.autopilot.ROWS])
-                hint = f", did you mean `{near}`?" if near is not None else ""
+                hint = near_miss(name, [row[0] for row in self.autopilot.ROWS])
                 raise ValueError(f"the simulated {self.name} has no parameter {name!r}{hint}")
             parameters.set(name, value)
         return self.autopilot(place, parameters, heading, boot, charge_time)
