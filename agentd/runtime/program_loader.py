@@ -115,10 +115,13 @@ def _compiled(program: Program, sources: Sources) -> CompiledProgram:
         raise Findings([Finding(where.file, where.line, where.column, error.message)]) from None
 
 
-def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = parse_file) -> Program:
+def compose(
+    mission: Mission, agent: str, read: Callable[[Path], Program] = parse_file, *, located: bool = False
+) -> Program:
     """Return the program of an agent: its file, parsed by `read`, with the beliefs and goals of the mission file.
 
-    Raises Findings with all mistakes.
+    `located`: these have their positions in that file, for findings; in a running program they do not depend on the
+    rest of the mission. Raises Findings with all mistakes.
     """
     spec = mission.agents[agent]
     findings: list[Finding] = []
@@ -136,29 +139,34 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
         why = f"{path} is {kind}" if path.exists() else f"there is no file {path}{near_file(path)}"
         findings.append(mission.positions.finding(where, f"agents.{agent}.program: {why}"))
     for index, text in enumerate(spec.beliefs):
-        items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
+        items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings, located)
     try:
         restart_goal(mission, agent)
     except Findings as wrong:
         findings += wrong.findings
     for index, text in enumerate(spec.goals):
-        items += _item(mission, ("agents", agent, "goals", index), as_goal(text), Goal, findings)
+        items += _item(mission, ("agents", agent, "goals", index), _as_goal(text), Goal, findings, located)
     if findings:
         raise Findings(findings)
     return replace(program, items=(*program.items, *items))
 
 
-def as_goal(text: str) -> str:
+def _as_goal(text: str) -> str:
     """Return a goal with its `!`, which the mission file may leave out."""
     return "!" + text.strip().lstrip("!")
 
 
 def _item(
-    mission: Mission, steps: Steps, text: str, kind: type[Belief] | type[Goal], findings: list[Finding]
+    mission: Mission,
+    steps: Steps,
+    text: str,
+    kind: type[Belief] | type[Goal],
+    findings: list[Finding],
+    located: bool = False,
 ) -> tuple[Item, ...]:
     """Parse one belief or goal of the mission file."""
     try:
-        found = read_item(text, mission.positions.file, kind)
+        found = read_item(text, mission.positions.file, kind, mission.positions.of(steps) if located else None)
     except SyntaxErrors as errors:  # their lines and columns are those of this text
         what = "belief" if kind is Belief else "goal"
         findings.append(mission.positions.finding(steps, f"in the {what} `{text}`: {errors.findings[0].message}"))
@@ -174,7 +182,7 @@ def read_item(
 ) -> tuple[Item, ...]:
     """Parse one belief or goal of a mission file; empty if the text is something else. Raises SyntaxErrors.
 
-    ``at``: line and column of the text; the positions in a running program do not depend on the rest of the mission.
+    ``at``: line and column of the text in that file; None = positions are those in the text itself.
     """
     found = parse_program(text.strip().removesuffix(".") + ".", file, at).items
     return found if len(found) == 1 and isinstance(found[0], kind) else ()
@@ -186,7 +194,7 @@ def recorded_program(main: Program, beliefs: Iterable[str], goals: Iterable[str]
     for text in beliefs:
         items += read_item(text, file, Belief)
     for text in goals:
-        items += read_item(as_goal(text), file, Goal)
+        items += read_item(_as_goal(text), file, Goal)
     return replace(main, items=tuple(items))
 
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from msgspec import structs
-
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED, Kind, finding
@@ -21,11 +19,11 @@ from agentd.check.symbol_table import Survey
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import And, Belief, Directive, Formula, Goal, Item, Not, Or, Program, Structure
+from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.syntax_tree.traversal import walk
 from agentd.process import loading_notice
-from agentd.runtime.program_loader import as_goal, compose, endings, read_item
+from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
 from argosy.check.fleet_rules import check_boards, check_team
 from argosy.check.plan_files import check_plans
@@ -187,7 +185,7 @@ def _program(named: Outline, agent: str, mission: Mission | None, findings: list
     """Return the program of an agent with what the mission adds to it, if it can be read."""
     if mission is not None:
         try:
-            return _at_their_lines(compose(mission, agent), mission, agent)
+            return compose(mission, agent, located=True)
         except Findings as found:
             findings += found.findings
         except (OSError, ValueError) as error:
@@ -201,17 +199,6 @@ def _program(named: Outline, agent: str, mission: Mission | None, findings: list
         if mission is None:
             findings.append(_unreadable(named, agent, error))
     return None
-
-
-def _at_their_lines(program: Program, mission: Mission, agent: str) -> Program:
-    """Return a composed program whose beliefs and goals of the mission file, its last items, have their lines there."""
-    spec, where = mission.agents[agent], mission.positions
-    items: list[Item] = []
-    for index, text in enumerate(spec.beliefs):
-        items += read_item(text, where.file, Belief, where.of(("agents", agent, "beliefs", index)))
-    for index, text in enumerate(spec.goals):
-        items += read_item(as_goal(text), where.file, Goal, where.of(("agents", agent, "goals", index)))
-    return structs.replace(program, items=(*program.items[: len(program.items) - len(items)], *items))
 
 
 def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Finding:
