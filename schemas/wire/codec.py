@@ -94,7 +94,7 @@ class Codec(Generic[R]):
         probe = self._probe if json else self._probe_msgpack
         try:
             return sorted(set(probe.decode(payload)) - self._known)
-        except UnicodeDecodeError:  # in a field name, which decoding ignored
+        except (UnicodeDecodeError, msgspec.MsgspecError):  # in a field name, which decoding ignored
             return ["\ufffd"]
 
     def _wire(self, encoding: str) -> Wire:
