@@ -3,12 +3,14 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+TESTED := deploy/constraints.txt
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(TESTED) -e
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
 # Without bytecode, as under PYTHONDONTWRITEBYTECODE, each worker would rewrite the assertions of all tests: 11 s of CPU.
 PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
 
-.PHONY: fly rescue test test-all test-boards test-browser index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test test-all test-boards test-browser index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code constraints clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -99,23 +101,30 @@ $(BIN)/python: | check-python
 	@echo "making a virtual environment in $(VENV)"
 	@$(PYTHON) -m venv $(VENV)
 
-$(VENV)/fly.stamp: pyproject.toml | $(BIN)/python
+$(VENV)/fly.stamp: pyproject.toml $(TESTED) | $(BIN)/python
 	@echo "installing argosy"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot]' && touch $@
+	@$(INSTALL) '.[operator,keys,record,ui,plot]' && touch $@
 
-$(VENV)/test.stamp: pyproject.toml | $(BIN)/python
+$(VENV)/test.stamp: pyproject.toml $(TESTED) | $(BIN)/python
 	@echo "installing argosy and what its tests need"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test]' && touch $@
+	@$(INSTALL) '.[operator,keys,record,ui,plot,test]' && touch $@
 
-$(VENV)/bench.stamp: pyproject.toml | $(BIN)/python
+$(VENV)/bench.stamp: pyproject.toml $(TESTED) | $(BIN)/python
 	@echo "installing argosy and the peer it is measured beside"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test,bench]' && touch $@
+	@$(INSTALL) '.[operator,keys,record,ui,plot,test,bench]' && touch $@
 
-$(VENV)/docs.stamp: pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]' && touch $@
+$(VENV)/docs.stamp: pyproject.toml $(TESTED) | $(BIN)/python
+	@$(INSTALL) '.[docs]' && touch $@
 
-$(VENV)/lint.stamp: pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test,lint]' && touch $@
+$(VENV)/lint.stamp: pyproject.toml $(TESTED) | $(BIN)/python
+	@$(INSTALL) '.[operator,keys,record,ui,plot,test,lint]' && touch $@
+
+constraints: | check-python  ## take the newest version of each dependency into deploy/constraints.txt; then make test-all
+	@$(PYTHON) -m venv --clear $(VENV)/newest
+	@$(VENV)/newest/bin/pip install --quiet --disable-pip-version-check -e '.[operator,keys,record,ui,plot,test,bench,docs,lint]'
+	@sed '/^#/!d' $(TESTED) >$(VENV)/newest/$(@F)
+	@$(VENV)/newest/bin/pip freeze --exclude-editable >>$(VENV)/newest/$(@F)
+	@mv $(VENV)/newest/$(@F) $(TESTED) && rm -r $(VENV)/newest && git diff --stat $(TESTED)
 
 clean:
 	rm -rf $(VENV) report site

@@ -24,6 +24,7 @@ from argosy.deploy.wheelhouse_command import EXTRAS, GLIBC, PYTHONS, own_wheel
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
 CARRIED = ("manifests", "missions", "deploy")
+CONSTRAINTS = (ROOT / "deploy" / "constraints.txt").read_text().splitlines()
 HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -106,7 +107,7 @@ def test_the_installed_wheel_flies_the_mission(
     text = shipped.read_text().replace(":14550", f":{free_port()}")
     mission = installed.work / "mine.yaml"
     mission.write_text(text.replace("program: single_uav/", f"program: {shipped.parent}/single_uav/"))
-    said = installed.run("argosy", "run", "mine.yaml", "--speed", "20", "--router", endpoint)
+    said = installed.run("argosy", "run", "mine.yaml", "--speed", "5", "--router", endpoint)
     assert "return_to_launch" in said
     assert str(ROOT) not in said
 
@@ -150,6 +151,12 @@ def test_every_dependency_has_a_wheel_for_64_bit_raspberry_pi_os(wheel: Path, tm
     argosy("wheelhouse", "--platform", "aarch64", "--wheel", str(wheel), "--out", str(tmp_path))
     for python in PYTHONS:
         assert _missing(tmp_path, "aarch64", python) == []
+    tested = {canonicalize_name(line.split("==")[0]): line.split("==")[1] for line in CONSTRAINTS if "==" in line}
+    held = {
+        name: str(version) for name, version, *_ in (parse_wheel_filename(path.name) for path in tmp_path.iterdir())
+    }
+    assert held == {name: tested.get(name, version) for name, version in held.items()}
+    assert held.keys() - tested.keys() == {"argosy", "pip"}
 
 
 def _missing(house: Path, machine: str, python: str) -> list[str]:

@@ -10,8 +10,9 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from importlib.metadata import Distribution, distribution
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import unquote, urlsplit
-from zipfile import ZIP_DEFLATED, ZipFile
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 from argosy.cli.errors import BadInput, CommandError
 from commd.process.process import EXIT_DONE
@@ -69,8 +70,10 @@ def run(args: Namespace) -> int:
         out: Path = args.out
         out.mkdir(parents=True, exist_ok=True)
         wheel = _given(args.wheel, out) if args.wheel is not None else own_wheel(out)
-        for python in args.python:
-            _download(wheel, args.extras, args.platform, python, out)
+        with TemporaryDirectory() as folder:
+            tested = _tested_versions(wheel, Path(folder))
+            for python in args.python:
+                _download(wheel, args.extras, args.platform, python, out, tested)
     except NoWheel as error:
         raise NoWheel(f"{error}; {args.out} is not complete") from None
     except OSError as error:
@@ -125,10 +128,19 @@ def _given(wheel: Path, out: Path) -> Path:
     return copy
 
 
-def _download(wheel: Path, extras: tuple[str, ...], platform: str, python: str, out: Path) -> None:
+def _tested_versions(wheel: Path, folder: Path) -> list[str]:
+    """Return pip's option for the versions that this Argosy was tested with, which its wheel contains."""
+    try:
+        with ZipFile(wheel) as files:
+            return [f"--constraint={files.extract('schemas/shipped/deploy/constraints.txt', folder)}"]
+    except (BadZipFile, KeyError):  # pip refuses what is no wheel; 0.2.0 had no such file
+        return []
+
+
+def _download(wheel: Path, extras: tuple[str, ...], platform: str, python: str, out: Path, tested: list[str]) -> None:
     """Download the wheels for one platform and Python with pip, and pip itself, which the board may lack."""
     tags = [f"manylinux2014_{platform}", *(f"manylinux_2_{minor}_{platform}" for minor in GLIBC)]
-    options = ["--only-binary=:all:", "--implementation=cp", f"--python-version={python}", f"--dest={out}"]
+    options = ["--only-binary=:all:", "--implementation=cp", f"--python-version={python}", f"--dest={out}", *tested]
     named = f"{wheel}[{','.join(extras)}]" if extras else str(wheel)
     doing = f"downloading wheels for {platform}, Python {python}"
     _pip("download", *options, *(f"--platform={tag}" for tag in tags), named, "pip", doing=doing)
