@@ -35,6 +35,7 @@ from agentd.mind.introspection.failure_report import called_by
 from agentd.mind.introspection.failure_text import brief, code_of, event_text, goal_text, written
 from agentd.runtime.program_paths import SourcePaths
 from agentd.values import literal
+from commd.process.state_dir import write_output
 from schemas.humanize import escape_line, escape_lines
 
 if TYPE_CHECKING:
@@ -398,7 +399,7 @@ class Team:
     def _do_save(self, mind: Mind, path: str, text: str) -> Any:
         try:
             self._check(path)
-            Path(path).write_text(text, encoding="utf-8")
+            write_output(Path(path), text.encode())
         except (OSError, ValueError) as error:  # ValueError: an invalid name, or text that UTF-8 cannot encode
             why = getattr(error, "strerror", None) or error
             raise TeamRequestRefused("unknown", f"cannot write {path}: {why}") from error

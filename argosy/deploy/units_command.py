@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import posixpath
 import re
-import shutil
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
 
 from argosy.check.command import check_mission
 from argosy.check.fleet_rules import AFTER_RESTART
@@ -81,11 +81,17 @@ def write(board: Board, out: Path) -> int:
         raise FileExistsError
     there = out.exists()
     try:
-        _write(out, texts)
-    except BaseException:  # a part of the files would be taken for the board's, and keep the next attempt from writing
-        with suppress(OSError):
-            _empty(out)
-            if not there:
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=out) as new:  # a part of the files would be taken for the board's
+            _write(Path(new), texts)
+            for part in dict.fromkeys(Path(name).parts[0] for name in texts):
+                (Path(new) / part).rename(out / part)
+        out.chmod(0o755)
+    except BaseException as error:
+        if isinstance(error, OSError):
+            error.filename = str(out)  # a user did not name the folder in it
+        if not there:
+            with suppress(OSError):
                 out.rmdir()
         raise
     return len(texts)
@@ -99,14 +105,6 @@ def _write(out: Path, texts: Mapping[str, str | bytes]) -> None:
         target.chmod(0o644)
         for folder in target.relative_to(out).parents:  # daemons of other users read them, whatever our umask is
             (out / folder).chmod(0o755)
-
-
-def _empty(folder: Path) -> None:
-    for part in folder.glob("*"):
-        if part.is_dir():
-            shutil.rmtree(part)
-        else:
-            part.unlink()
 
 
 def check(mission: Mission) -> None:

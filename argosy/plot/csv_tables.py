@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 
 from argosy.plot.data import Scene
+from commd.process.state_dir import write_output
 from schemas.geo import offset
 
 Row = Sequence[object]
 
 
 def write_tables(scene: Scene, folder: Path) -> list[str]:
-    """Write the tables that have rows into a folder, which is made. Returns their names. Raises OSError."""
+    """Write the tables that have rows into a folder, each as a whole. Returns their names. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, (head, rows) in _tables(scene).items():
         if rows:
-            with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file).writerows([head, *rows])
+            table = StringIO()
+            csv.writer(table).writerows([head, *rows])
+            write_output(folder / f"{name}.csv", table.getvalue().encode())
             written.append(f"{name}.csv")
     return written
 

@@ -91,7 +91,6 @@ def run(args: Namespace) -> int:
             waiting = f"waiting for another run that starts at {wanted}"
             ports.enter_context(starting(wanted, lambda: print(waiting, file=sys.stderr, flush=True)))
         setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
-        log = _open_log(args.report, stack)
         recording = recording_of(args.record, args.report)
         unrecorded = "" if isinstance(recording, RunRecording) else recording
         if isinstance(recording, RunRecording):
@@ -102,6 +101,7 @@ def run(args: Namespace) -> int:
             consent(_consequences(setup), "nothing was started")
         if args.router is None:  # a user who names a router names it to the other commands, too
             stack.enter_context(announced(mission.fleet, setup.router))
+        log = _open_log(args.report, stack)  # a run that is refused leaves an earlier report
         return _fly(setup, args, log, unrecorded, ports.close)
 
 

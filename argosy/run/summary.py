@@ -13,6 +13,7 @@ from argosy.run.armed_warnings import in_the_air
 from argosy.run.end_conditions import Ending
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE
+from commd.process.state_dir import write_output
 from schemas.humanize import columns, count, shortened
 
 TOGETHER = "commd + bridged + agentd together:"
@@ -134,7 +135,7 @@ def last_words(status: Status, ending: Ending) -> list[str]:
 
 def write_report(folder: Path, recording: Path | None, text: str) -> str:
     """Write `summary.txt`, and `track.svg` as `argosy plot` draws it. Returns why there is none. Raises OSError."""
-    (folder / "summary.txt").write_text(text, encoding="utf-8")
+    write_output(folder / "summary.txt", text.encode())
     (folder / FIGURE).unlink(missing_ok=True)
     if recording is None or not recording.exists():
         return "there is no recording"

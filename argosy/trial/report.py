@@ -25,6 +25,7 @@ from argosy.trial.statistics import (
     quantiles,
     wilson,
 )
+from commd.process.state_dir import write_output
 from schemas.humanize import columns, count, escape_line, shortened, span
 
 SEEDS_SHOWN: Final = 5
@@ -169,13 +170,13 @@ def data(trial: Trial, comparison: Comparison | None = None) -> dict[str, Any]:
 
 
 def write(folder: Path, trial: Trial, comparison: Comparison | None = None) -> None:
-    """Write report.txt, outcomes.json and report.html. Raises BadInput if the folder cannot be written."""
+    """Write report.txt, outcomes.json and report.html, each as a whole. Raises BadInput if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "report.txt").write_text(text(trial, comparison) + "\n", encoding="utf-8")
+        write_output(folder / "report.txt", f"{text(trial, comparison)}\n".encode())
         encoded = msgspec.json.encode(data(trial, comparison))
-        (folder / "outcomes.json").write_bytes(msgspec.json.format(encoded, indent=1) + b"\n")
-        (folder / "report.html").write_text(page(trial, comparison), encoding="utf-8")
+        write_output(folder / "outcomes.json", msgspec.json.format(encoded, indent=1) + b"\n")
+        write_output(folder / "report.html", page(trial, comparison).encode())
     except OSError as error:
         raise BadInput(f"--out {folder}: {error.strerror}") from None
 

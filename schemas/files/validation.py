@@ -19,7 +19,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar, Union, get_args, ge
 
 import msgspec
 
-from schemas.files.findings import did_you_mean
+from schemas.files.findings import did_you_mean, near_miss
 
 T = TypeVar("T")
 
@@ -106,7 +106,8 @@ def _tagged(value: dict[str, Any], structs: Sequence[Any], hook: Hook, path: Pat
     if tag in models:
         yield from _fields({name: item for name, item in value.items() if name != field}, models[tag], hook, path)
     else:
-        yield Misfit(path, f"`{field}`: expected one of {', '.join(models)}, got {f'`{tag[:40]}`' if tag else 'none'}")
+        got = f"`{tag[:40]}`{near_miss(tag, models)}" if tag else "none"
+        yield Misfit(path, f"`{field}`: expected one of {', '.join(models)}, got {got}")
 
 
 @lru_cache(maxsize=64)

@@ -19,6 +19,7 @@ from bridged.simulation.turtle.turtle import STEP, Pen, Turtle, svg
 from commd.bus.bus import open_bus
 from commd.bus.raw import RawBus, Sample
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, add_router_argument, run_daemon
+from commd.process.state_dir import write_output
 from schemas.mission.model import DEFAULT_ROUTER
 
 CATCH_UP = 1.0
@@ -171,7 +172,7 @@ def run(args: argparse.Namespace) -> int:
         turtle = await simulation(args, stop)
         if args.draw is not None:
             try:
-                args.draw.write_text(svg(turtle))
+                write_output(args.draw, svg(turtle).encode())
             except OSError as error:
                 print(f"bridged simulate: error: cannot write {args.draw}: {error.strerror}", file=sys.stderr)
                 return EXIT_BAD_INPUT

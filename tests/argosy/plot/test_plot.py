@@ -146,18 +146,19 @@ def test_the_same_recording_gives_the_same_bytes(flown: Path, tmp_path: Path) ->
         assert one.read_bytes() == two.read_bytes()
 
 
-def test_a_figure_that_has_no_room_leaves_the_one_before_and_names_its_file(
+def test_a_figure_or_table_that_has_no_room_leaves_the_one_before_and_names_its_file(
     flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "flight.svg"
+    out, table = tmp_path / "flight.svg", tmp_path / "tracks.csv"
     out.write_text("before")
+    table.write_text("before")
     with files_no_larger_than(1000):
         assert main(["plot", str(flown), "-o", str(out)]) == 1
-        assert main(["plot", str(flown), "--csv", str(tmp_path / "tables")]) == 1
-    assert (out.read_text(), list(tmp_path.glob(".*"))) == ("before", [])
+        assert main(["plot", str(flown), "--csv", str(tmp_path)]) == 1
+    assert (out.read_text(), table.read_text(), list(tmp_path.glob(".*"))) == ("before", "before", [])
     assert capsys.readouterr().err.splitlines()[-2:] == [
         f"error: {out}: File too large",
-        f"error: {tmp_path / 'tables'}: File too large",
+        f"error: {table}: File too large",
     ]
 
 

@@ -68,6 +68,18 @@ def test_a_report_that_another_run_writes_is_left_alone(refused: Refused, single
     assert (tmp_path / "mission.log").read_text() == "of the other"
 
 
+@pytest.mark.parametrize("before", [None, "of an earlier flight"])
+def test_a_refused_run_leaves_its_report_as_it_was(
+    refused: Refused, single_uav: Path, tmp_path: Path, before: str | None
+) -> None:
+    report = tmp_path / "report"
+    if before:
+        report.mkdir()
+        (report / "mission.log").write_text(before)
+    assert refused(single_uav, "--real", "uav1", "--report", str(report))[0] == 2
+    assert [path.read_text() for path in report.glob("*")] == [before] * bool(before)
+
+
 def test_a_mission_that_does_not_check(refused: Refused, single_uav: Path) -> None:
     edit(single_uav, "^timeout:", "time_out:")
     code, err = refused(single_uav)

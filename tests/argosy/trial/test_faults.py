@@ -139,6 +139,11 @@ def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> No
     [
         ("- {kind: kill}", "1:3: 0: needs the field `daemon`"),
         ("- {kind: earthquake}", "1:3: 0: `kind`: expected one of operator, kill, board_down, "),
+        (
+            "- {kind: vehicel}",
+            "1:3: 0: `kind`: expected one of operator, kill, board_down, disk_full, clock_step, link_cut, "
+            "link_noise, vehicle, battery, got `vehicel`, did you mean `vehicle`?",
+        ),
         ("- {kind: [kill]}", "1:3: 0: `kind`: expected one of operator, kill, "),
         ("- {kind: kill, daemon: commd, at: soon}", '1:35: 0.at: expected a number, got `"soon"`'),
         ("- {kind: kill, daemon: commd, at: -1}", "1:35: 0.at: expected a number >= 0.0, got `-1`"),

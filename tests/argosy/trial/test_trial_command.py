@@ -15,11 +15,13 @@ import psutil
 import pytest
 
 from argosy.__main__ import main
+from argosy.cli.errors import BadInput
 from argosy.trial.command import Progress, shrunk
 from argosy.trial.faults import Fault, Kill
-from argosy.trial.report import Comparison, Trial, page, text
+from argosy.trial.report import Comparison, Trial, page, text, write
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
+from tests.argosy.recording.test_disks import files_no_larger_than
 from tests.support.processes import poll
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -95,6 +97,13 @@ def test_a_report_names_causes_with_their_seeds_and_the_faults_drawn() -> None:
     assert "&lt;late&gt; by 1.5 s" in html
     assert "3.0 s: commd is killed" in html
     assert "argosy trial m.yaml --faults standard --replay 1" in html
+
+
+def test_a_report_that_has_no_room_leaves_the_one_before(tmp_path: Path) -> None:
+    (tmp_path / "report.txt").write_text("before")
+    with files_no_larger_than(100), pytest.raises(BadInput, match="File too large"):
+        write(tmp_path, Trial("m.yaml", "standard", 4, [*BAD, *GOOD]))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("report.txt", "before")]
 
 
 def test_an_interrupted_trial_says_so() -> None:
