@@ -130,10 +130,15 @@ def run_cycles(mind: MindState, cycles: int) -> None:
                         stack[-1] = frame
             if library.has_meta or frame[PLAN].special:
                 _begin_special(mind, intention, frame)
-            elif not running and turns is None and intention.suspended is None:
+            elif turns is None and intention.suspended is None:
                 if origins is not None:
                     origins.taken(event)
-                break  # its turn is now
+                if running:
+                    running.append(intention)
+                    intention = running.popleft()
+                    stack = intention.stack
+                    frame = stack[-1]
+                break  # its turn is now, or that of the one that has waited longest
             if origins is not None:
                 origins.taken(event)
             if intention.suspended is not None:
