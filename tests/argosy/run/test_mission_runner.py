@@ -25,7 +25,7 @@ def flown(running: Running, seconds: float = 240) -> tuple[int, str, str]:
 
 def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_path: Path) -> None:
     report = tmp_path / "report"
-    running = start(single_uav, "--speed", "20", "--report", str(report), real_daemons=True)
+    running = start(single_uav, "--speed", "10", "--report", str(report), real_daemons=True)
     running.until("agentd uav: up")
     code, out, err = flown(running)
     assert code == 0, out + err
