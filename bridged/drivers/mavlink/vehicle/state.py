@@ -32,7 +32,8 @@ GIMBALS = (dialect.MAV_COMP_ID_GIMBAL, *range(dialect.MAV_COMP_ID_GIMBAL2, diale
 ATTACHED = range(1, 7)
 """Ids of cameras and gimbals that are attached to the autopilot, which speaks for them."""
 REBOOT_MS = 3000
-"""`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
+"""`time_boot_ms` that goes back by more than this is a reboot, unless it begins again after 2^32 ms; less is datagrams
+out of order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ class Vehicle:
         self.payload_heard_at = dict.fromkeys((*CAMERAS, *GIMBALS), -math.inf)
         """When each camera or gimbal that is a component of its system was heard last; nothing of it is its state."""
         self.reboots = 0
-        self._boot_ms = 0
+        self._boot_ms, self._boot_ms_at = 0, -math.inf
 
     @property
     def mode_name(self) -> str:
@@ -171,9 +172,11 @@ class Vehicle:
         """Take in one message of this vehicle's autopilot."""
         self.now = now
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
-            if boot_ms + REBOOT_MS < self._boot_ms:
+            wrapped = boot_ms + 2**32 - self._boot_ms <= (now - self._boot_ms_at) * 1000 + REBOOT_MS
+            if boot_ms + REBOOT_MS < self._boot_ms and not wrapped:
                 self._rebooted()
-            self._boot_ms = max(boot_ms, self._boot_ms)
+            self._boot_ms = boot_ms if wrapped else max(boot_ms, self._boot_ms)
+            self._boot_ms_at = now
         match message.get_type():
             case "HEARTBEAT":
                 self.heartbeats += 1

@@ -179,3 +179,18 @@ def test_an_event_is_not_told_again_where_the_vehicle_sends_texts() -> None:
     texts.receive(text("Low battery\t"), 1.0)
     assert texts.receive_event(EVENTS[LOW_BATTERY], 1.1) == []
     assert len(texts.receive_event(EVENTS[NO_TAKEOFF_FIRST], 1.1)) == 1
+
+
+@pytest.mark.parametrize("silence", [0, 20])
+def test_a_clock_that_begins_again_after_49_days_is_no_reboot(tmp_path: Path, silence: float) -> None:
+    sky = Sky(tmp_path).flying(10)
+    wraps = sky.vehicle.age + 15
+
+    def hears(message: Message) -> bool:
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            message.time_boot_ms = (boot_ms - round(wraps * 1000)) % 2**32
+        return not wraps - silence / 2 < sky.vehicle.age < wraps + silence / 2
+
+    sky.we_hear = hears
+    sky.wait(30)
+    assert sky.driver.vehicle.reboots == 0
