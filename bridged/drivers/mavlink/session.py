@@ -142,12 +142,13 @@ class VehicleSession:
         match name:
             case "HEARTBEAT":
                 silence = self.flight.to_wall(self.flight.now - heard_at)
-                if self.control.doubts(mode, was_armed, silence):  # a vehicle that was restarted reports a short time
+                doubts = self.control.doubts(mode, was_armed, silence)
+                self._heard(mode, was_armed, silence)
+                if doubts:  # a vehicle that was restarted reports a short time
                     request = (float(dialect.MAVLINK_MSG_ID_SYSTEM_TIME), *(0.0,) * 6)
                     retry = Retry(times=2, every=Duration(0.2))
                     command = MavlinkCommand(dialect.MAV_CMD_REQUEST_MESSAGE, request, retry)
                     self.commands.submit(command, self.flight.now)
-                self._heard(mode, was_armed, silence)
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
             case "STATUSTEXT":

@@ -7,16 +7,13 @@ from collections.abc import Callable, Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.context import (
-    SUCCEEDED,
     TEXT_WINDOW,
     BoundAction,
     Ended,
     Part,
     ProcedureContext,
     ProcedureRun,
-    Steps,
 )
 from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.state import Place
@@ -174,7 +171,7 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
         if appeared and (yield from lasts(flight, shown)):
             return
         others = vehicle.mode not in (before, mode) and before not in vehicle.modes.booting
-        if others or (appeared and vehicle.armed):  # it is not taken again from a pilot or a failsafe
+        if others or (vehicle.armed and (appeared or run.by_agent)):  # it is not taken again from a pilot or a failsafe
             cause = "pilot" if vehicle.armed else "driver"
             break
         before = vehicle.mode
@@ -358,26 +355,6 @@ def own_target(flight: ProcedureContext, action: BoundAction) -> str:
     if own is None or action.target is None:
         return "it reports no target of its own"
     return f"its own target is {own.distance(action.target):.0f} m from there"
-
-
-def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: float | None) -> Steps:
-    """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stop, slow."""
-    near, asked = tolerance or 1.0, flight.now
-    while True:
-        vehicle = flight.vehicle
-        if not vehicle.armed:
-            return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
-        if vehicle.position is not None:
-            distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
-            run.feedback = {"distance": round(distance, 2), "speed": round(vehicle.speed, 2)}
-            level = vehicle.modes.ground or abs(height) <= near
-            if not vehicle.modes.ground:
-                run.feedback["altitude"] = round(vehicle.position.altitude, 2)
-            higher = "" if vehicle.modes.ground else f" and {height:+.1f} m of height"
-            run.waits_for = f"arrival; {distance:.1f} m{higher} to go"
-            if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.can_stop):
-                return SUCCEEDED
-        yield
 
 
 def above_home(flight: ProcedureContext, action: BoundAction) -> Place:

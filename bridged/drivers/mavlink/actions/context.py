@@ -292,11 +292,16 @@ class ProcedureContext:
         *,
         in_frame: bool = False,
     ) -> MavlinkCommand:
-        """Send the command of an action; `in_frame`: as COMMAND_INT if the action names the frame of its place."""
+        """Send the command of an action; `in_frame`: as COMMAND_INT if the action names the frame of its place.
+
+        One that is no order is repeated only at a HEARTBEAT: a pilot may have the vehicle who is not seen yet.
+        """
         frame = action.frame if in_frame and action.by_int else None
         command = MavlinkCommand(
-            action.number, action.parameters, action.retry, may_repeat, frame, component=action.component
+            action.number, action.parameters, action.retry, may_repeat, frame=frame, component=action.component
         )
+        if not action.component and (run.moves or run.by_agent or run.yields):
+            command.seen_at = lambda: self.vehicle.heard_at
         run.commands.append(command)
         return self.commands.submit(command, self.now)
 

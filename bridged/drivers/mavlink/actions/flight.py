@@ -14,12 +14,12 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, defers
+from bridged.drivers.mavlink.actions.arrival import arrive, check_placed
 from bridged.drivers.mavlink.actions.confirmation import (
     SLOW,
     TARGET_ATTEMPTS,
     above_home,
     acknowledged,
-    arrive,
     check_guided_aloft,
     check_limits,
     comes_true,
@@ -166,6 +166,7 @@ def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: flo
     patience, by_itself = flight.now + flight.wait(*LIFT_OFF_WITHIN), max(near, flight.autopilot.settles)
     climbing, left_at = False, math.inf
     while True:
+        check_placed(flight, asked)
         if vehicle.mode == modes.takeoff:
             climbing, left_at = True, math.inf
         elif climbing:
@@ -305,6 +306,7 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     asked = flight.now
     yield from enter(flight, run, action, vehicle.modes.rtl)
     while True:
+        check_placed(flight, asked)
         away = from_home(flight)
         if away is not None:
             run.feedback = {"distance": round(away, 2), "speed": round(vehicle.speed, 2)}

@@ -13,12 +13,12 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
+from bridged.drivers.mavlink.actions.arrival import arrive
 from bridged.drivers.mavlink.actions.confirmation import (
     TARGET_ATTEMPTS,
     TARGET_NEAR,
     TARGET_WAIT,
     Fits,
-    arrive,
     asked_message,
     check_guided_aloft,
     target_taken,

@@ -53,6 +53,8 @@ class MavlinkCommand:
     retry: Retry
     may_repeat: Callable[[], bool] = lambda: True
     """Asked before each repetition: a takeoff that has begun must not be sent again."""
+    seen_at: Callable[[], float] = lambda: math.inf
+    """When the vehicle was last seen to be in nobody else's hands, in mission seconds: a repetition waits for that."""
     frame: int | None = None
     """The frame of its place if it goes as COMMAND_INT; none = COMMAND_LONG."""
     component: int = 0
@@ -161,6 +163,8 @@ class Commands:
         if command.sent > command.retry.times or (command.sent and not command.may_repeat()):
             command.silent = True
             return True
+        if command.sent and command.seen_at() < command.next_at:
+            return False
         to = (self.identity.vehicle, command.component or self.identity.autopilot)
         number, again = command.number, min(command.sent, 255)
         if command.frame is None:

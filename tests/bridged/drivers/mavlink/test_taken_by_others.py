@@ -1,0 +1,129 @@
+"""Who else has the vehicle, seen late or not at all: no action takes it from them, and none waits for it for ever."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.bridge.safety_orders import by_operator
+from bridged.drivers.mavlink.actions import arrival
+from tests.bridged.drivers.mavlink.test_six_kinds import ALL, FAR, NORTH, mode, sky_of, under_way
+from tests.bridged.sky import GOAL, HOME, Message, Sky
+
+ALT_HOLD, LOITER = 2, 5
+UNHEARD = ("HEARTBEAT", "COMMAND_ACK", "POSITION_TARGET_GLOBAL_INT")
+
+
+def unheard(message: Message) -> bool:
+    """Whether a message reaches the bridge: all but those that show or acknowledge a mode."""
+    return message.get_type() not in UNHEARD
+
+
+@pytest.mark.parametrize(
+    ("asked", "arguments"), [("set_mode", ["BRAKE"]), ("return_to_launch", []), ("land", []), ("reposition", [*GOAL])]
+)
+def test_a_mode_whose_acknowledgement_is_lost_is_not_set_again_while_no_heartbeat_shows_who_has_the_vehicle(
+    sky: Sky, asked: str, arguments: list[object]
+) -> None:
+    sky.flying(20)
+    sky.we_hear = unheard
+    heard = sky.begin(asked, *arguments)
+    sky.wait(0.4)
+    sky.pilot_sets(ALT_HOLD)
+    sky.wait(3)
+    sky.we_hear = lambda message: True
+    sky.end(heard, 10)
+    assert sky.vehicle.autopilot.mode == ALT_HOLD
+    assert heard[-1].state == "failed"
+    sky.forward(lambda: sky.belief("override") == ("ALT_HOLD",), "the override", 2)
+
+
+def test_a_mode_that_a_pilot_leaves_for_the_one_before_is_not_set_again(sky: Sky) -> None:
+    sky.flying(20)
+    sky.pilot_sets(LOITER)
+    sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)
+    sky.we_hear = lambda message: message.get_type() != "HEARTBEAT"
+    heard = sky.begin("set_mode", "GUIDED")
+    sky.wait(0.4)
+    sky.pilot_sets(LOITER)
+    sky.wait(3)
+    sky.we_hear = lambda message: True
+    sky.end(heard, 30)
+    assert sky.vehicle.autopilot.mode == LOITER
+    assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
+
+
+def test_an_operators_order_that_is_not_acknowledged_is_given_again_whoever_has_the_vehicle(sky: Sky) -> None:
+    sky.flying(20)
+    sky.we_hear = unheard
+    sky.hears_us = lambda message: False
+    ordered = sky.bridge.action_server.order("land", by_operator("land"), block=True, insist=True)
+    sky.wait(0.4)
+    sky.pilot_sets(ALT_HOLD)
+    sky.hears_us = lambda message: True
+    sky.wait(3)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: ordered.over, "the order", 10)
+    assert mode(sky) == "LAND"
+
+
+def station_targets(sky: Sky, latitude: float, longitude: float, altitude: float) -> None:
+    """Another ground station sends the vehicle to a place (AMSL), in the mode in which agents fly it."""
+    place = (round(latitude * 1e7), round(longitude * 1e7))
+    flags = dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+    number, frame = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_FRAME_GLOBAL_INT
+    message = dialect.MAVLink_command_int_message(1, 1, frame, number, 0, 0, -1, flags, 0, math.nan, *place, altitude)
+    sky.downlink.extend(sky.vehicle.receive(message))
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_a_way_on_which_another_station_sends_the_vehicle_elsewhere_has_failed(
+    tmp_path: Path, vehicle: str, autopilot: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    station_targets(sky, HOME.lat, HOME.lon + 0.01, HOME.alt + 40)
+    sky.forward(lambda: sky.statuses[-1].final, "the end", 5)
+    assert (sky.statuses[-1].state, sky.statuses[-1].cause) == ("failed", "pilot")
+    assert sky.statuses[-1].reason.startswith("the vehicle has taken another target")
+    sent = len(sky.sent)
+    sky.wait(5)
+    assert not {one.get_type() for one in sky.sent[sent:]} & {"COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT"}
+
+
+def test_a_way_on_which_the_vehicle_comes_no_nearer_has_failed_though_its_target_is_not_known(sky: Sky) -> None:
+    sky.flying(20)
+    sky.begin("goto", *FAR, 20)
+    sky.wait(3)
+    sky.we_hear = lambda message: message.get_type() != "POSITION_TARGET_GLOBAL_INT"
+    station_targets(sky, HOME.lat, HOME.lon, HOME.alt + 20)
+    sky.forward(lambda: sky.statuses[-1].final, "the end", 70)
+    assert sky.statuses[-1].reason.startswith("the vehicle has come no nearer for 60 s")
+
+
+@pytest.mark.parametrize("asked", ["goto", "takeoff"])
+def test_a_motion_of_a_vehicle_that_no_longer_reports_where_it_is_fails_long_before_its_deadline(
+    sky: Sky, asked: str
+) -> None:
+    sky.armed()
+    if asked == "goto":
+        sky.done("takeoff", 20)
+    heard = sky.begin(asked, *([*FAR, 20] if asked == "goto" else [100]))
+    sky.wait(3)
+    sky.we_hear = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
+    status = sky.end(heard, 35)
+    assert (status.state, status.cause) == ("failed", "link")
+    assert status.reason.startswith("the vehicle has not reported its position for 30 s")
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_plane_that_circles_while_it_climbs_comes_nearer(
+    tmp_path: Path, autopilot: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrival, "NO_NEARER_FOR", (15.0, 5.0))
+    sky = sky_of(tmp_path, "plane", autopilot)
+    sky.armed().done("takeoff", 40)
+    sky.done("goto", *NORTH, 120)
