@@ -94,7 +94,7 @@ class ControlAuthority:
             if ours:
                 self._flight.entered(vehicle.mode)
             if self._vehicle.overridden:
-                self._set_by_others()
+                self._set_by_others(by_failsafe=acts)
             elif handed_over and self.override:
                 self._by_agent = True
                 self._end_override()
@@ -179,8 +179,10 @@ class ControlAuthority:
             self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
 
-    def _set_by_others(self) -> None:
+    def _set_by_others(self, *, by_failsafe: bool = False) -> None:
         """A run that sets the mode, or knows which changes end it, judges for itself, unless it yields.
+
+        An agent's yields to a failsafe that has just begun (`by_failsafe`), which may hold in the mode that it sets.
 
         What was sent before it, and may not have been heard, is not repeated: it would take the vehicle from them.
         """
@@ -188,7 +190,9 @@ class ControlAuthority:
         for run in [run for run in self._runs if self._vehicle.armed and (run.moves or run.by_agent)]:
             for command in run.commands:
                 command.may_repeat = lambda: False
-        for run in [run for run in self._runs if run.yields]:
+        for run in [
+            run for run in self._runs if run.yields or (by_failsafe and run.by_agent and run.procedure.sets_mode)
+        ]:
             self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
         if any(run.procedure.sets_mode or run.judges_mode for run in self._runs):
             return

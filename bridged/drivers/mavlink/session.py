@@ -287,7 +287,7 @@ class VehicleSession:
             self.flight.interrupted = [run.action for run in interrupted if isinstance(run, ProcedureRun)]
         self._commanded = False
         bind = partial(self._ordered, "hold")
-        return self.begin(ProcedureRun("pause", procedure=HOLD, action=bind(), bind=bind, moves=False))
+        return self.begin(ProcedureRun("pause", procedure=HOLD, action=bind(), bind=bind, moves=False, yields=True))
 
     def resume(self) -> ProcedureRun:
         """Set the mode before `pause`; after a restart of the bridge the one that takes targets."""
@@ -302,7 +302,8 @@ class VehicleSession:
 
         for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet
             self.stop(run, Outcome("cancelled", "the operator continues", "operator"))
-        return self.begin(ProcedureRun("continue", procedure=LEAVE_HOLD, action=bind(), bind=bind, moves=False))
+        run = ProcedureRun("continue", procedure=LEAVE_HOLD, action=bind(), bind=bind, moves=False, yields=True)
+        return self.begin(run)
 
     def stop(self, run: Execution, outcome: Outcome, *, hold: bool = False) -> None:
         """End a run from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""

@@ -157,7 +157,7 @@ class ProcedureRun(Execution):
     moves: bool = True
     """A mode that nobody here asked for ends it."""
     yields: bool = False
-    """It is nobody's wish but the bridge's own: a mode that others set ends it."""
+    """It insists on nothing, as the bridge's own orders and a pause: a mode that others set ends it."""
     judges_mode: bool = False
     """It knows by itself which changes of the mode end it: its procedure does, or this run of it."""
     by_agent: bool = False

@@ -377,17 +377,27 @@ def test_a_place_in_metres_is_no_target_while_where_on_earth_it_flies_is_not_kno
     assert sky.do("move", 20.0, 0.0, 20.0).state == "refused"
 
 
-@pytest.mark.parametrize("asked", ["setpoint", "fly", "order"])
-def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it(
-    tmp_path: Path, asked: str
-) -> None:
-    sky = px4(tmp_path, GF_ACTION=3).flying(20)
+def leaves_fence(tmp_path: Path, action: int) -> Sky:
+    """A PX4 whose fence is about to shrink, just after a HEARTBEAT. `action`: GF_ACTION."""
+    sky = px4(tmp_path, GF_ACTION=action).flying(20)
     sky.done("goto", *GOAL)
     sky.forward(lambda: sky.driver.flight.now == sky.driver.vehicle.heard_at, "a HEARTBEAT", 2)
+    return sky
+
+
+def shrinks(sky: Sky) -> None:
     sky.vehicle.autopilot.parameters.set("GF_MAX_HOR_DIST", 20)
     sky.forward(lambda: sky.vehicle.autopilot.failsafes.acting, "the failsafe", 1)  # type: ignore[attr-defined]
     sky.wait(0.1)
     assert sky.driver.vehicle.system_status == dialect.MAV_STATE_ACTIVE
+
+
+@pytest.mark.parametrize("asked", ["setpoint", "fly", "order"])
+def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it(
+    tmp_path: Path, asked: str
+) -> None:
+    sky = leaves_fence(tmp_path, 3)
+    shrinks(sky)
     if asked == "order":
         ended = sky.bridge.action_server.order("hold", Outcome("failed", "lost"), block=False, insist=False)
         sky.forward(lambda: ended.outcome, "the end of the order", 3)
@@ -396,6 +406,34 @@ def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_
         status = sky.do(asked, *((HOME.lat, HOME.lon, 20) if asked == "setpoint" else (1.0, 0.0, 0.0)))
         assert (status.state, status.cause) == ("failed", "pilot")
     sky.forward(lambda: mode(sky) == "RTL", "the way home", 8)
+
+
+@async_test
+async def test_a_pause_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it_and_the_next_does(
+    tmp_path: Path,
+) -> None:
+    sky = leaves_fence(tmp_path, 3)
+    shrinks(sky)
+    outcome = await pause(sky)
+    assert (outcome.state, outcome.cause) == ("failed", "pilot")
+    await passing(sky, 8)
+    assert mode(sky) == "RTL"
+    assert not sky.bridge.action_server.paused
+    assert (await pause(sky)).state == "succeeded"
+    await passing(sky, 5)
+    assert mode(sky) == "GUIDED"
+
+
+def test_a_mode_that_an_agent_was_setting_as_a_failsafe_began_to_hold_in_it_is_the_failsafes(tmp_path: Path) -> None:
+    sky = leaves_fence(tmp_path, 2)
+    heard = sky.begin("set_mode", "GUIDED")
+    sky.wait(0.1)
+    shrinks(sky)
+    sky.end(heard, 5)
+    assert (heard[-1].state, heard[-1].cause) == ("failed", "pilot")
+    sky.forward(lambda: sky.belief("override") == ("HOLD",), "the override", 3)
+    sky.done("set_mode", "GUIDED")
+    assert sky.belief("override") is None
 
 
 @pytest.mark.parametrize(("does", "said"), [(5, "holds"), (6, "returns"), (7, "lands"), (8, "descends")])
