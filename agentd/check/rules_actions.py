@@ -13,7 +13,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import near
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.printer import source_text
-from schemas.files.findings import Finding, nearest
+from schemas.files.findings import Finding, near_miss
 from schemas.manifest.model import Parameter, Values
 from schemas.mission.model import PERFORMATIVES
 
@@ -26,9 +26,9 @@ def external_actions(survey: Survey, known: Arities, internal: Arities) -> Itera
         if arities is None:
             hint = near(action.name, known)
             if action.name in goals:
-                hint = f"; did you mean the goal !{action.name}?"
+                hint = f", did you mean the goal `!{action.name}`?"
             elif f".{action.name}" in internal:
-                hint = f"; did you mean the internal action .{action.name}?"
+                hint = f", did you mean the internal action `.{action.name}`?"
             text = f"there is no action {action.name}/{action.arity}{hint}"
             yield finding(Kind.UNKNOWN_ACTION, action.position, text)
         elif not takes(arities, action.arity):
@@ -167,9 +167,6 @@ def unknown_performatives(survey: Survey) -> Iterator[Finding]:
     for call in survey.calls:
         match call.action.name, call.action.args:
             case (".send", (_, nodes.Structure() as term, _, *_)) | (".broadcast", (nodes.Structure() as term, _)):
-                meant = nearest(term.functor, PERFORMATIVES, 0.75)
-                if meant is not None:
-                    text = (
-                        f"{term.functor} is not a performative that agents handle by themselves; did you mean {meant}?"
-                    )
+                if hint := near_miss(term.functor, PERFORMATIVES, 0.75):
+                    text = f"{term.functor} is not a performative that agents handle by themselves{hint}"
                     yield warning(Kind.UNKNOWN_PERFORMATIVE, term.position, text)

@@ -99,14 +99,21 @@ def _hint(
 
 
 def goals_without_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
-    """Goals that the program sets itself and has no plan for, not even one for their failure."""
+    """Goals that the program sets and has no plan for; with one for their failure, only if a plan nearly fits."""
     if any(placed.name is None and "!" in placed.event for placed in survey.plans):
         return  # a plan +!G is for every goal
-    achieving = {placed.indicator for placed in survey.plans if placed.event in ("+!", "-!")}
+    achieving, failing = (
+        {placed.indicator for placed in survey.plans if placed.event == event} for event in ("+!", "-!")
+    )
     for goal in survey.achieved:
         if goal.indicator in achieving:
             continue
         hint = _hint(goal.name, achieving, there="there are plans for")
+        if goal.indicator in failing:
+            if hint:
+                text = f"there is no plan +!{goal.name}/{goal.arity}, only one for its failure{hint}"
+                yield warning(Kind.GOAL_WITHOUT_PLAN, goal.position, text)
+            continue
         text = f"there is no plan for the goal !{goal.name}/{goal.arity}{hint}"
         if survey.open_plans or elsewhere.open_plans:
             text += "; it fails unless a plan for it is added in time"
@@ -188,5 +195,5 @@ def misspelt_labels(survey: Survey) -> Iterator[Finding]:
     """Yield annotations of labels that are nearly one with a meaning: the test is not run, the plan not atomic."""
     for placed in survey.plans:
         for word, meant in misspelt_words(placed.plan):
-            text = f"[{word.functor}] has no meaning in the label of a plan; did you mean [{meant}]?"
+            text = f"`[{word.functor}]` has no meaning in the label of a plan, did you mean `[{meant}]`?"
             yield warning(Kind.MISSPELT_ANNOTATION, word.position, text)

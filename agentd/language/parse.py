@@ -24,6 +24,7 @@ from agentd.language.syntax_tree.nodes import Formula, Item, Plan, Program, Stru
 from agentd.language.syntax_tree.signatures import THIS_NS
 from agentd.language.syntax_tree.source import Source, read_source
 from schemas.files.findings import Finding
+from schemas.files.text_files import other_kind
 
 MOST_PROBLEMS = 20
 """More problems than this are seldom read; parsing stops there."""
@@ -47,8 +48,8 @@ def parse_file(path: str | Path) -> Program:
 def parse_source(read: Callable[[], Source], path: str | Path) -> Program:
     """`parse_file` for a caller that reads the file itself, as `agentd.language.syntax_tree.source.read_source`
     does."""
-    if Path(path).suffix in (".yaml", ".yml", ".toml", ".mcap"):
-        text = "expected a program in AgentSpeak; missions, manifests and recordings are for `argosy`"
+    if other := other_kind(path, ".asl"):
+        text = f"expected a program in AgentSpeak; {other}"
         raise SyntaxErrors([Problem(Finding(str(path), 0, 0, text, kind=SYNTAX), "", 0)])
     try:
         source = read()

@@ -111,7 +111,7 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
             continue  # it is run with its own file
         if not is_labelled(plan, "test"):
             for word in [word for word, meant in misspelt_words(plan) if meant == "test"]:
-                text = f"this plan is no test: did you mean [test], not [{word.functor}]?"
+                text = f"this plan is no test: did you mean `[test]`, not `[{word.functor}]`?"
                 yield Unread(file, f"{word.position}: error: {text}")
             continue
         case = _case(file, plan, program)

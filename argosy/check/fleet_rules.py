@@ -15,7 +15,7 @@ from argosy.deploy.board_needs import outside
 from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.transport.address import LinkAddressError
-from schemas.files.findings import Finding, Findings, did_you_mean, nearest
+from schemas.files.findings import Finding, Findings, did_you_mean, near_miss
 from schemas.mission.access_rules import MailRights
 from schemas.mission.model import Mission
 from schemas.wire.keys import is_name
@@ -111,8 +111,8 @@ def _sources(mission: Mission, survey: Survey) -> Iterator[Finding]:
         for node in walk((placed.plan.trigger, placed.plan.context)):
             match node:
                 case Structure("source", (Structure(source, (), position=where),)):
-                    if source not in OWN_SOURCES and (meant := nearest(source, mission.mailboxes)) is not None:
-                        text = f"nobody in the mission is called `{source}`, did you mean `{meant}`?"
+                    if source not in OWN_SOURCES and (hint := near_miss(source, mission.mailboxes)):
+                        text = f"nobody in the mission is called `{source}`{hint}"
                         yield Finding(where.file, where.line, where.column, text)
 
 

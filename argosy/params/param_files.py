@@ -165,7 +165,7 @@ class Comparison:
         parts = [f"{count(len(rows), 'parameter')} differ{'s' if len(rows) == 1 else ''}", f"{self.same} equal"]
         if self.unknown:
             unknown = [
-                f"{name} (did you mean {self.near[name]}?)" if name in self.near else name for name in self.unknown
+                f"{name} (did you mean `{self.near[name]}`?)" if name in self.near else name for name in self.unknown
             ]
             parts.append(f"{len(unknown)} that the vehicle does not have: {some(unknown, MOST_NAMED)}")
         if self.own:

@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
 
 from argosy.cli.errors import BadInput
-from schemas.files.text_files import open_regular
+from schemas.files.text_files import near_file, open_regular, other_kind
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
@@ -63,9 +63,9 @@ class McapFile:
             with open_regular(path) as file:
                 begin = file.read(len(MAGIC))
         except OSError as error:
-            raise BadRecording(f"{path}: {error.strerror}") from None
+            raise BadRecording(f"{path}: {error.strerror}{near_file(path)}") from None
         if begin != MAGIC:
-            what = "it is empty" if not begin else "it does not begin like one"
+            what = "it is empty" if not begin else other_kind(path, ".mcap") or "it does not begin like one"
             raise BadRecording(f"{path}: not an MCAP file: {what}")
 
     def records(self) -> Iterator[Schema | Channel | Message | Metadata]:

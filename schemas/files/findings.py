@@ -9,6 +9,9 @@ from typing import Literal
 
 from schemas.humanize import escape_line
 
+CLOSE = 0.6
+"""The least similarity of two names by `difflib`, from 0 to 1, at which one is probably the other."""
+
 
 @dataclass(frozen=True, order=True)
 class Finding:
@@ -45,11 +48,10 @@ class Findings(Exception):
         return cls([Finding(str(file), 0, 0, message)])
 
 
-def nearest(word: str, known: Iterable[str], close: float = 0.6) -> str | None:
+def nearest(word: str, known: Iterable[str], close: float = CLOSE) -> str | None:
     """Return the known name that a word probably means: a near miss, or the same name in a namespace.
 
-    None if there is no such name, and for a known word: it is not misspelt. `close`: the least similarity by `difflib`,
-    from 0 to 1.
+    None if there is no such name, and for a known word: it is not misspelt.
     """
     import difflib  # not needed for files without mistakes
 
@@ -60,10 +62,10 @@ def nearest(word: str, known: Iterable[str], close: float = 0.6) -> str | None:
     return found[0] if found else None
 
 
-def near_miss(word: str, known: Iterable[str]) -> str:
-    """Return `, did you mean `x`?` for a near miss, else an empty text."""
-    near = nearest(word, known)
-    return "" if near is None else f", did you mean `{near}`?"
+def near_miss(word: str, known: Iterable[str], close: float = CLOSE, suffix: str = "") -> str:
+    """Return `, did you mean `x`?` for a near miss (`nearest`), else an empty text. `suffix`: the end of x."""
+    near = nearest(word, known, close)
+    return "" if near is None else f", did you mean `{near}{suffix}`?"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from schemas.files.findings import Finding, Findings, nearest
+from schemas.files.findings import Finding, Findings, near_miss
 
 DISK_FAILS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS})
 """Errors of a disk that is full or broken: what may be done without it goes on."""
@@ -20,17 +20,32 @@ MAX_LINE = 10_000
 """Characters of a line: some readers need the square of its length."""
 MAX_PROGRAM = 16 * 2**20
 """Bytes of a program, the saved ones of agents included."""
+_PROGRAMS, _MISSIONS = "programs are for `agentd run` and `agentd check`", "missions are for `argosy run`"
+_USES = {
+    ".asl": _PROGRAMS,
+    ".mas2j": _PROGRAMS,
+    ".yaml": _MISSIONS,
+    ".yml": _MISSIONS,
+    ".toml": "manifests are for `argosy manifest`",
+    ".mcap": "recordings are for `argosy replay`",
+}
+"""Files that have commands of their own, by suffix."""
 
 
 def near_file(path: str | Path) -> str:
-    """Return ``; did you mean x.yaml?`` if a file of nearly this name and the same suffix is in its folder."""
+    """Return the hint of `near_miss` if a file of nearly this name and the same suffix is in its folder."""
     path = Path(path)
     try:
         there = [one.stem for one in path.parent.iterdir() if one.suffix == path.suffix and one.is_file()]
     except (OSError, ValueError):
         return ""
-    found = nearest(path.stem, there)
-    return "" if found is None else f"; did you mean {found}{path.suffix}?"
+    return near_miss(path.stem, there, suffix=path.suffix)
+
+
+def other_kind(path: str | Path, own: str) -> str:
+    """Return what a file is for by its suffix; empty for an unknown suffix and for those of the kind of `own`."""
+    use = _USES.get(Path(path).suffix, "")
+    return "" if use == _USES[own] else use
 
 
 def open_regular(path: str | Path) -> BinaryIO:

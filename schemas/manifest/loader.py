@@ -13,9 +13,9 @@ from typing import Any, TypeVar, get_args
 
 import msgspec
 
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean, near_miss
 from schemas.files.shipped_files import shipped, shipped_names
-from schemas.files.text_files import near_file, read_text
+from schemas.files.text_files import near_file, other_kind, read_text
 from schemas.files.toml_positions import line_of, toml_lines
 from schemas.files.units import decode_hook
 from schemas.files.validation import convert, misfits
@@ -82,9 +82,12 @@ def load_manifest(name: str | Path, relative_to: Path | None = None, check: Chec
     """
     path = find_manifest(str(name), relative_to)
     if path is None:
-        known = ", ".join(shipped_names("manifests", ".toml"))
-        near = near_file(name if relative_to is None else relative_to / name)
-        raise Findings.about(name, f"no such manifest; expected a file or one of: {known}{near}")
+        known = shipped_names("manifests", ".toml")
+        hint = near_file(name if relative_to is None else relative_to / name) or near_miss(str(name), known)
+        hint = hint or f"; expected a file or one of: {', '.join(known)}"
+        raise Findings.about(name, f"no such manifest{hint}")
+    if other := other_kind(path, ".toml"):
+        raise Findings.about(name, f"expected a manifest in TOML; {other}")
     return _read_once(read_text(path), str(path), check)
 
 

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from schemas.files.findings import Finding, Findings, did_you_mean, nearest
+from schemas.files.findings import Finding, Findings, did_you_mean, near_miss
 from schemas.files.shipped_files import mission_file, shipped_names
-from schemas.files.text_files import read_text
+from schemas.files.text_files import other_kind, read_text
 from schemas.files.units import LINK_FORMS, Distance, Duration, check_endpoint, decode_hook, host_and_port
 from schemas.files.yaml_positions import Positions, Steps, convert, read_yaml
 from schemas.wire.keys import Sight, check_name
@@ -398,23 +398,13 @@ class Mission:
         return [name for name, member in members.items() if member.robot == robot]
 
 
-_PROGRAMS = "programs are for `agentd run` and `agentd check`"
-OTHER_FILES = {
-    ".asl": _PROGRAMS,
-    ".mas2j": _PROGRAMS,
-    ".toml": "manifests are for `argosy manifest`",
-    ".mcap": "recordings are for `argosy replay`",
-}
-"""What else has a command of its own, by its suffix."""
-
-
 def load_mission(path: str | Path) -> Mission:
     """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong."""
     path = mission_file(path)
     if not path.suffix and not path.exists():
         instead = did_you_mean(path.name, shipped_names("missions", ".yaml"))
         raise Findings.about(path, f"no such file, and no mission of that name ships{instead}")
-    if other := OTHER_FILES.get(path.suffix):
+    if other := other_kind(path, ".yaml"):
         raise Findings.about(path, f"expected a mission in YAML; {other}")
     return read_mission(read_text(path), path)
 
@@ -567,8 +557,8 @@ def _check_accepts(mission: Mission, agent: str, wrong: Any) -> None:
             hint = did_you_mean(sender, mission.mailboxes)
             wrong(where, f"accepts: there is no agent, client or node `{sender}`{hint}", True)
         for one in accepted if accepted != ALL else ():
-            if one not in PERFORMATIVES and (near := nearest(one, PERFORMATIVES)) is not None:
-                wrong(where, f"accepts: no agent handles `{one}` by itself, did you mean `{near}`?")
+            if hint := near_miss(one, PERFORMATIVES):
+                wrong(where, f"accepts: no agent handles `{one}` by itself{hint}")
 
 
 def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:

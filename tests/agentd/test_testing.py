@@ -76,7 +76,7 @@ def test_plans_with_the_annotation_test_are_run_and_only_they(run) -> None:
 def test_a_plan_whose_annotation_is_a_misspelt_test_is_an_error(run) -> None:
     ran = run("@a[test] +!a <- !force_pass.\n@b[tset] +!b <- !force_failure.\n@c[best] +!c <- .fail.\n")
     assert (ran.code, len(ran.lines)) == (2, 1)
-    assert ran.err == "some_test.asl:2:4: error: this plan is no test: did you mean [test], not [tset]?\n"
+    assert ran.err == "some_test.asl:2:4: error: this plan is no test: did you mean `[test]`, not `[tset]`?\n"
     alone = run(None, "folder", **{"folder/alone.asl": "@b[tset] +!b <- !assert_true(false).\n"})
     assert (alone.code, alone.err.count("[tset]")) == (2, 1)
 

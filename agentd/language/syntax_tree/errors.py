@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from agentd.language.syntax_tree.source import Source
-from schemas.files.findings import Finding, nearest
+from schemas.files.findings import Finding, near_miss
 from schemas.humanize import escape_lines
 
 if TYPE_CHECKING:
@@ -34,9 +34,8 @@ def shown(text: str) -> str:
 
 
 def near(word: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean x?`` for a word that is probably misspelt, else nothing."""
-    found = nearest(word, known, CLOSE)
-    return "" if found is None else f"; did you mean {found}?"
+    """Return the hint of `near_miss` for a word of a program that is probably misspelt, else nothing."""
+    return near_miss(word, known, CLOSE)
 
 
 class Problem(Struct, frozen=True, order=True):

@@ -190,7 +190,7 @@ def _goals_like(mind: MindState, goal: Any) -> Iterable[str]:
         return
     if found := nearest(goal.sig.functor, known, CLOSE):
         view = plan_view(known[found])
-        yield f"did you mean {view.trigger} ({view.position})?"
+        yield f"did you mean `{view.trigger}` ({view.position})?"
 
 
 def _arguments(number: int) -> str:
@@ -200,7 +200,7 @@ def _arguments(number: int) -> str:
 def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
     """Yield the question whether one of the known names is meant, if one is like a word."""
     if found := nearest(word, known, CLOSE):
-        yield f"did you mean {found}?"
+        yield f"did you mean `{found}`?"
 
 
 # --- why no plan was applicable ---

@@ -20,7 +20,7 @@ from bridged.drivers.mavlink.action_binding import (
 from bridged.drivers.mavlink.actions.context import Procedure
 from bridged.drivers.mavlink.vehicle import readings
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
-from schemas.files.findings import Finding
+from schemas.files.findings import Finding, near_miss
 from schemas.manifest.loader import ActionEntry, FieldValue, Manifest, PerceptEntry
 
 OWN_FIELDS: Mapping[str, tuple[str, ...]] = {
@@ -41,6 +41,8 @@ OWN_PATHS = frozenset({"MISSION_LIST"})
 """Sources of the driver's own whose fields have parts."""
 TABLES = ("modes",)
 WAYS = ("command", "message", "call")
+_CLOSE = 0.8
+"""The least similarity of a near miss (`nearest`): names of MAVLink are long, and many begin alike."""
 
 Problem = tuple[str, str]
 """A problem, and its key."""
@@ -69,7 +71,9 @@ def _percept_problems(entry: PerceptEntry) -> Iterator[Problem]:
     own = OWN_FIELDS.get(entry.source)
     number = getattr(dialect, f"MAVLINK_MSG_ID_{entry.source}", None)
     if own is None and number is None:
-        yield f"MAVLink has no message `{entry.source}`, and the driver has {_list(OWN_FIELDS)} of its own", "source"
+        hint = near_miss(entry.source, [*OWN_FIELDS, *(one.msgname for one in dialect.mavlink_map.values())], _CLOSE)
+        hint = hint or f", and the driver has {_list(OWN_FIELDS)} of its own"
+        yield f"MAVLink has no message `{entry.source}`{hint}", "source"
         return
     known = own or dialect.mavlink_map[number].fieldnames
     for field in entry.fields():
@@ -152,7 +156,8 @@ def _call_problems(entry: ActionEntry) -> Generator[Problem, None, Procedure | N
 def _command_problems(entry: ActionEntry) -> Generator[Problem, None, Procedure | None]:
     number = getattr(dialect, entry.command, None)
     if not entry.command.startswith("MAV_CMD_") or not isinstance(number, int):
-        yield f"MAVLink has no command `{entry.command}`", "command"
+        hint = near_miss(entry.command, [one.name for one in dialect.enums["MAV_CMD"].values()], _CLOSE)
+        yield f"MAVLink has no command `{entry.command}`{hint}", "command"
     if entry.confirm not in COMMANDS:
         yield f"a command is confirmed by {_list(COMMANDS)}, got `{entry.confirm}`", "confirm"
     elif entry.command not in COMMANDS_OF.get(entry.confirm, (entry.command,)):

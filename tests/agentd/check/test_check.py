@@ -94,7 +94,7 @@ def test_what_is_fine_is_not_told(text: str) -> None:
 def test_without_a_manifest_actions_and_percepts_are_taken_as_known_and_misspelt_beliefs_are_reported() -> None:
     assert findings_about("+!g : altitude(A) & A > 1 <- fly(A).") == []
     (finding,) = findings_about("waypoint(1). +!g : waypont(A) <- fly(A).")
-    assert finding.message.endswith("did you mean waypoint?")
+    assert finding.message.endswith("did you mean `waypoint`?")
 
 
 def test_beliefs_of_the_mission_count_as_added() -> None:
@@ -112,8 +112,9 @@ def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
     assert [str(finding) for finding in findings_of(text)] == [
         "a.asl:1:2: error: there is no plan for the goal !go/0",
         "a.asl:2:7: warning: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
-        "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
-        "a.asl:4:7: error: there is no internal action .pnt/1: it fails the plan that reaches it; did you mean .print?",
+        "a.asl:3:7: error: there is no action take_off/1, did you mean `takeoff`?",
+        "a.asl:4:7: error: there is no internal action .pnt/1: it fails the plan that reaches it, "
+        "did you mean `.print`?",
         "a.asl:5:8: error: there is no plan for the goal !h/1",
         "a.asl:5:10: warning: the variable X occurs only once; is it misspelt? if not, write _ or _X",
     ]
@@ -127,7 +128,8 @@ def test_included_files_are_checked_with_the_program(check: Check) -> None:
     told = check({"main.asl": main, "parts/common.asl": common, "parts/more.asl": more})
     assert [line.split(";")[0] for line in told.err.splitlines()] == [
         "main.asl:2:36: error: there is no plan for the goal !lost/0",
-        "parts/common.asl:2:11: error: there is no internal action .prnt/1: it fails the plan that reaches it",
+        "parts/common.asl:2:11: error: there is no internal action .prnt/1: it fails the plan that reaches it, "
+        "did you mean `.print`?",
         'parts/more.asl:2:1: error: cannot include "common.asl": files include one another without end',
     ]
 
@@ -215,7 +217,7 @@ def test_the_standard_library_is_known() -> None:
 n(1)."""
     assert findings_about(text) == []
     (finding,) = findings_about("+!g <- .lenght([], 0).")
-    assert finding.message.endswith("did you mean .length?")
+    assert finding.message.endswith("did you mean `.length`?")
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
@@ -242,9 +244,9 @@ def test_what_the_checked_files_send_to_one_another_is_known(check: Check) -> No
     b = "!begin. +!begin <- .print(b). +!paint(_) : color(_) <- .print(yes). +!print(_) : colour(_) <- .print(no).\n"
     told = check({"a.asl": a, "b.asl": b}, "a.asl", "b.asl")
     assert [line.split("warning: ")[1] for line in told.err.splitlines()] == [
-        "this plan is never used unless others send its event: nothing sets the goal !print/1; did you mean paint?",
-        "nothing adds the belief colour/1: colour(_) is always false unless it is a percept or an agent sends it; "
-        "did you mean color?",
+        "this plan is never used unless others send its event: nothing sets the goal !print/1, did you mean `paint`?",
+        "nothing adds the belief colour/1: colour(_) is always false unless it is a percept or an agent sends it, "
+        "did you mean `color`?",
     ]
     assert told.code == 0
 
@@ -281,7 +283,7 @@ def test_the_command_checks_against_a_shipped_manifest(check: Check) -> None:
     told = check(program, "--manifest", "copter")
     assert told.code == 1
     assert "the percept state has 3 arguments, not 4" in told.err
-    assert "did you mean takeoff?" in told.err
+    assert "did you mean `takeoff`?" in told.err
     assert "bridge" not in told.err
     told = check(program, "--manifest", "no_such_robot")
     assert told.code == 2

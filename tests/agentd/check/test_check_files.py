@@ -36,7 +36,7 @@ def test_a_file_that_is_missing_is_reported_with_the_near_one(call: str, check: 
     (one,) = told.findings
     assert (one["kind"], one["severity"]) == ("file", "error")
     assert '"moer.asl": No such file' in one["message"]
-    assert one["message"].endswith("; did you mean more.asl?")
+    assert one["message"].endswith(", did you mean `more.asl`?")
 
 
 def test_a_created_agent_is_one_of_the_team(check: Check) -> None:

@@ -187,7 +187,7 @@ def test_a_check_of_a_program_knows_the_packages_that_are_installed(with_site, t
     done = with_site("check", program)
     first, second = [line.partition("bob.asl:")[2] for line in done.stderr.splitlines() if "bob.asl" in line]
     assert first.startswith("3:2: error: there is no function or internal action mylib.is_evn/1")
-    assert first.endswith("did you mean mylib.is_even?")
+    assert first.endswith("did you mean `mylib.is_even`?")
     assert second.startswith(
         "4:2: error: hurt.act/1 cannot be used: the plug-in hurt of my-package 2.3 cannot be loaded"
     )

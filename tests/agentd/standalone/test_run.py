@@ -49,7 +49,7 @@ PRINTS = {
     ),
     "a misspelt internal action is reported with what is wrong": (
         '!s. +!s <- .prnt(1). -!s[error(E), error_msg(M)] <- .print(E, " ", M).',
-        "action_failed there is no internal action .prnt/1; did you mean .print?",
+        "action_failed there is no internal action .prnt/1, did you mean `.print`?",
     ),
     "a length of a number": ("!s. +!s <- .length(5, L). -!s[error_msg(M)] <- .print(M).", ".length(5,L) did not hold"),
     "the greatest of nothing": ("!s. +!s <- .max([], X). -!s[error_msg(M)] <- .print(M).", ".max([],X) did not hold"),
@@ -86,7 +86,7 @@ def test_a_file_that_does_not_parse_ends_with_two_the_line_and_a_caret(run: Run)
 def test_what_is_wrong_with_each_of_several_programs_is_reported_together(run: Run) -> None:
     ran = run("+!g <- a b.", b="+!g : c, d.", c="{ inculde(x) }", d="!g.")
     assert ran.code == 2
-    for name, message in (("agent", "a ; is missing"), ("b", "not by a comma"), ("c", "did you mean include?")):
+    for name, message in (("agent", "a ; is missing"), ("b", "not by a comma"), ("c", "did you mean `include`?")):
         assert any(line.startswith(f"{name}.asl:1") and message in line for line in ran.err.splitlines()), message
 
 

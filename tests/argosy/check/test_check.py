@@ -105,7 +105,7 @@ def test_all_files_are_checked_in_one_run_whatever_is_wrong_with_the_first(
     assert main(["check", str(mission)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert f"{mission}:2:1: error: speeed: there is no such field, did you mean `speed`?" in lines
-    assert f"{mission.parent}/scout.asl:3:14: error: there is no action lnd/0; did you mean land?" in lines
+    assert f"{mission.parent}/scout.asl:3:14: error: there is no action lnd/0, did you mean `land`?" in lines
     assert lines == sorted(lines, key=lambda line: line.split(":")[0])
 
 

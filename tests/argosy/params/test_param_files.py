@@ -107,7 +107,7 @@ def test_renamed_parameters_are_found_and_the_vehicles_own_are_not_set() -> None
 
 def test_an_unknown_parameter_is_told_with_the_vehicles_that_it_nearly_is() -> None:
     found = compare({"RTL_ALTT": 1500.0, "ZZZ": 1.0}, {"RTL_ALT": 1500.0, "FENCE_ENABLE": 0.0})
-    assert "does not have: RTL_ALTT (did you mean RTL_ALT?) and ZZZ;" in found.text("uav1")
+    assert "does not have: RTL_ALTT (did you mean `RTL_ALT`?) and ZZZ;" in found.text("uav1")
 
 
 def test_a_file_of_another_kind_of_vehicle_is_told_in_a_line_that_can_be_read() -> None:

@@ -55,6 +55,7 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         '[robot]\ndriver = "mavlink"\nvehicle = "submarine"\n'
         '[percepts.altitude]\nsource = "ALTIMETER"\nargs = ["alt"]\n'
         '[percepts.gps]\nsource = "GPS_RAW_INT"\nargs = ["fix", "fix_type.1"]\n'
+        '[percepts.place]\nsource = "GLOBAL_POSITON_INT"\nargs = ["lat"]\n'
         '[percepts.cells]\nsource = "BATTERY_STATUS"\nargs = ["voltages.9", "voltages.10"]\n'
         '[actions.land]\ncommand = "MAV_CMD_NAV_LADN"\nconfirm = "touched"\nfields = {param8 = 1}\n'
         '[actions.go]\nmessage = "SET_MODE"\nconfirm = "landed"\n'
@@ -66,12 +67,13 @@ def test_what_the_driver_does_not_know_is_told_at_its_line() -> None:
         "9: percepts.gps.args: GPS_RAW_INT has no field `fix`, it has time_usec, fix_type, lat, lon, alt, eph, epv, "
         "vel, cog, satellites_visible, alt_ellipsoid, h_acc, v_acc, vel_acc, hdg_acc, yaw",
         "9: percepts.gps.args: GPS_RAW_INT.fix_type has no element `1`",
-        "12: percepts.cells.args: BATTERY_STATUS.voltages has no element `10`",
-        "14: actions.land.command: MAVLink has no command `MAV_CMD_NAV_LADN`",
-        "15: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, "
+        "11: percepts.place.source: MAVLink has no message `GLOBAL_POSITON_INT`, did you mean `GLOBAL_POSITION_INT`?",
+        "15: percepts.cells.args: BATTERY_STATUS.voltages has no element `10`",
+        "17: actions.land.command: MAVLink has no command `MAV_CMD_NAV_LADN`, did you mean `MAV_CMD_NAV_LAND`?",
+        "18: actions.land.confirm: a command is confirmed by mode, armed, altitude, target, arrival, orbit, landed, "
         "home, at_home, servo, gripper, relay, winch, picture, camera, gimbal, fence, ack, got `touched`",
-        "16: actions.land.fields: no field `param8`, there is param1, param2, param3, param4, param5, param6, param7",
-        "18: actions.go.message: the driver sends SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED, "
+        "19: actions.land.fields: no field `param8`, there is param1, param2, param3, param4, param5, param6, param7",
+        "21: actions.go.message: the driver sends SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED, "
         "RC_CHANNELS_OVERRIDE, got `SET_MODE`",
     ]
 
