@@ -166,6 +166,8 @@ class ControlAuthority:
         """Take in how a run ended: success of one that moves the vehicle or sets its mode proves our control."""
         if self._to_judge and run.judges_mode:
             self._to_judge, self._vehicle.overridden = False, outcome.state != "succeeded"
+        elif run.judges_mode and outcome.cause == "pilot":  # others fly it, perhaps in the mode that the run has set
+            self._vehicle.overridden = self._vehicle.armed
         if outcome.state == "succeeded":
             self._vehicle.overridden = self._vehicle.overridden and not (run.moves or run.procedure.sets_mode)
             if run.procedure.takes_control:

@@ -181,6 +181,8 @@ class Plan:
         """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
         self.flown_by = ""
         """The action that is flying the mission now."""
+        self.sent_to = 0
+        """The item that an action made the current one last."""
         self._file, self._broken = file, ""
         try:
             self._broken = "" if file is None else file.read_text(errors="replace")

@@ -323,7 +323,7 @@ def set_current(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Part:
     """Make an item the current one, by its number from 1, until MISSION_CURRENT shows it."""
-    poll = Poll(flight, run, "MISSION_CURRENT")
+    poll, flight.plan.sent_to = Poll(flight, run, "MISSION_CURRENT"), wanted
     run.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
         flight.send(dialect.MAVLink_mission_set_current_message(*flight.addressee, wanted))

@@ -50,6 +50,10 @@ BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
 HOME_NEAR = 3.0
 """Metres from home at which a vehicle has returned."""
+PASSED_WITHIN, TOLD_WITHIN = 200.0, (3.0, 2.0)
+"""Metres from a waypoint within which a vehicle has passed it; mission and wall seconds between two MISSION_CURRENT in
+which it is judged whether it has."""
+WAYPOINTS = frozenset({dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT})
 COMPLETE = dialect.MISSION_STATE_COMPLETE
 START = Retry(times=5)
 SHOWS_WITHIN = (2.5, 1.5)
@@ -119,14 +123,14 @@ def _fly(
     A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
     HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
     of a mission does so immediately: two HEARTBEATs later a change is somebody else's. Of a mission that jumps,
-    reaching an item proves nothing: it is over when the vehicle reports it. `stored` is the number of items in the
-    last MISSION_CURRENT before.
+    reaching an item proves nothing: it is over when the vehicle reports it. A failsafe of ArduPlane goes on to the
+    landing in AUTO. `stored` is the number of items in the last MISSION_CURRENT before.
     """
     vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
     poll, patience = Poll(flight, run, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
     jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
     reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
-    fast_at = -math.inf
+    fast_at, before, told_at, flight.plan.sent_to = -math.inf, 0, -math.inf, 0
     while True:
         poll()
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
@@ -139,6 +143,10 @@ def _fly(
                 if message.total != stored or message.mission_state == dialect.MISSION_STATE_NO_MISSION:
                     reason = "the vehicle's mission was changed by others while it was flown (another ground station?)"
                     return Outcome("failed", flight.with_texts(reason, asked))
+                lately = flight.now - told_at <= flight.wait(*TOLD_WITHIN)
+                if lately and not jumps and message.seq != flight.plan.sent_to:
+                    _check_passed(flight, items, before, message.seq, asked)
+                before, told_at = message.seq, flight.now
                 furthest = max(furthest, message.seq)
                 current = max(1, message.seq if jumps else furthest)
                 complete = complete or (message.mission_state == COMPLETE and running and vehicle.armed)
@@ -169,6 +177,19 @@ def _fly(
             reason = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
             return Outcome("failed", flight.with_texts(reason, asked))
         yield
+
+
+def _check_passed(flight: ProcedureContext, items: tuple[Item, ...], before: int, seq: int, asked: float) -> None:
+    """Raise Ended if the vehicle goes on from item `before` to item `seq` without having been at those between."""
+    vehicle = flight.vehicle
+    if vehicle.position is None or not vehicle.placed:
+        return
+    near = PASSED_WITHIN + vehicle.speed * flight.wait(*TOLD_WITHIN)
+    for item in range(max(1, before), min(seq, len(items))):
+        if items[item].command in WAYPOINTS and vehicle.position.distance(items[item].place) > near:
+            reason = f"the vehicle goes on to item {seq} and was not at item {item}, which nobody here asked for"
+            said = flight.with_texts(f"{reason} (a failsafe, or another ground station?)", asked)
+            raise Ended("failed", said, "pilot")
 
 
 def _landed(flight: ProcedureContext, run: ProcedureRun, item: Item, fast_at: float) -> Steps:

@@ -10,9 +10,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.vehicle.ardupilot.flight_modes import Mode
 from bridged.simulation.vehicle.vehicle import Vehicle
+from schemas.wire.records import ActionStatus
 from tests.bridged.drivers.mavlink.test_six_kinds import FAR, sky_of, under_way
 from tests.bridged.sky import HOME, Message, Sky
 
+LANDING = [
+    ["takeoff", 0, 0, 50], [*FAR, 50], [-27.59, -48.53, 50], ["MAV_CMD_DO_LAND_START", 0, 0, 0],
+    [-27.598, -48.5184, 40], ["land", -27.6030, -48.5184, 0],
+]  # fmt: skip
 RTL_ACTION = 2
 """BATT_FS_LOW_ACT: return."""
 
@@ -113,3 +118,34 @@ def test_where_a_vehicle_is_that_has_no_position_yet_is_not_known(tmp_path: Path
     assert sky.told("global_pos") == []
     sky.forward(lambda: sky.belief("global_pos"), "its position", 120)
     assert sky.told("global_pos")[0] == pytest.approx((HOME.lat, HOME.lon), abs=1e-5)
+
+
+def on_the_leg(tmp_path: Path, leg: int) -> tuple[Sky, list[ActionStatus]]:
+    """An ArduPlane on the way to an item of its mission."""
+    sky = sky_of(tmp_path, "plane", "ardupilot")
+    sky.vehicle.autopilot.parameters.set("RTL_AUTOLAND", 2)
+    sky.done("upload_mission", LANDING)
+    heard = sky.armed().begin("start_mission")
+    sky.forward(lambda: sky.belief("mission_item") == (leg, len(LANDING)), "the leg", 120)
+    return sky, heard
+
+
+@pytest.mark.parametrize("leg", [2, 3])
+def test_a_mission_that_a_planes_failsafe_cuts_short_by_its_landing_has_failed_and_the_landing_goes_on(
+    tmp_path: Path, leg: int
+) -> None:
+    sky, heard = on_the_leg(tmp_path, leg)
+    sky.wait(3)
+    sky.vehicle.autopilot.start_landing()
+    status = sky.end(heard, 5)
+    assert (status.state, status.cause) == ("failed", "pilot")
+    assert status.reason.startswith(f"the vehicle goes on to item 5 and was not at item {leg}, which nobody here asked")
+    sky.forward(lambda: sky.belief("override") == ("AUTO",), "the override", 3)
+    assert sky.do("return_to_launch").cause == "pilot"
+    sky.forward(lambda: not sky.vehicle.autopilot.armed, "the landing", 300)
+
+
+def test_a_mission_in_which_an_agent_goes_to_a_later_item_succeeds(tmp_path: Path) -> None:
+    sky, heard = on_the_leg(tmp_path, 2)
+    sky.done("set_mission_item", 5)
+    assert sky.end(heard, 400).state == "succeeded"
