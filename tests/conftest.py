@@ -15,7 +15,9 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from hashlib import sha256
+from inspect import iscoroutinefunction
 
 import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
@@ -25,6 +27,7 @@ from commd.bus.session import sessions_under_way, still_there
 from tests.boards.network import NoNamespaces, possible
 from tests.support import ports
 from tests.support.amount import some_of
+from tests.support.buses import Connect, in_a_loop, with_a_router
 from tests.support.needs import NEEDS, lacks
 
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -123,6 +126,24 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     faulthandler.dump_traceback_later(OTHERS_PATIENCE if one_of_several else END_PATIENCE, exit=True)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run an async test in an event loop of its own; what a fixture gives as an async context manager is open there."""
+    if not iscoroutinefunction(pyfuncitem.obj):
+        return None
+
+    async def whole() -> None:
+        async with AsyncExitStack() as stack:
+            given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+            for name, value in given.items():
+                if isinstance(value, AbstractAsyncContextManager):
+                    given[name] = await stack.enter_async_context(value)
+            await pyfuncitem.obj(**given)
+
+    in_a_loop(whole)
+    return True
+
+
 @pytest.fixture(autouse=True)
 def loggers_as_they_were() -> Iterator[None]:
     """Undo what a command that was run in this process has said of loggers, and remove the handlers that it has left.
@@ -205,3 +226,9 @@ def free_port() -> Callable[[], int]:
 def endpoint(free_port: Callable[[], int]) -> str:
     """Return a router endpoint on loopback that nobody uses."""
     return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def connect(endpoint: str) -> AbstractAsyncContextManager[Connect]:
+    """Open sessions on a bus whose router is at `endpoint`."""
+    return with_a_router(endpoint, 240)

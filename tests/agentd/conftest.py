@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -12,7 +13,9 @@ from typing import TypeAlias
 import pytest
 
 from agentd.__main__ import main
+from tests.agentd.hosts import Board, on_a_board
 from tests.support import forked
+from tests.support.buses import Connect
 
 
 @dataclass
@@ -60,3 +63,9 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         return Ran(main([*arguments]), *capsys.readouterr())
 
     return command
+
+
+@pytest.fixture
+def board(connect: AbstractAsyncContextManager[Connect], tmp_path: Path) -> AbstractAsyncContextManager[Board]:
+    """Begin agents with `board.host`, on a bus with a router at `endpoint`."""
+    return on_a_board(connect, tmp_path)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -26,7 +27,7 @@ from agentd.trace.publisher import TraceSubscribers
 from commd.bus.bus import Bus
 from commd.client.manual_percepts import HandPerceptSubscription
 from commd.common.clock import Clock
-from tests.support.buses import Connect, on_a_bus, run_by
+from tests.support.buses import Connect
 
 
 class Disk:
@@ -193,21 +194,13 @@ class Board:
             await hosted.daemon.close()
 
 
-def on_a_board(endpoint: str, folder: Path, body: Callable[[Board], Coroutine[Any, Any, None]]) -> None:
-    """Run `body(board)` with a router at `endpoint`."""
-
-    async def everything(connect: Connect) -> None:
-        board = Board(connect, folder)
-        await body(board)
+@asynccontextmanager
+async def on_a_board(connect: AbstractAsyncContextManager[Connect], folder: Path) -> AsyncIterator[Board]:
+    """Yield a board whose `host` begins agents; they end with it."""
+    async with connect as opens:
+        board = Board(opens, folder)
+        yield board
         await board.close()
-
-    on_a_bus(endpoint, everything)
-
-
-board_test = run_by(
-    lambda body, endpoint, tmp_path: on_a_board(endpoint, tmp_path, body), "board", needs=("endpoint", "tmp_path")
-)
-"""Runs an async test with a router at `endpoint`: `board.host` begins agents, other parameters are fixtures."""
 
 
 class NoTeam:

@@ -24,7 +24,7 @@ from commd.process.systemd import Unit
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from tests.agentd.daemons import TWO, daemons, mission
-from tests.agentd.hosts import Board, board_test
+from tests.agentd.hosts import Board
 from tests.agentd.minds import mind_of
 from tests.support.buses import until, virtual_test
 from tests.support.processes import running
@@ -175,7 +175,6 @@ def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: lis
     assert mind.cycle == cycles
 
 
-@board_test
 async def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_together(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:

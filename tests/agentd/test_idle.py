@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.agentd.hosts import Board, board_test
+from tests.agentd.hosts import Board
 from tests.support.buses import until
 
 
@@ -18,7 +18,6 @@ from tests.support.buses import until
         '.print(begun); .at("now +600 s", {+!later})',
     ],
 )
-@board_test
 async def test_an_agent_whose_intention_waits_is_not_idle(board: Board, body: str) -> None:
     agent = await board.host("a", f"!go. +!go <- {body}. +!later.", others=("other",))
     await until(lambda: "begun" in agent.prints, "the intention waits")
@@ -26,7 +25,6 @@ async def test_an_agent_whose_intention_waits_is_not_idle(board: Board, body: st
 
 
 @pytest.mark.parametrize("program", ["!go. +!go <- .wait(go, 10, _); .print(done).", "!go. +!go <- .print(done); no."])
-@board_test
 async def test_an_agent_whose_plans_have_ended_is_idle(board: Board, program: str) -> None:
     agent = await board.host("a", program)
     await until(lambda: agent.host.health().idle, "it has nothing in mind")

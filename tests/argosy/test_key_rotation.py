@@ -17,7 +17,7 @@ from commd.bus.tls import Tls, files_in
 from commd.router import config as router_config
 from schemas.wire import keys
 from schemas.wire.records import Outcome, Perception, StopOrder
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.secured import Secured
 
 FLEET = "three"
@@ -96,7 +96,6 @@ async def flow(fleet: Secured) -> AsyncIterator[Flow]:
             telling.cancel()
 
 
-@async_test
 async def test_a_board_gets_new_keys_and_the_others_do_not_miss_a_word(fleet: Secured) -> None:
     async with AsyncExitStack() as stack:
         buses = {board: await stack.enter_async_context(router(fleet, board)) for board in ("pi2", "pi3")}
@@ -118,7 +117,6 @@ async def test_a_board_gets_new_keys_and_the_others_do_not_miss_a_word(fleet: Se
         assert len(heard) > 20
 
 
-@async_test
 async def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors(fleet: Secured) -> None:
     stolen = fleet.folder / "stolen"
     fleet.keys("pi3").rename(stolen)
@@ -143,7 +141,6 @@ async def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors
         assert "does not believe" in await verdict(fleet.link("pi1"), stolen_tls), "the stolen keys are none still"
 
 
-@async_test
 async def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
     fleet: Secured, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,7 +23,7 @@ from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import NAME, TEXT, Attack, World
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.secured import Secured
 
 
@@ -108,7 +108,6 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
         assert "by its rules they are not of its board; `argosy units` writes new rules" in daemon.text
 
 
-@async_test
 async def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:

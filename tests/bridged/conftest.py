@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
 
 from tests.bridged.sky import Sky
+from tests.bridged.studio import Studio, in_the_studio
 from tests.bridged.virtual_copter import Station
 
 
@@ -26,3 +28,9 @@ def station() -> Station:
 def looks_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Orders of a bridge in virtual time look at the robot with each step of it, and not by the wall clock."""
     monkeypatch.setattr("bridged.bridge.safety_orders.LOOK", 0.0)
+
+
+@pytest.fixture
+def studio(endpoint: str, tmp_path: Path) -> AbstractAsyncContextManager[Studio]:
+    """A studio of the shipped turtle."""
+    return in_the_studio(endpoint, tmp_path)

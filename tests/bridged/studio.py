@@ -19,7 +19,6 @@ from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Health, Perception
 from schemas.wire.terms import Term
 from tests.bridged.airfield import command_line
-from tests.support.buses import lends
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -86,7 +85,3 @@ async def in_the_studio(
             stop.set()
             perceiving.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-
-
-studio_test = lends("studio", by=in_the_studio, needs=("endpoint", "tmp_path"))
-"""Runs an async test in a studio of the shipped turtle; other parameters are fixtures."""

@@ -36,7 +36,7 @@ from tests.bridged.airfield import (
 )
 from tests.bridged.radio import BEAT, COPTER, Speaker, place, riding
 from tests.bridged.sky import MISSION
-from tests.support.buses import async_test, under_way
+from tests.support.buses import under_way
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
 from tests.support.promises import kept
@@ -91,7 +91,6 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
     assert kept(lambda: asyncio.run(knowing()), 1.0)
 
 
-@async_test
 async def test_what_is_read_together_is_one_record_and_no_status_or_health_leaves_before_the_percepts_it_refers_to(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,7 +127,6 @@ async def test_what_is_read_together_is_one_record_and_no_status_or_health_leave
         assert changes == list(range(1, last + 1))
 
 
-@async_test
 async def test_percepts_have_keys_of_their_own_only_while_somebody_subscribes(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,7 +150,6 @@ async def test_percepts_have_keys_of_their_own_only_while_somebody_subscribes(
         assert [one for one in sent if one in alone][:2] == alone[:2], "with the same header"
 
 
-@async_test
 async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoint: str, tmp_path: Path) -> None:
     async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
         copy, digests, losing = PerceptSet(), list[str](), True
@@ -180,7 +177,6 @@ async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(e
         await field.leave()
 
 
-@async_test
 async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
     port, link_loss = free_port(), 1.0
     manifest = replace(COPTER, robot=replace(COPTER.robot, link_loss=Duration(link_loss)))
@@ -201,7 +197,6 @@ async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_veh
         assert ride.driver.counters()["stalls"] >= 1
 
 
-@async_test
 async def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpoint: str, tmp_path: Path) -> None:
     async with serving(endpoint, tmp_path) as (field, _bus):
         with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
@@ -209,7 +204,6 @@ async def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which
 
 
 @pytest.mark.parametrize(("boot", "first_stays"), [("ffffffff", True), ("00000000", False)])
-@async_test
 async def test_of_two_bridges_that_meet_after_a_cut_one_gives_way_without_an_order_to_the_robot(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, boot: str, first_stays: bool
 ) -> None:
@@ -234,7 +228,6 @@ async def test_of_two_bridges_that_meet_after_a_cut_one_gives_way_without_an_ord
             field.stop = second.stop
 
 
-@async_test
 async def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_the_same(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -256,7 +249,6 @@ async def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_return
         await field.mode_is("RTL")  # although the agent asked for nothing
 
 
-@async_test
 async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,7 +270,6 @@ async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_
         await until(taken, "the other agent takes it")
 
 
-@async_test
 async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_heard_again(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -295,7 +286,6 @@ async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_hea
 
 
 @pytest.mark.parametrize("deaf", [0.0, 2.5], ids=["heard", "several HEARTBEATs are lost"])
-@async_test
 async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
     deaf: float, endpoint: str, tmp_path: Path
 ) -> None:
@@ -311,7 +301,6 @@ async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(
         assert not (await arming)[-1].result
 
 
-@async_test
 async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -344,7 +333,6 @@ async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_fli
             router.kill()
 
 
-@async_test
 async def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(endpoint: str, tmp_path: Path) -> None:
     async def described(bus: Bus, name: str) -> list[ActionDescription]:
         replies = [one async for one in bus.query(keys.action("test", "uav", name), None, ActionDescription, 60)]
@@ -363,7 +351,6 @@ async def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(en
         assert not field.vehicle.autopilot.armed
 
 
-@async_test
 async def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoint: str, tmp_path: Path) -> None:
     file = tmp_path / "mission.yaml"
     (tmp_path / "uav.asl").write_text("")

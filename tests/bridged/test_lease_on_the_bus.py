@@ -16,7 +16,7 @@ from schemas.wire.records import AgentHealth, Health
 from schemas.wire.terms import Atom
 from tests.bridged.airfield import present, serving, until
 from tests.bridged.sky import GOAL, MISSION
-from tests.support.buses import async_test, subscribed
+from tests.support.buses import subscribed
 
 LOST = "agent other is lost: the bridge brings the robot to safety first"
 
@@ -28,7 +28,6 @@ async def perceived(bus: Bus, agent: str) -> Atom | None:
     return told[0] if told else None  # type: ignore[return-value]
 
 
-@async_test
 async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -66,7 +65,6 @@ async def report_agents(bus: Bus) -> None:
     await report_health(bus, THIS_MACHINE, Clock(), agents=lambda: {"uav": AgentHealth})
 
 
-@async_test
 async def test_the_robot_of_an_agent_that_is_never_heard_and_acts_is_brought_to_safety_when_it_ends(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,7 +83,6 @@ async def test_the_robot_of_an_agent_that_is_never_heard_and_acts_is_brought_to_
         await field.mode_is("BRAKE")
 
 
-@async_test
 async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_token_stays(
     endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, LiveManifest, ManifestChange, Outcome, Record, StopOrder
-from tests.bridged.studio import Studio, studio_test
+from tests.bridged.studio import Studio
 from tests.support.buses import served, until
 
 R = TypeVar("R", bound=Record)
@@ -53,7 +53,6 @@ async def ready(studio: Studio) -> tuple[str, str]:
     return act, stop
 
 
-@studio_test
 async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_begins(studio: Studio) -> None:
     act, stop = await ready(studio)
     hold, release = StopOrder(order="hold"), StopOrder(order="release")
@@ -69,7 +68,6 @@ async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_re
     assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
 
 
-@studio_test
 async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_new_one(studio: Studio) -> None:
     act, _ = await ready(studio)
     change = ManifestChange(set={"actions.cmd_vel.params.ahead.max": 2})
@@ -79,7 +77,6 @@ async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by
     assert (status.state, "2" in status.reason) == ("refused", True), status
 
 
-@studio_test
 async def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_running(studio: Studio) -> None:
     await ready(studio)
     studio.leave.set()

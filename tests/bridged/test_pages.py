@@ -14,7 +14,7 @@ from agentd.__main__ import main
 from schemas.mission.model import read_mission
 from tests.bridged.sky import end_of
 from tests.bridged.studio import MISSIONS, in_the_studio
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 
 ROOT = Path(__file__).parents[2]
 CAMERA = ROOT / "examples" / "camera" / "camera.py"
@@ -30,7 +30,6 @@ def shown(page: str, *kinds: str) -> list[str]:
     return [text for _, text in re.findall(rf"^```({'|'.join(kinds)})\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)]
 
 
-@async_test
 async def test_the_room_of_the_page_is_a_robot(endpoint: str, tmp_path: Path) -> None:
     page = (ROOT / "docs/guides/drivers.md").read_text()
     robot, manifest, mission = shown(page.partition("\n## zenoh\n")[2], "python", "toml", "yaml")[:3]
@@ -54,7 +53,6 @@ async def test_the_room_of_the_page_is_a_robot(endpoint: str, tmp_path: Path) ->
         assert (await studio.do("heat", True)).reason == "nobody subscribes to room1/heater"
 
 
-@async_test
 async def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, tmp_path: Path) -> None:
     shipped = (MISSIONS / "search_and_rescue" / "scout.toml").read_text(encoding="utf-8")
     percept = shipped[shipped.index("[percepts.victim]") : shipped.index("[actions.")]

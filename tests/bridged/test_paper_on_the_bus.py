@@ -11,7 +11,7 @@ from schemas.wire.records import Perception
 from schemas.wire.terms import Atom, Variable
 from tests.bridged.airfield import present, serving, until
 from tests.bridged.sky import MISSION
-from tests.support.buses import async_test, subscribed
+from tests.support.buses import subscribed
 
 ACTIONS = """
 [set_mode]
@@ -52,7 +52,6 @@ async def perceived(bus: Bus, name: str) -> tuple[object, ...] | None:
     return found[0].parameters if found else None
 
 
-@async_test
 async def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "actions").write_text(ACTIONS)
     (tmp_path / "percepts").write_text(PERCEPTS)

@@ -29,7 +29,7 @@ from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import AgentHealth, BoardServices, Health, Note, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
-from tests.support.buses import FLEET, Connect, async_test, bus_test, served, subscribed, until
+from tests.support.buses import FLEET, Connect, served, subscribed, until
 from tests.support.processes import Daemon, running
 from tests.support.promises import kept
 
@@ -82,7 +82,6 @@ async def health_of(
     return heard
 
 
-@bus_test
 async def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(connect: Connect) -> None:
     details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
     heard = await health_of(connect, details, 2)
@@ -97,7 +96,6 @@ UNTELLABLE: dict[str, Health] = {
 
 
 @pytest.mark.parametrize("what", UNTELLABLE)
-@bus_test
 async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(
     connect: Connect, what: str
 ) -> None:
@@ -106,7 +104,6 @@ async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_li
     assert [note.code for note in heard[0].notes] == ["health_unsendable"]
 
 
-@bus_test
 async def test_a_figure_of_one_agent_that_cannot_be_made_or_told_hides_no_other_agent(connect: Connect) -> None:
     agents: Agents = {"a": Mock(side_effect=KeyError("figure")), "b": lambda: AgentHealth(idle=True)}
     (told,) = await health_of(connect, Health, agents=agents)
@@ -118,7 +115,6 @@ async def test_a_figure_of_one_agent_that_cannot_be_made_or_told_hides_no_other_
     assert told.agents == {"a": AgentHealth(idle=False), "b": AgentHealth(idle=True)}
 
 
-@bus_test
 async def test_the_health_of_many_agents_is_bounded_what_is_left_out_is_counted_and_each_agent_is_there(
     connect: Connect,
 ) -> None:
@@ -130,7 +126,6 @@ async def test_the_health_of_many_agents_is_bounded_what_is_left_out_is_counted_
     assert told.left_out == 100 * 100
 
 
-@bus_test
 async def test_health_goes_before_what_fills_a_slow_link(connect: Connect) -> None:
     observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
     came: list[tuple[str, zenoh.Priority]] = []
@@ -146,7 +141,6 @@ async def test_health_goes_before_what_fills_a_slow_link(connect: Connect) -> No
     assert dict(came) == {other: zenoh.Priority.DATA, health: zenoh.Priority.INTERACTIVE_HIGH}
 
 
-@bus_test
 async def test_warnings_of_health_are_lines_of_unicode_and_bounded(connect: Connect) -> None:
     texts = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
     heard = await health_of(connect, lambda: Health(notes=tuple(Note("x", text, text) for text in texts)))
@@ -279,7 +273,6 @@ def arguments(endpoint: str, state: Path) -> Namespace:
         (Directory, "_forget_who_is_gone", fail, "the directory"),
     ],
 )
-@async_test
 async def test_a_part_that_breaks_ends_commd_so_that_it_is_started_again(
     owner: type[Bus | Directory],
     name: str,
@@ -295,7 +288,6 @@ async def test_a_part_that_breaks_ends_commd_so_that_it_is_started_again(
     assert f"{part} is broken" in caplog.text
 
 
-@async_test
 async def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,7 +13,7 @@ from commd.client import Client, MailboxFull, TooLarge, UnknownReceiver, join, p
 from schemas.wire import keys
 from schemas.wire.records import Health, Message, Perception
 from tests.commd.old_comm import OldCommNode
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.processes import Daemon, running
 
 MIXED = """
@@ -57,7 +57,6 @@ async def take(me: Client, count: int) -> list[Message]:
     return found
 
 
-@async_test
 async def test_two_programs_exchange_mail_and_what_one_sends_waits_for_the_other_across_a_killed_commd(
     endpoint: str, tmp_path: Path, mission: Path
 ) -> None:
@@ -82,7 +81,6 @@ async def test_two_programs_exchange_mail_and_what_one_sends_waits_for_the_other
             assert await take(other, 1) == [answer]
 
 
-@async_test
 async def test_a_program_stays_a_member_while_its_commd_is_killed_and_comes_back(
     endpoint: str, tmp_path: Path, mission: Path
 ) -> None:
@@ -105,7 +103,6 @@ async def test_a_program_stays_a_member_while_its_commd_is_killed_and_comes_back
             await stack.aclose()
 
 
-@async_test
 async def test_a_program_that_was_away_gets_each_message_once_and_a_full_mailbox_is_said(
     endpoint: str, tmp_path: Path, mission: Path
 ) -> None:
@@ -124,7 +121,6 @@ async def test_a_program_that_was_away_gets_each_message_once_and_a_full_mailbox
                 assert left == [2, 3, 4, "late"]
 
 
-@async_test
 async def test_a_program_that_nobody_named_joins_is_sent_to_and_leaves(
     endpoint: str, tmp_path: Path, mission: Path
 ) -> None:
@@ -141,7 +137,6 @@ async def test_a_program_that_nobody_named_joins_is_sent_to_and_leaves(
                 await me.send("guest", "tell", "farewell")
 
 
-@async_test
 async def test_an_old_node_and_a_program_talk_across_commd(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:
@@ -191,7 +186,6 @@ async def near_and_distant(
             yield near, distant
 
 
-@async_test
 async def test_mail_crosses_a_bad_radio_once_and_in_order(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:
@@ -225,7 +219,6 @@ radio: {range: 300m}
 """
 
 
-@async_test
 async def test_mail_waits_while_the_robots_are_out_of_range(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, closing, contextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
 from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol, cast
 
@@ -29,8 +29,9 @@ class Connect(Protocol):
     ) -> Awaitable[Bus]: ...
 
 
-async def with_a_router(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float) -> None:
-    """Run `body(connect)` with a router at `endpoint`, bounded in seconds of the loop."""
+@asynccontextmanager
+async def with_a_router(endpoint: str, seconds: float) -> AsyncIterator[Connect]:
+    """Yield what opens sessions, with a router at `endpoint`, bounded in seconds of the loop."""
     async with AsyncExitStack() as stack, asyncio.timeout(seconds):
 
         async def connect(name: str = "x", daemon: str = "agentd", mode: Literal["client", "router"] = "client") -> Bus:
@@ -39,12 +40,17 @@ async def with_a_router(endpoint: str, body: Callable[[Connect], Coroutine[Any, 
             return bus
 
         await connect("board", "commd", "router")
+        yield connect
+
+
+async def _on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float) -> None:
+    async with with_a_router(endpoint, seconds) as connect:
         await body(connect)
 
 
 def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float = 240) -> None:
     """Run `body(connect)` with a router at `endpoint`, bounded in wall seconds."""
-    asyncio.run(with_a_router(endpoint, body, seconds))
+    asyncio.run(_on_a_bus(endpoint, body, seconds))
 
 
 VIRTUAL_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -66,7 +72,7 @@ def on_the_virtual_network() -> Iterator[tuple[asyncio.Runner, Network]]:
 def on_a_virtual_bus(body: Callable[[Connect], Coroutine[Any, Any, None]]) -> None:
     """Run `body(connect)` with a router on the virtual network, bounded in virtual seconds."""
     with on_the_virtual_network() as (runner, _):
-        runner.run(with_a_router(VIRTUAL_ENDPOINT, body, 3600))
+        runner.run(_on_a_bus(VIRTUAL_ENDPOINT, body, 3600))
 
 
 Test = Callable[..., Coroutine[Any, Any, None]]
@@ -97,21 +103,6 @@ def run_by(run: Callable[..., None], *given: str, needs: Sequence[str] = ()) -> 
     return decorate
 
 
-def lends(
-    *given: str, by: Callable[..., AbstractAsyncContextManager[Any]], needs: Sequence[str] = ()
-) -> Callable[[Test], Callable[..., None]]:
-    """Make a decorator of async tests that are given what `by(needs...)` yields, one thing or several."""
-
-    def run(body: Test, *values: object) -> None:
-        async def whole() -> None:
-            async with by(*values) as lent:
-                await body(*(lent if len(given) > 1 else (lent,)))
-
-        in_a_loop(whole)
-
-    return run_by(run, *given, needs=needs)
-
-
 def in_a_loop(body: Test) -> None:
     """Run `body()` in an event loop of its own, bounded in wall seconds."""
     asyncio.run(asyncio.wait_for(body(), 240))
@@ -125,14 +116,10 @@ def in_virtual_time(body: Test) -> None:
         loop.run_until_complete(body())
 
 
-async_test = run_by(in_a_loop)
-"""Runs an async test in an event loop of its own; its parameters are fixtures."""
 virtual_test = run_by(in_virtual_time)
 """Runs an async test in virtual time; its parameters are fixtures."""
-bus_test = run_by(lambda body, endpoint: on_a_bus(endpoint, body), "connect", needs=("endpoint",))
-"""Runs an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
 virtual_bus_test = run_by(on_a_virtual_bus, "connect")
-"""The same on the virtual network, in virtual time, without threads: for what waits, times out or is asked again."""
+"""Gives an async test `connect` on the virtual network, in virtual time: for what waits or is asked again."""
 
 
 @asynccontextmanager

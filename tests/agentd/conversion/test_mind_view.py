@@ -25,7 +25,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed
 from schemas.wire import keys
 from schemas.wire.mind_records import BeliefView, MindView, WaitView
-from tests.agentd.hosts import Board, board_test
+from tests.agentd.hosts import Board
 from tests.agentd.minds import World, mind_of, term
 from tests.support.buses import served, until
 
@@ -58,7 +58,6 @@ def test_a_belief_is_shown_with_its_sources_and_since_when() -> None:
     ], "a source that joins later does not make a belief younger"
 
 
-@board_test
 async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(board: Board) -> None:
     bus = await board.connect()
     first = await board.host("bob", "!go. +!go <- +seen(1).", bus=bus)
@@ -250,7 +249,6 @@ async def ask(bus: Bus, selector: str) -> tuple[MindView | None, str]:
         return None, str(failed)
 
 
-@board_test
 async def test_an_observer_says_in_the_selector_what_it_wants_to_see(board: Board) -> None:
     agents, observer = await board.connect("board1"), await board.connect("eyes")
     bob = await board.host("bob", "a(1). b(2). !go. +!go <- .print(there).", bus=agents)
@@ -270,7 +268,6 @@ async def test_an_observer_says_in_the_selector_what_it_wants_to_see(board: Boar
     assert again is not None
 
 
-@board_test
 async def test_whoever_asks_all_the_time_is_shown_the_same_look_again(board: Board) -> None:
     agents, observer = await board.connect("board1"), await board.connect("eyes")
     await board.host("bob", "a(1).", bus=agents)

@@ -18,7 +18,7 @@ from commd.client.send_mail import LARGEST, Unsendable
 from commd.mail.message import adds_up
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
-from tests.support.buses import FLEET, Connect, arrived, bus_test, served, until
+from tests.support.buses import FLEET, Connect, arrived, served, until
 
 
 class Desk:
@@ -76,7 +76,6 @@ async def a_desk(connect: Connect, agent: str = "a") -> Desk:
     return desk
 
 
-@bus_test
 async def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, _ = an_outbox(await connect("a"))
@@ -92,7 +91,6 @@ async def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(conn
     assert sorted(outbox.gone) == list(range(1, 1201))
 
 
-@bus_test
 async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
     desk = await a_desk(connect)
     bus = await connect("a")
@@ -107,7 +105,6 @@ async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
     await until(lambda: desk.told("b") == [2, 1], "the other one leaves when it is kept")
 
 
-@bus_test
 async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_immediately_when_it_comes(
     connect: Connect,
 ) -> None:
@@ -122,7 +119,6 @@ async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_immediate
     await until(lambda: desk.told("b") == [1, 2], "both leave, in order")
 
 
-@bus_test
 async def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_sent_again(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, _ = an_outbox(await connect("a"))
@@ -136,7 +132,6 @@ async def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_se
     assert desk.told("b") == [1, 2]
 
 
-@bus_test
 async def test_a_full_mailbox_holds_up_its_own_pair_only(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, _ = an_outbox(await connect("a"))
@@ -161,7 +156,6 @@ async def test_a_full_mailbox_holds_up_its_own_pair_only(connect: Connect) -> No
     await until(lambda: desk.told("b") == [1, 3, 5, 7, 9], "the mailbox has room again, in order")
 
 
-@bus_test
 async def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, _ = an_outbox(await connect("a"))
@@ -174,7 +168,6 @@ async def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(co
     assert desk.told("b") == list(range(1000))
 
 
-@bus_test
 async def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,7 +190,6 @@ async def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_
     assert outbox.counters["defects"] == 1
 
 
-@bus_test
 async def test_what_commd_refuses_for_good_is_reported_with_its_content(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, refused = an_outbox(await connect("a"))
@@ -211,7 +203,6 @@ async def test_what_commd_refuses_for_good_is_reported_with_its_content(connect:
     assert len(outbox) == 0
 
 
-@bus_test
 async def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(connect: Connect) -> None:
     outbox, _ = an_outbox(await connect("a"))
     outbox.post(["b"], "tell", "x" * (LARGEST - 1000), "mid1", "")
@@ -222,7 +213,6 @@ async def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(con
     assert len(outbox) == outbox.numbers["b"] == 1
 
 
-@bus_test
 async def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_at_all(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,7 +236,6 @@ async def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or
     send(outbox, 11)
 
 
-@bus_test
 async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_from_the_start(connect: Connect) -> None:
     bus = await connect("a")
     first, _ = an_outbox(bus)
@@ -332,7 +321,6 @@ def numbered(seq: int, content: object = None, sender: str = "a", numbering: str
     )
 
 
-@bus_test
 async def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(connect: Connect) -> None:
     reader = await a_reader(connect)
     answer = asyncio.create_task(reader.hand_over(numbered(1), numbered(2)))
@@ -349,7 +337,6 @@ async def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(conne
     assert (await answer) == Receipt(taken=2)
 
 
-@bus_test
 async def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -366,7 +353,6 @@ async def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_t
     assert reader.fed == [1, 2, 1]
 
 
-@bus_test
 async def test_a_new_life_takes_no_message_again_that_the_last_one_kept(connect: Connect) -> None:
     reader = await a_reader(connect)
     reader.inbox.restore({Numbered("a", "n"): 7})
@@ -378,7 +364,6 @@ async def test_a_new_life_takes_no_message_again_that_the_last_one_kept(connect:
     assert await answer == Receipt(taken=2)
 
 
-@bus_test
 async def test_numbers_that_did_not_come_are_reported(connect: Connect) -> None:
     reader = await a_reader(connect)
     reader.inbox.restore({Numbered("a", "n"): 7})
@@ -389,7 +374,6 @@ async def test_numbers_that_did_not_come_are_reported(connect: Connect) -> None:
     assert reader.missing == [("a", 3)]
 
 
-@bus_test
 async def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(connect: Connect) -> None:
     reader = await a_reader(connect)
     reader.full = True
@@ -402,7 +386,6 @@ async def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(conne
     assert reader.fed == []
 
 
-@bus_test
 async def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_heard_though_its_answer_is_lost(
     connect: Connect,
 ) -> None:
@@ -417,7 +400,6 @@ async def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_i
     assert await answer == Receipt(taken=1)
 
 
-@bus_test
 async def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again(connect: Connect) -> None:
     reader = await a_reader(connect)
     batch = [numbered(1, content=life, numbering=f"n{life}") for life in range(500)]
@@ -429,7 +411,6 @@ async def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it
     assert reader.fed == list(range(500))
 
 
-@bus_test
 async def test_the_last_numberings_of_a_sender_are_remembered(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ from schemas.mission.access_rules import MailRights
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import Mail, Queue, Receipt
-from tests.agentd.hosts import Board, Hosted, Hosts, on_a_board
+from tests.agentd.hosts import Board, Hosted, Hosts
 from tests.agentd.mail.test_mail_client import Desk, a_desk
 from tests.agentd.minds import term
-from tests.support.buses import FLEET, arrived, run_by, served, until
+from tests.support.buses import FLEET, arrived, served, until
 
 SENDS = "+!kqml_received(_, tell, go(N), _) <- for (.range(I, 1, N)) { .send(b, tell, I) }; +sent(N).\n"
 HEARS = "+!kqml_received(_, tell, N, _) <- +got(N); .print(N).\n"
@@ -51,17 +52,13 @@ def go(agent: Hosted, number: int) -> None:
     agent.tell(Told("x", "tell", term(f"go({number})")))
 
 
-def of_a_pair(body: Callable[[Pair], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
-    async def everything(board: Board) -> None:
-        await body(Pair(board, await board.connect("a"), await a_desk(board.connect)))
-
-    on_a_board(endpoint, tmp_path, everything)
-
-
-pair_test = run_by(of_a_pair, "pair", needs=("endpoint", "tmp_path"))
+@pytest.fixture
+@asynccontextmanager
+async def pair(board: AbstractAsyncContextManager[Board]) -> AsyncIterator[Pair]:
+    async with board as opened:
+        yield Pair(opened, await opened.connect("a"), await a_desk(opened.connect))
 
 
-@pair_test
 async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_process(pair: Pair) -> None:
     await pair.begin()
     go(pair.a, 200)
@@ -72,7 +69,6 @@ async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_proc
     assert pair.b.host.health().counters["mail_received"] == 200
 
 
-@pair_test
 async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that_follows_leaves_the_process(
     pair: Pair,
 ) -> None:
@@ -88,7 +84,6 @@ async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that
     await until(lambda: desk.told("c") == [1, 2], "what follows leaves when it is kept")
 
 
-@pair_test
 async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_and_in_order(pair: Pair) -> None:
     await pair.begin(b_begins=False)
     go(pair.a, 3)
@@ -108,7 +103,6 @@ async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_an
     assert pair.desk.taken == []
 
 
-@pair_test
 async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
     pair: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,7 +122,6 @@ async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
     assert len(pair.desk.taken) == 4
 
 
-@pair_test
 async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_death(
     pair: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,7 +142,6 @@ async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_de
     first.cancel()
 
 
-@pair_test
 async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan_has_ended(pair: Pair) -> None:
     program = "+!kqml_received(_, tell, go(N), _) <- !!go(N).\n"
     program += "@g[atomic] +!go(N) <- .send(b, tell, N); for (.range(I, 1, N)) { .print(I) }; +ended.\n"
@@ -161,7 +153,6 @@ async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan
     assert seen == [True]
 
 
-@pair_test
 async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follows_waits_for_the_disk(
     pair: Pair,
 ) -> None:
@@ -177,7 +168,6 @@ async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follo
     assert not any(saving.incoming for saving in pair.daemon.disk.savings)
 
 
-@pair_test
 async def test_a_full_disk_is_reported_and_neighbours_go_on_until_it_has_room(pair: Pair) -> None:
     await pair.begin()
     await until(lambda: bool(pair.daemon.disk.savings), "they are kept once")
@@ -194,7 +184,6 @@ async def test_a_full_disk_is_reported_and_neighbours_go_on_until_it_has_room(pa
     assert {"got(1)[source(self)]", "got(3)[source(self)]"} < set(pair.b.beliefs)
 
 
-@pair_test
 async def test_mail_that_its_receiver_does_not_accept_is_refused_as_that_of_others(pair: Pair, tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(
         "mission: m\nagents:\n  a: {program: a.asl}\n  b: {program: a.asl, accepts: {a: [achieve]}}\n"
@@ -208,7 +197,6 @@ async def test_mail_that_its_receiver_does_not_accept_is_refused_as_that_of_othe
     assert pair.b.prints == []
 
 
-@pair_test
 async def test_the_senders_hear_of_what_an_agent_that_leaves_for_good_has_not_taken(pair: Pair) -> None:
     await pair.begin(a=SENDS + "+undelivered(R, _, C, Why) <- .print(R, C, Why).\n", kept="a", b_begins=False)
     go(pair.a, 1)

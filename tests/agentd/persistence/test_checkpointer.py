@@ -19,7 +19,7 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
-from tests.agentd.hosts import Board, Hosted, board_test
+from tests.agentd.hosts import Board, Hosted
 from tests.agentd.mail.test_mail_client import a_desk, numbered
 from tests.support.buses import FLEET, arrived, served, until
 from tests.support.notes import identities
@@ -41,7 +41,6 @@ async def a_life(board: Board, program: str, backfill: Bus, others: tuple[str, .
     return agent
 
 
-@board_test
 async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(board: Board) -> None:
     backfill = await board.connect("board", "commd")
     agent = await a_life(board, HEARS, backfill)
@@ -61,7 +60,6 @@ async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(board: 
     assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
 
 
-@board_test
 async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
     board: Board,
 ) -> None:
@@ -80,7 +78,6 @@ async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_e
     assert again.prints == ["heard(1)", "heard(2)"]
 
 
-@board_test
 async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,7 +95,6 @@ async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     answer.cancel()
 
 
-@board_test
 async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,7 +128,6 @@ async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_o
     assert agent.prints == ["got(1)", "said(7)"]
 
 
-@board_test
 async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_or_is_remembered(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -156,7 +151,6 @@ async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_o
     await until(lambda: agent.host.health().notes == (), "it is kept again")
 
 
-@board_test
 async def test_an_action_that_is_about_to_start_survives_a_power_failure(board: Board) -> None:
     agent = await board.host("b", "+!go <- +gone.\n")
     checkpointer = agent.host._checkpointer
@@ -170,7 +164,6 @@ async def test_an_action_that_is_about_to_start_survives_a_power_failure(board: 
     assert [soft for saving, soft in kept if saving.actions] == [False]
 
 
-@board_test
 async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(board: Board) -> None:
     program = "!count(0). +!count(N) : N < 60 <- -+n(N); .wait(20); !count(N+1). +!count(_) <- .print(done).\n"
     program += "+!kqml_received(_, tell, N, _) <- .send(c, tell, N).\n"
@@ -185,7 +178,6 @@ async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_m
     assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
 
 
-@board_test
 async def test_an_atomic_plan_is_kept_whole(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.BUSY_PATIENCE", 0.0)
     monkeypatch.setattr("agentd.persistence.checkpointer.OTHERS_EVERY", 0.0)
@@ -207,7 +199,6 @@ async def test_an_atomic_plan_is_kept_whole(board: Board, monkeypatch: pytest.Mo
     assert all(len(values) == 1 for values in seen)
 
 
-@board_test
 async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,7 +237,6 @@ async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
     assert desk.told("b") == desk.told("d") == [1, 2, 3]
 
 
-@board_test
 async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(board: Board) -> None:
     program = """\
 !go.
@@ -286,7 +276,6 @@ def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
     again.close()
 
 
-@board_test
 async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_once(board: Board) -> None:
     program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"
     file = board.folder / "a.minds"
@@ -315,7 +304,6 @@ async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_
 
 
 @pytest.mark.parametrize("ends", ["the agent leaves", "an action begins"])
-@board_test
 async def test_an_atomic_plan_is_kept_whole_though(board: Board, ends: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.runtime.agent_host.ATOMIC_END", 20.0)
     program = """\
@@ -345,7 +333,6 @@ async def test_an_atomic_plan_is_kept_whole_though(board: Board, ends: str, monk
     assert believed or ends == "an action begins"
 
 
-@board_test
 async def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
     board: Board, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

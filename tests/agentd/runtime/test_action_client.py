@@ -24,9 +24,9 @@ from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
-from tests.agentd.hosts import Board, Hosted, Hosts, board_test
+from tests.agentd.hosts import Board, Hosted, Hosts
 from tests.agentd.minds import run
-from tests.support.buses import FLEET, async_test, served, until
+from tests.support.buses import FLEET, served, until
 
 
 class Bridge:
@@ -109,7 +109,6 @@ FLIES = """\
 """
 
 
-@board_test
 async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(board: Board) -> None:
     bridge = await a_bridge(board)
     agent = await a_life(board, FLIES)
@@ -124,7 +123,6 @@ async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(board: Board) 
     assert (again.prints, len(bridge.asked)) == ([], 1)
 
 
-@board_test
 async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(board: Board) -> None:
     program = FLIES.replace("+!begin <- !!fly.", "+!begin. +!kqml_received(_, achieve, fly, _) <- !!fly.")
     bridge = await a_bridge(board)
@@ -145,7 +143,6 @@ async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(boa
 
 
 @pytest.mark.parametrize("keeping", ["works", "fails", "nothing"])
-@board_test
 async def test_what_is_dropped_is_cancelled_before_the_action_that_follows_is_requested(
     board: Board, keeping: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,7 +165,6 @@ async def test_what_is_dropped_is_cancelled_before_the_action_that_follows_is_re
     daemon.disk.full = ""
 
 
-@board_test
 async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(board: Board) -> None:
     bridge = await died_acting(board, FLIES)
     second = await a_life(board, FLIES)
@@ -180,7 +176,6 @@ async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_
     assert len({identity for identity, _ in bridge.asked}) == 1
 
 
-@board_test
 async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(board: Board) -> None:
     program = FLIES + "+!drop <- .wait(100); .drop_intention(fly); .print(dropped).\n+restarted(_) <- !!fly; !!drop.\n"
     bridge = await died_acting(board, program)
@@ -192,7 +187,6 @@ async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it
 @pytest.mark.parametrize(
     ("state", "reason"), [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")]
 )
-@board_test
 async def test_what_an_action_came_to_meanwhile_is_reported_before_anything_else_goes_on(
     board: Board, state: State, reason: str
 ) -> None:
@@ -208,7 +202,6 @@ async def test_what_an_action_came_to_meanwhile_is_reported_before_anything_else
     assert len(bridge.asked) == 2
 
 
-@board_test
 async def test_what_ends_later_and_nobody_has_joined_is_reported_when_it_ends(board: Board) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
     bridge = await died_acting(board, program)
@@ -218,7 +211,6 @@ async def test_what_ends_later_and_nobody_has_joined_is_reported_when_it_ends(bo
     await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is reported")
 
 
-@board_test
 async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_hears_so(board: Board) -> None:
     program = FLIES + "+restarted(_).\n"
 
@@ -235,7 +227,6 @@ async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_a
     assert another.begun == []
 
 
-@board_test
 async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_it(board: Board) -> None:
     program = """\
 !begin.
@@ -256,7 +247,6 @@ async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_
         await hears([f"back {life}", "drop(1) succeeded"], await a_life(board, program))
 
 
-@board_test
 async def test_an_agent_that_has_lost_its_robot_hears_once_what_was_interrupted(board: Board) -> None:
     await died_acting(board, FLIES)
     agent = await board.host("a", FLIES)
@@ -318,7 +308,6 @@ DONE = ActionDone(7, True, "", "succeeded")
 DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled", "cancelled")
 
 
-@async_test
 async def test_an_action_that_is_dropped_before_it_is_on_disk_is_not_requested() -> None:
     hands = Hands()
     alone = Alone(hands)
@@ -331,7 +320,6 @@ async def test_an_action_that_is_dropped_before_it_is_on_disk_is_not_requested()
     assert hands.asked == []
 
 
-@async_test
 async def test_a_plan_that_is_dropped_immediately_does_not_join_what_still_runs() -> None:
     hands = Hands()
     alone = Alone(hands)
@@ -344,7 +332,6 @@ async def test_a_plan_that_is_dropped_immediately_does_not_join_what_still_runs(
 
 
 @pytest.mark.parametrize("dropped", [False, True])
-@async_test
 async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_reported_once_and_not_done_again(
     dropped: bool,
 ) -> None:
@@ -391,7 +378,6 @@ def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_it_is_too_large
 
 @pytest.mark.usefixtures("usual_recursion")
 @pytest.mark.parametrize("what", ["deep", "half a character", "defect"])
-@async_test
 async def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
     what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

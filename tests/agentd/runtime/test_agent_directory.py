@@ -30,7 +30,7 @@ from commd.daemon import serve as serve_commd
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, ServiceRequest
-from tests.support.buses import FLEET, Connect, async_test, bus_test, ended, served, session, until, virtual_test
+from tests.support.buses import FLEET, Connect, ended, served, session, until, virtual_test
 
 MISSION = """\
 mission: test
@@ -113,7 +113,6 @@ async def believes(agent_group: AgentGroup, agent: str, *expected: str) -> None:
 HERE, CAME = "online(b)[board(pi2),source(percept)]", "came(b,pi2)[source(self)]"
 
 
-@async_test
 async def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and_goes(boards: Boards) -> None:
     async with boards.commd("pi1"), boards.commd("pi2"), boards.agents("pi1", "a", "quiet") as first:
         await believes(first, "a", "online(quiet)[board(pi1),source(percept)]", "came(quiet,pi1)[source(self)]")
@@ -125,7 +124,6 @@ async def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and
         assert beliefs(first, "quiet") == [], "it has not asked for it"
 
 
-@async_test
 async def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(boards: Boards) -> None:
     async with (
         boards.commd("pi1"),
@@ -139,7 +137,6 @@ async def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(board
         assert not any("stranger" in belief for belief in beliefs(agent_group, "a"))
 
 
-@async_test
 async def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(boards: Boards) -> None:
     (boards.folder / "b.asl").write_text("+go <- .create_agent(kid). +stop <- .kill_agent(kid).\n")
 
@@ -160,7 +157,6 @@ async def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_e
 
 
 @pytest.mark.parametrize("board", ["pi1", "pi2"])
-@async_test
 async def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: str) -> None:
     """Ours (pi1), and that of the other board (pi2)."""
     other = {"pi1": "pi2", "pi2": "pi1"}[board]
@@ -179,7 +175,6 @@ async def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, boa
             await believes(first, "a", "went(b,pi2)[source(self)]")
 
 
-@async_test
 async def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
     boards: Boards, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,7 +191,6 @@ async def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there
             await believes(first, "a", HERE)
 
 
-@bus_test
 async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answers(connect: Connect) -> None:
     bus = await connect("a")
     agents = AgentDirectory(bus, {"a": "pi1"})
@@ -215,7 +209,6 @@ async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answer
     assert agents.names == {"a": "pi1", "planner": "pi1"}
 
 
-@bus_test
 async def test_a_board_publishes_only_its_own_agents(connect: Connect) -> None:
     agents, pi1, pi3 = AgentDirectory(await connect("a"), {"a": "pi1"}), await connect("pi1"), await connect("pi3")
 
@@ -254,7 +247,6 @@ class Answers:
 
 
 @pytest.mark.parametrize(("away", "ended_after"), [((), UNREPORTED), (("pi2",), UNREPORTED_AWAY)])
-@async_test
 async def test_a_sender_is_forgotten_that_no_board_reports_for_long_however_often_they_are_asked(
     away: Collection[str], ended_after: float
 ) -> None:

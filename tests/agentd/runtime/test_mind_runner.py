@@ -15,7 +15,7 @@ from agentd.mind.data.inputs import PerceptReplaced, SignalRaised
 from agentd.runtime.mind_runner import BELIEVED_WITHIN, LagEstimator, MindRunner
 from commd.bus.bus import Bus
 from schemas.wire.records import Perception
-from tests.agentd.hosts import Board, board_test
+from tests.agentd.hosts import Board
 from tests.agentd.minds import World, mind_of
 from tests.support.buses import until, virtual_test
 
@@ -163,7 +163,6 @@ WAITS = """
 """
 
 
-@board_test
 async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(board: Board) -> None:
     agent = await board.host("a", WAITS)
     await until(lambda: "waits" in agent.prints, "the atomic plan waits")
@@ -175,7 +174,6 @@ async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(board:
     assert agent.host.health().lag == 0
 
 
-@board_test
 async def test_intentions_that_end_by_a_failure_that_no_plan_handles_are_counted(board: Board) -> None:
     agent = await board.host("a", "!a. !b. !c. +!a <- .fail. -!a <- .print(handled). +!b <- .fail. +!c <- !nobody.")
     await until(lambda: agent.host.health().idle, "all plans have ended")
@@ -220,7 +218,6 @@ def seen(number: int) -> PerceptReplaced:
     return PerceptReplaced(Literal(signature("height", 1), (float(number),)))
 
 
-@board_test
 async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_somebody_looks(board: Board) -> None:
     agent = await board.host("a", "!begin. +!begin <- .print(begun). +mode(M) <- .print(M).")
     mind = agent.host._mind

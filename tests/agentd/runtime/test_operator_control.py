@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,9 @@ from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder, MindView
 from schemas.wire.records import Outcome
 from tests.agentd.daemons import daemons
-from tests.agentd.hosts import Board, Hosted, board_test, on_a_board
+from tests.agentd.hosts import Board, Hosted
 from tests.agentd.minds import term
-from tests.support.buses import run_by, served, until
+from tests.support.buses import served, until
 from tests.support.promises import in_time
 
 PROGRAM = """\
@@ -57,17 +58,13 @@ async def desk(board: Board, **part: Any) -> Desk:
     return Desk(operator, agent)
 
 
-def at_a_desk(body: Callable[[Desk], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
-    async def everything(board: Board) -> None:
-        await body(await desk(board))
-
-    on_a_board(endpoint, tmp_path, everything)
-
-
-desk_test = run_by(at_a_desk, "bob", needs=("endpoint", "tmp_path"))
+@pytest.fixture
+@asynccontextmanager
+async def bob(board: AbstractAsyncContextManager[Board]) -> AsyncIterator[Desk]:
+    async with board as opened:
+        yield await desk(opened)
 
 
-@desk_test
 async def test_a_paused_mind_stands_still_until_it_goes_on(bob: Desk) -> None:
     assert (await bob.order("pause")).ok
     view = bob.agent.host.viewer.view()
@@ -87,7 +84,6 @@ async def test_a_paused_mind_stands_still_until_it_goes_on(bob: Desk) -> None:
     assert bob.agent.host.health().notes == ()
 
 
-@desk_test
 async def test_a_step_is_one_cycle(bob: Desk) -> None:
     assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
     await bob.order("pause")
@@ -106,7 +102,6 @@ async def test_a_step_is_one_cycle(bob: Desk) -> None:
     assert bob.agent.host.viewer.view().cycle == cycle + 13
 
 
-@desk_test
 async def test_a_goal_and_a_belief_come_from_the_operator(bob: Desk) -> None:
     assert await bob.order("goal", "say(1)") == Outcome(ok=True)
     assert await bob.order("goal", " !say([a,2]) ") == Outcome(ok=True)
@@ -146,7 +141,6 @@ async def test_a_goal_and_a_belief_come_from_the_operator(bob: Desk) -> None:
         ("resume", "", "it is not paused"),
     ],
 )
-@desk_test
 async def test_what_cannot_be_done_is_refused_in_words(bob: Desk, do: str, text: str, why: str) -> None:
     outcome = await bob.order(do, text)
     assert not outcome.ok
@@ -154,7 +148,6 @@ async def test_what_cannot_be_done_is_refused_in_words(bob: Desk, do: str, text:
     assert "\n" not in outcome.reason
 
 
-@desk_test
 async def test_an_order_keeps_nobody_waiting(bob: Desk, caplog: pytest.LogCaptureFixture) -> None:
     """All agents of a process wait while one order is read: a large one is refused unread, and no line is long."""
     caplog.set_level("INFO", "control")
@@ -166,7 +159,6 @@ async def test_an_order_keeps_nobody_waiting(bob: Desk, caplog: pytest.LogCaptur
     assert max(len(one.getMessage()) for one in caplog.records) < 300
 
 
-@board_test
 async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(board: Board) -> None:
     bob = await desk(board, robot="uav1")
     means = "; until then nobody reacts to percepts of uav1"
@@ -176,7 +168,6 @@ async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(
     assert note.text.endswith(means)
 
 
-@desk_test
 async def test_pausing_again_does_not_move_the_end(bob: Desk) -> None:
     await bob.order("pause")
     held, cycle = bob.agent.host._control, bob.agent.host.viewer.view().cycle
@@ -188,7 +179,6 @@ async def test_pausing_again_does_not_move_the_end(bob: Desk) -> None:
     await until(lambda: bob.agent.host.viewer.view().cycle > cycle, "it went on")
 
 
-@desk_test
 async def test_a_step_that_is_not_made_is_not_reported_as_made(bob: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "STEP_PATIENCE", 0.05)
     held = bob.agent.host._control
@@ -205,7 +195,6 @@ async def test_a_step_that_is_not_made_is_not_reported_as_made(bob: Desk, monkey
     assert held.take_step() is None, "it is not made later"
 
 
-@board_test
 async def test_without_leave_of_the_mission_nothing_is_done(board: Board) -> None:
     bob = await desk(board, inject=False)
     for do in ("pause", "step", "resume", "goal", "belief"):
@@ -214,7 +203,6 @@ async def test_without_leave_of_the_mission_nothing_is_done(board: Board) -> Non
     assert bob.agent.prints == []
 
 
-@desk_test
 async def test_an_order_to_everybody_is_no_order(bob: Desk) -> None:
     said = [
         reply.error async for reply in bob.bus.query(keys.control("test", "*"), MindOrder(do="pause"), Outcome, 5.0)
@@ -225,7 +213,6 @@ async def test_an_order_to_everybody_is_no_order(bob: Desk) -> None:
     assert bob.agent.host.viewer.view().state != "paused"
 
 
-@board_test
 async def test_nobody_forgets_a_paused_mind(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 0.5)
     bob = await desk(board)
@@ -238,7 +225,6 @@ async def test_nobody_forgets_a_paused_mind(board: Board, monkeypatch: pytest.Mo
     assert note.text.endswith("a pause lasts at most 0.5 s")
 
 
-@desk_test
 async def test_a_pause_ends_when_too_much_waits(bob: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "MOST_WAITING", 10)
     await bob.order("pause")
@@ -250,7 +236,6 @@ async def test_a_pause_ends_when_too_much_waits(bob: Desk, monkeypatch: pytest.M
     assert note.text.endswith("more than 10 inputs waited for it")
 
 
-@desk_test
 async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(bob: Desk) -> None:
     await bob.order("pause")
     await bob.order("belief", "told(1)")
@@ -266,7 +251,6 @@ async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(bob: Des
     await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
 
 
-@desk_test
 async def test_a_paused_agent_leaves_immediately_when_asked_to(bob: Desk) -> None:
     await bob.order("pause")
     before = time.monotonic()

@@ -18,11 +18,11 @@ from agentd.trace.publisher import Channel, TraceSubscribers
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from tests.agentd.daemons import mission
-from tests.agentd.hosts import Board, Hosted, board_test
+from tests.agentd.hosts import Board, Hosted
 from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder
 from tests.agentd.runtime.test_agent_group import KID, ONE
-from tests.support.buses import FLEET, Connect, bus_test, session, until
+from tests.support.buses import FLEET, Connect, session, until
 from tests.support.processes import running
 
 GREETS = """\
@@ -53,7 +53,6 @@ async def greeted(agent: Hosted, *numbers: int) -> None:
     await until(lambda: len(agent.prints) >= min(20, before + len(numbers)), "it has heard of each")
 
 
-@board_test
 async def test_who_begins_to_record_late_gets_everything_since_birth(board: Board) -> None:
     agent, bus = await traced(board)
     await greeted(agent, 1, 5)
@@ -72,7 +71,6 @@ async def test_who_begins_to_record_late_gets_everything_since_birth(board: Boar
     assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
 
 
-@board_test
 async def test_once_the_beginning_is_dropped_who_is_late_is_warned_and_nothing_is_kept(
     board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -93,7 +91,6 @@ async def test_once_the_beginning_is_dropped_who_is_late_is_warned_and_nothing_i
         replay(late.inputs)
 
 
-@board_test
 async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is_lost(
     board: Board, endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,7 +112,6 @@ async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_someth
     assert min(third.batches) == number + 1
 
 
-@board_test
 async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(board: Board) -> None:
     agent, bus = await traced(board)
     activity = Recorder(bus, "uav", "activity")
@@ -154,7 +150,6 @@ async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(board: B
     assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
 
 
-@board_test
 async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(board: Board) -> None:
     bus, other = await board.connect("uav"), await board.connect("recorder", "tool")
     activity = Recorder(other, "uav", "activity")
@@ -170,7 +165,6 @@ async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(
     assert answer.in_reply_to == sent.id
 
 
-@board_test
 async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(board: Board) -> None:
     bus, other = await board.connect("uav"), await board.connect("recorder", "tool")
     flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
@@ -193,7 +187,6 @@ async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(board: Board) 
     assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
 
 
-@board_test
 async def test_who_asks_for_everything_there_is_does_not_get_whole_lives(board: Board) -> None:
     _, bus = await traced(board)
     got: list[str] = []
@@ -232,7 +225,6 @@ async def lives_on(agent: Hosted, number: int) -> None:
 
 
 @pytest.mark.parametrize("back", ["", BACK], ids=["goes on", "decides itself"])
-@board_test
 async def test_each_life_of_an_agent_that_is_kept_lives_again(board: Board, back: str) -> None:
     lives: list[Recorder] = []
     for number in range(3):
@@ -324,7 +316,6 @@ def followed(subscribers: TraceSubscribers, told: list[Told], *agents: str) -> N
         subscribers.add(agent, partial(lambda who, channel, there: told.append((who, channel, there)), agent))
 
 
-@bus_test
 async def test_only_the_agent_whose_trace_has_a_subscriber_learns_of_it_and_of_its_end(connect: Connect) -> None:
     daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
     told: list[Told] = []
@@ -338,7 +329,6 @@ async def test_only_the_agent_whose_trace_has_a_subscriber_learns_of_it_and_of_i
     assert told == [("a", "inputs", True), ("a", "inputs", False)]
 
 
-@bus_test
 async def test_a_subscriber_to_the_traces_of_all_is_seen_by_each_agent_also_by_one_that_comes_later(
     connect: Connect,
 ) -> None:
@@ -355,7 +345,6 @@ async def test_a_subscriber_to_the_traces_of_all_is_seen_by_each_agent_also_by_o
     subscribers.remove("late")
 
 
-@bus_test
 async def test_agents_whose_traces_nobody_listens_to_have_no_listeners_of_their_own(connect: Connect) -> None:
     daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
     subscribers = TraceSubscribers(daemon)

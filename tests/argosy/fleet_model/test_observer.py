@@ -13,7 +13,7 @@ from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from tests.argosy.beside import crowd_of
 from tests.argosy.fleet_model.crowd import FLEET
-from tests.support.buses import async_test, session, until
+from tests.support.buses import session, until
 
 
 async def _observer(stack: AsyncExitStack, endpoint: str) -> Bus:
@@ -21,7 +21,6 @@ async def _observer(stack: AsyncExitStack, endpoint: str) -> Bus:
     return await stack.enter_async_context(opening)
 
 
-@async_test
 async def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
@@ -52,7 +51,6 @@ async def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(
         assert any(one.name == "goto" for one in model.places.all.values())
 
 
-@async_test
 async def test_in_a_large_fleet_each_mind_has_its_turn(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
@@ -68,7 +66,6 @@ async def test_in_a_large_fleet_each_mind_has_its_turn(endpoint: str) -> None:
         await until(lambda: all(one.mind is not None for one in model.agents.values()), "all are asked")
 
 
-@async_test
 async def test_a_router_that_goes_is_said_at_once_and_the_fleet_is_seen_again_when_it_is_back(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         router = session(endpoint, "board", "commd", router=True)
@@ -89,7 +86,6 @@ async def test_a_router_that_goes_is_said_at_once_and_the_fleet_is_seen_again_wh
             assert [one.who for one in model.timeline.entries if one.what == "went"] == []
 
 
-@async_test
 async def test_who_looks_at_a_mind_is_counted(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         await stack.enter_async_context(session(endpoint, "board", "commd", router=True))

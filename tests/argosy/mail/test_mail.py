@@ -20,7 +20,7 @@ from schemas.wire import keys
 from schemas.wire.records import Mailboxes, Queue, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, board, message, post
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, Connect, served, until
 
 MISSION = f"""\
 mission: {FLEET}
@@ -66,7 +66,6 @@ async def known(connect: Connect, *boards: str) -> None:
         await served(bus, keys.mailboxes(FLEET, one))
 
 
-@bus_test
 async def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
     connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -82,7 +81,6 @@ async def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
     assert " oldest " in queue
 
 
-@bus_test
 async def test_what_waits_within_an_agentd_is_shown_after_its_board(
     connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,7 +102,6 @@ async def test_what_waits_within_an_agentd_is_shown_after_its_board(
     assert json.loads("{\n" + rest)["agents"] == {}
 
 
-@bus_test
 async def test_agents_whose_agentd_does_not_list_its_mail_are_named_by_their_board(
     connect: Connect, endpoint: str, tmp_path: Path, of_agents: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -127,7 +124,6 @@ async def test_agents_whose_agentd_does_not_list_its_mail_are_named_by_their_boa
     ]
 
 
-@bus_test
 async def test_a_board_that_does_not_answer_is_named_and_the_others_are_shown(
     connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,7 +137,6 @@ async def test_a_board_that_does_not_answer_is_named_and_the_others_are_shown(
     assert [line.partition(":")[0] for line in said.out.splitlines()] == ["pi1", "pi1"]
 
 
-@bus_test
 async def test_dead_letters_are_counted_listed_and_told_as_json(
     connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -166,7 +161,6 @@ async def test_dead_letters_are_counted_listed_and_told_as_json(
     assert told["silent"] == []
 
 
-@bus_test
 async def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_changed(
     connect: Connect, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from argosy.cli.journal import Journal
 from argosy.processes import supervisor
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import MOST, Child, Restarts, Supervisor
-from tests.argosy.given import given
 from tests.support.buses import until
 
 DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
@@ -59,13 +58,17 @@ async def supervised(on: bool = True) -> AsyncIterator[Run]:
     assert all(not child.alive for child in run.supervisor.children)
 
 
+@pytest.fixture
+def run() -> AbstractAsyncContextManager[Run]:
+    return supervised()
+
+
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let nobody wait long for a restart."""
     monkeypatch.setattr(supervisor, "FIRST", 0.01)
 
 
-@given(supervised)
 async def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_place(run: Run) -> None:
     first = await run.start(SLEEPS)
     other = await run.start(SLEEPS)
@@ -83,7 +86,6 @@ async def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_pla
     ]
 
 
-@given(supervised)
 async def test_what_is_up_again_is_told_once(run: Run) -> None:
     first = await run.start(SLEEPS)
     run.restarts.report_restarted(lambda child: True)
@@ -97,7 +99,6 @@ async def test_what_is_up_again_is_told_once(run: Run) -> None:
     assert run.told[-1].startswith("daemon one: up again after ")
 
 
-@given(supervised)
 async def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_says_so(run: Run) -> None:
     await run.start("import sys; sys.exit('no')")
     await until(lambda: bool(run.supervisor.dead()), "its end is seen")
@@ -109,7 +110,6 @@ async def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_say
     assert delays == ["0.01 s", "0.02 s", "0.04 s", "0.08 s", "0.16 s"]
 
 
-@given(supervised)
 async def test_deaths_that_are_long_ago_do_not_count(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "WINDOW", 0.0)
     await run.start("import sys; sys.exit(1)")
@@ -118,7 +118,6 @@ async def test_deaths_that_are_long_ago_do_not_count(run: Run, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("code", [0, 2])
-@given(supervised)
 async def test_what_would_end_in_the_same_way_again_is_not_restarted(run: Run, code: int) -> None:
     await run.start(f"import sys; sys.exit({code})")
     await until(lambda: bool(run.ended), "the run ends")
@@ -126,7 +125,6 @@ async def test_what_would_end_in_the_same_way_again_is_not_restarted(run: Run, c
     assert run.counts.total() == 0
 
 
-@given(supervised)
 async def test_a_simulator_is_a_vehicle_and_a_vehicle_that_crashed_does_not_start_again(run: Run) -> None:
     simulator = await run.start(SLEEPS, SIMULATOR)
     simulator.signal(signal.SIGKILL)
@@ -134,15 +132,14 @@ async def test_a_simulator_is_a_vehicle_and_a_vehicle_that_crashed_does_not_star
     assert run.supervisor.dead() == [simulator]
 
 
-@given(lambda: supervised(on=False))
-async def test_without_restart_whoever_dies_is_dead(run: Run) -> None:
-    daemon = await run.start(SLEEPS)
-    daemon.signal(signal.SIGKILL)
-    await until(lambda: bool(run.ended), "the run ends")
-    assert run.supervisor.dead() == [daemon]
+async def test_without_restart_whoever_dies_is_dead() -> None:
+    async with supervised(on=False) as run:
+        daemon = await run.start(SLEEPS)
+        daemon.signal(signal.SIGKILL)
+        await until(lambda: bool(run.ended), "the run ends")
+        assert run.supervisor.dead() == [daemon]
 
 
-@given(supervised)
 async def test_nothing_is_started_any_more_when_the_run_ends(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "FIRST", 600.0)
     monkeypatch.setattr(supervisor, "LONGEST", 600.0)
@@ -154,7 +151,6 @@ async def test_nothing_is_started_any_more_when_the_run_ends(run: Run, monkeypat
     assert run.supervisor.children == [daemon]
 
 
-@given(supervised)
 async def test_a_daemon_that_cannot_be_started_again_is_dead_and_says_why(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 import signal
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,7 +17,7 @@ from argosy.recording.reader import Recording
 from argosy.trial.faults import Fault
 from argosy.trial.single_run import Outcome, Request
 from argosy.trial.workers import workers
-from tests.support.buses import Connect, on_a_bus, run_by, until
+from tests.support.buses import Connect, until
 
 STARTED = "recording "
 
@@ -99,15 +98,6 @@ class Studio:
     async def seen(self, key: str, count: int) -> None:
         """Wait until so many messages on a key are in the file."""
         await seen(self.path, key, count)
-
-
-def in_a_studio(body: Callable[[Studio], Coroutine[Any, Any, None]], endpoint: str, tmp_path: Path) -> None:
-    """Run `body(studio)` with a router at `endpoint`."""
-    on_a_bus(endpoint, lambda connect: body(Studio(connect, endpoint, tmp_path)))
-
-
-studio_test = run_by(in_a_studio, "studio", needs=("endpoint", "tmp_path"))
-"""Runs an async test with a router at `endpoint`, other parameters are fixtures."""
 
 
 async def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:

@@ -25,7 +25,7 @@ from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
-from tests.argosy.recording.recorders import Process, Studio, refused, studio_test
+from tests.argosy.recording.recorders import Process, Studio, refused
 from tests.support.buses import until
 
 SMALL = 1024 * 1024
@@ -117,7 +117,6 @@ def test_a_file_that_may_grow_no_more_ends_the_recording_and_the_summary_tells_w
     told_truly(recorder, "File too large")
 
 
-@studio_test
 async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(studio: Studio, small_disk: Path) -> None:
     studio.path = small_disk / "a.mcap"
     bus = await studio.connect("uav1", "bridged")
@@ -157,7 +156,6 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-@studio_test
 async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(studio: Studio) -> None:
     command = [sys.executable, "-c", HANGS, "record", "--router", studio.endpoint, "-o", str(studio.path)]
     pipe = asyncio.subprocess.PIPE
@@ -183,7 +181,6 @@ def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> Non
         RecordingWriter(small_disk / "a.mcap", FACTS)
 
 
-@studio_test
 async def test_two_recorders_never_write_one_file(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
     writer = write(studio.path, [altitude(1, 1)])
     with pytest.raises(BlockingIOError, match="another recorder is writing it"):
@@ -201,7 +198,6 @@ def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
     assert ("--force" in asked, "--force" in report) == (False, True)
 
 
-@studio_test
 async def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(
     studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,9 +26,9 @@ from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
-from tests.argosy.recording.recorders import Studio, recording, refused, seen, studio_test
+from tests.argosy.recording.recorders import Studio, recording, refused, seen
 from tests.argosy.watch.terminal import Terminal
-from tests.support.buses import FLEET, async_test, session, subscribed
+from tests.support.buses import FLEET, session, subscribed
 from tests.support.promises import in_time
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
@@ -40,7 +40,6 @@ def altitude(bus: Bus, value: float) -> Perception:
     return Perception(header=bus.header("percepts"), name="altitude", parameters=(value,))
 
 
-@studio_test
 async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(studio: Studio) -> None:
     sent = list[tuple[str, Record]]()
     bus = await studio.connect("uav1", "bridged")
@@ -69,7 +68,6 @@ async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(stu
     assert found.facts.fleet == FLEET
 
 
-@studio_test
 async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
     studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,7 +93,6 @@ async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
     assert "no: it was cut off, or is still being written" in capsys.readouterr().out
 
 
-@studio_test
 async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_comes_and_goes(studio: Studio) -> None:
     bus = await studio.connect("uav1", "bridged")
     gps = altitude(bus, 7)
@@ -125,7 +122,6 @@ async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_co
     assert [one.version for _, one in found.typed(LiveManifest)] == [3]
 
 
-@studio_test
 async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lost_again(studio: Studio) -> None:
     bus = await studio.connect("uav", "agentd")
     kept, asked = [stretch(n) for n in range(3)], 0
@@ -152,7 +148,6 @@ async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lo
     assert life.whole
 
 
-@studio_test
 async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(studio: Studio) -> None:
     bus = await studio.connect("uav", "agentd")
     async with studio.recording() as recorder:
@@ -171,7 +166,6 @@ async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(studio: Stu
     assert found.minds()[0].missing == [range(1, 3)]
 
 
-@studio_test
 async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(studio: Studio) -> None:
     buses = {name: await studio.connect(name, "agentd") for name in ("killed", "left", "here")}
     tokens = {name: await bus.claim(name) for name, bus in buses.items()}
@@ -190,7 +184,6 @@ async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(studio: Stu
     assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
 
 
-@studio_test
 async def test_it_records_the_keys_alone_that_it_is_told(studio: Studio) -> None:
     bus = await studio.connect("uav1", "bridged")
     async with studio.recording("--only", "uav1/percept/**") as recorder:
@@ -204,7 +197,6 @@ async def test_it_records_the_keys_alone_that_it_is_told(studio: Studio) -> None
     assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
 
 
-@studio_test
 async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(studio: Studio) -> None:
     bus = await studio.connect("uav1", "bridged")
     async with studio.recording() as recorder:
@@ -222,7 +214,6 @@ async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told
     assert codec(Perception).decode(b64decode(kept.base64)).parameters == (1,)
 
 
-@studio_test
 async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_its_time(
     studio: Studio, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -256,7 +247,6 @@ def test_bad_arguments_are_told_in_a_line(
     assert not (tmp_path / "a.mcap").exists()
 
 
-@studio_test
 async def test_a_recorder_of_nobody_says_so(studio: Studio, free_port: Callable[[], int]) -> None:
     async with studio.recording(fleet="misspelt") as recorder:
         line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
@@ -267,7 +257,6 @@ async def test_a_recorder_of_nobody_says_so(studio: Studio, free_port: Callable[
     assert ": 0 messages in " in out
 
 
-@async_test
 async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -288,7 +277,6 @@ async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_ask
     assert notes == ["the router is lost: nothing is received", "the router is back"]
 
 
-@studio_test
 async def test_on_a_terminal_one_line_tells_how_it_goes(studio: Studio) -> None:
     command = ["argosy", "record", "--fleet", FLEET, "--router", studio.endpoint, "-o", str(studio.folder / "a.mcap")]
     with Terminal(command, columns=200) as terminal:

@@ -28,8 +28,8 @@ from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
-from tests.argosy.recording.recorders import Studio, argosy, studio_test, tried
-from tests.support.buses import FLEET, PATIENCE, Connect, async_test, bus_test, session, until
+from tests.argosy.recording.recorders import Studio, argosy, tried
+from tests.support.buses import FLEET, PATIENCE, Connect, session, until
 from tests.support.forked import ROOT
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
@@ -79,7 +79,6 @@ async def replayed(studio: Studio, *arguments: str) -> tuple[int, str, str]:
         return code, out, re.sub(r"warning: up to [\d.]+ s late: .*\n", "", err)
 
 
-@studio_test
 async def test_it_says_all_in_order_and_at_the_times_of_the_recording(studio: Studio) -> None:
     recorded(studio.path, fast(101))
     said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
@@ -102,7 +101,6 @@ def codec_encoding(wire: Wire) -> str:
     return codec(Perception).encodings[wire]
 
 
-@studio_test
 async def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes(studio: Studio) -> None:
     packed = [altitude(n, n, "msgpack") for n in range(3)]
     blob = Heard(BEGIN, f"argosy/{FLEET}/uav1/blob", b"\x00\xff", "image/png")
@@ -115,7 +113,6 @@ async def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes
     assert {encoding for _, _, encoding in found[1:]} == {codec_encoding("msgpack")}
 
 
-@studio_test
 async def test_a_part_of_it_is_replayed_by_time_and_key(studio: Studio) -> None:
     other = heard(keys.trace(FLEET, "uav", "inputs"), stretch(0), 0.5)
     recorded(
@@ -130,7 +127,6 @@ async def test_a_part_of_it_is_replayed_by_time_and_key(studio: Studio) -> None:
     assert (keys.alive(f"{FLEET}-replay", "uav1", "bridged", "b1"), True) in said.tokens
 
 
-@studio_test
 async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(studio: Studio) -> None:
     answer = heard(keys.mind(FLEET, "uav"), MindView(agent="uav"), 0.1)._replace(origin="query")
     percept = replace_at(altitude(1, 5), 0.1, origin="query")
@@ -145,7 +141,6 @@ async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left
     assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[5]]
 
 
-@studio_test
 async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(studio: Studio) -> None:
     assert tried(ROOT / "missions/single_uav.yaml", studio.path).success
     bus, views = await studio.connect("eye", "argosy"), list[MindView]()
@@ -167,7 +162,6 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(studio:
     assert 45 < view.time < 60
 
 
-@bus_test
 async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_was_before(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -190,7 +184,6 @@ async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_
         mind.withdraw()
 
 
-@studio_test
 async def test_nothing_is_said_to_somebody_alive(studio: Studio) -> None:
     recorded(studio.path, fast(1001))
     said = Listener(await studio.connect("eye", "argosy"), FLEET)
@@ -212,7 +205,6 @@ async def test_nothing_is_said_to_somebody_alive(studio: Studio) -> None:
     assert len(said.heard) < 2002
 
 
-@studio_test
 async def test_what_stands_under_keys_of_others_is_never_said(studio: Studio) -> None:
     wild = [
         f"**/uav1/percept/{FLEET}",
@@ -239,7 +231,6 @@ async def test_what_stands_under_keys_of_others_is_never_said(studio: Studio) ->
     assert (live.heard, live.tokens, said.tokens) == ([], [], [])
 
 
-@studio_test
 async def test_what_cannot_be_read_is_left_out_and_told(studio: Studio) -> None:
     bad = [(Unread, b'{"base64": "!!!a"}', "", "put"), (Perception, b"{bad", codec_encoding("msgpack"), "put")]
     bad.append((TokenSeen, b"[", "", "token"))
@@ -260,7 +251,6 @@ async def test_what_cannot_be_read_is_left_out_and_told(studio: Studio) -> None:
     assert (code, err) == (1, nothing)
 
 
-@studio_test
 async def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(studio: Studio) -> None:
     recorded(studio.path, fast(11))
     said = Listener(await studio.connect("eye", "argosy"), f"{FLEET}-replay")
@@ -271,7 +261,6 @@ async def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(studio: Studio) -> N
     assert "replayed" in out
 
 
-@async_test
 async def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", fast(501))
     async with argosy("replay", path, "--router", endpoint) as process:

@@ -18,7 +18,6 @@ from argosy.run import recovery
 from argosy.run.recovery import Watchdog
 from schemas.liveness import FIRST_HEALTH, HUNG_AFTER
 from schemas.wire import keys
-from tests.argosy.given import given
 from tests.argosy.recorded import Recording
 from tests.support.buses import until
 
@@ -58,8 +57,9 @@ class Looking:
         await until(lambda: not child.alive, "it is killed")
 
 
+@pytest.fixture
 @asynccontextmanager
-async def looking() -> AsyncIterator[Looking]:
+async def one() -> AsyncIterator[Looking]:
     """A watchdog with a clock of its own, and processes that end with the block."""
     one = Looking()
     try:
@@ -70,7 +70,6 @@ async def looking() -> AsyncIterator[Looking]:
         await one.supervisor.close()
 
 
-@given(looking)
 async def test_a_daemon_that_is_stopped_is_killed_and_told_of(one: Looking) -> None:
     child = await one.start("agentd", "uav")
     one.recording.health("uav", "agentd")
@@ -80,7 +79,6 @@ async def test_a_daemon_that_is_stopped_is_killed_and_told_of(one: Looking) -> N
     assert "agentd uav: hangs: it is stopped for 15 s, and is killed" in one.recording.lines
 
 
-@given(looking)
 async def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is_killed(one: Looking) -> None:
     one.token("local", "commd")
     one.recording.health("uav1", "bridged")
@@ -92,7 +90,6 @@ async def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is
     await one.kills(bridge)
 
 
-@given(looking)
 async def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well(one: Looking) -> None:
     one.token("local", "commd")
     one.recording.health("uav", "agentd")
@@ -100,7 +97,6 @@ async def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well(one: Looking
     assert one.spares()
 
 
-@given(looking)
 async def test_nobody_is_judged_while_the_way_to_its_board_is_cut(one: Looking) -> None:
     await one.start("agentd", "uav")
     assert one.spares()  # commd of its board is not heard
@@ -109,14 +105,12 @@ async def test_nobody_is_judged_while_the_way_to_its_board_is_cut(one: Looking) 
     assert one.spares()
 
 
-@given(looking)
 async def test_a_daemon_that_comes_up_has_time(one: Looking) -> None:
     one.token("local", "commd")
     await one.start("agentd", "uav")
     assert one.spares(FIRST_HEALTH - 1)
 
 
-@given(looking)
 async def test_the_first_boards_router_is_killed_when_it_does_not_answer(one: Looking) -> None:
     router = await one.start("commd", "local")
     assert one.spares()
@@ -124,7 +118,6 @@ async def test_the_first_boards_router_is_killed_when_it_does_not_answer(one: Lo
     await one.kills(router)
 
 
-@given(looking)
 async def test_a_simulator_may_be_stopped(one: Looking) -> None:
     simulator = await one.start("simulator", "uav1", daemon=False)
     simulator.signal(signal.SIGSTOP)
@@ -132,7 +125,6 @@ async def test_a_simulator_may_be_stopped(one: Looking) -> None:
     assert one.spares()
 
 
-@given(looking)
 async def test_a_daemon_that_only_paused_is_spared(one: Looking) -> None:
     daemon = await one.start("agentd", "uav")
     os.kill(daemon.pid, signal.SIGSTOP)

@@ -18,7 +18,7 @@ from argosy.fleet_model.fleet_status import Row
 from argosy.status import metrics_command
 from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page
 from schemas.wire.records import Health, Note
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -97,7 +97,6 @@ async def ask(port: int, request: bytes) -> bytes:
         (b"GET /" + b"x" * 2 * REQUEST_BYTES + b" HTTP/1.1\r\n\r\n", b""),
     ],
 )
-@async_test
 async def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: bytes, first: bytes) -> None:
     port = free_port()
     server = await asyncio.start_server(Page(lambda: b"page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
@@ -111,7 +110,6 @@ async def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_
             assert answer.endswith(b"page\n") is request_.startswith(b"GET")
 
 
-@async_test
 async def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metrics_command, "REQUEST_PATIENCE", 120.0)
     port = free_port()

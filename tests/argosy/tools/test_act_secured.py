@@ -15,7 +15,7 @@ from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.attacks.world import NAME, TEXT, World
 from tests.docs.pages import blocks
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.secured import Secured
 
 INJECT = TEXT.replace("mission: three", "mission: three\nfleet: three\ninject: true")
@@ -68,7 +68,6 @@ def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
     assert why in capsys.readouterr().err
 
 
-@async_test
 async def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> None:
     mission = world.fleet.mission
     async with (

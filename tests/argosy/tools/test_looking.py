@@ -29,7 +29,7 @@ from tests.argosy.beside import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.argosy.watch.terminal import Terminal
 from tests.support import forked
-from tests.support.buses import Connect, async_test, bus_test, subscribed, until
+from tests.support.buses import Connect, subscribed, until
 from tests.support.processes import ROOT, running
 
 
@@ -251,7 +251,6 @@ def test_echo_begins_with_the_last_known_value_of_a_percept_that_does_not_change
         assert told["record"]["parameters"] == ["STABILIZE", True, False]
 
 
-@async_test
 async def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytest.CaptureFixture[str]) -> None:
     said = [("a", "old", True), ("a", "new", False), ("a", "older", True), ("b", "kept", True), ("b", "kept too", True)]
 
@@ -304,7 +303,6 @@ def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_succes
         assert full.stderr == "error: the output cannot be written: No space left on device\n"
 
 
-@bus_test
 async def test_list_of_nobody_fails(connect: Connect, endpoint: str) -> None:
     code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
     assert (code, lines) == (1, [])
@@ -328,7 +326,6 @@ def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, e
 
 
 @pytest.mark.parametrize("text", ["**/altitude", "*/**/altitude", "argosy/**", "**", "uav", "uav/percept/*", None])
-@bus_test
 async def test_a_record_is_heard_once_however_many_expressions_match_its_key(
     connect: Connect, text: str | None
 ) -> None:
@@ -347,7 +344,6 @@ async def test_a_record_is_heard_once_however_many_expressions_match_its_key(
     assert heard == [ours, ours, last]
 
 
-@bus_test
 async def test_what_comes_faster_than_it_is_shown_is_counted(connect: Connect) -> None:
     speaker, listener = await connect("uav1"), await connect("x")
     ears = BusTap(listener, ["argosy/test/**"])

@@ -11,12 +11,10 @@ import pytest
 from argosy.ui import server
 from argosy.ui.auth import AuthGuard
 from tests.argosy.ui.serving import entered, served
-from tests.support.buses import async_test
 
 EVIL = "http://evil.example"
 
 
-@async_test
 async def test_the_printed_address_lets_a_browser_in_and_shows_its_token_to_no_history() -> None:
     async with served() as browser:
         token = f"/?token={browser.auth.token}"
@@ -31,7 +29,6 @@ async def test_the_printed_address_lets_a_browser_in_and_shows_its_token_to_no_h
 
 
 @pytest.mark.parametrize("path", ["/", "/here", "/feed", "/static/app.js", "/?token=guessed", "/here?token=TOKEN"])
-@async_test
 async def test_without_the_cookie_nothing_is_shown(path: str) -> None:
     async with served() as browser:
         status, text, _ = await browser.get(path.replace("TOKEN", browser.auth.token))
@@ -39,7 +36,6 @@ async def test_without_the_cookie_nothing_is_shown(path: str) -> None:
         assert "open the address that `argosy ui` printed" in text
 
 
-@async_test
 async def test_the_cookie_of_an_earlier_run_at_the_same_port_opens_nothing() -> None:
     async with served() as browser:
         browser.session.cookie_jar.update_cookies({browser.auth.cookie: "of an earlier run"})
@@ -47,7 +43,6 @@ async def test_the_cookie_of_an_earlier_run_at_the_same_port_opens_nothing() -> 
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.5:8080", ""])
-@async_test
 async def test_a_name_that_somebody_has_pointed_here_gets_no_answer_though_it_has_the_cookie(host: str) -> None:
     async with entered() as browser:
         assert (await browser.get("/here"))[0] == 200
@@ -58,7 +53,6 @@ async def test_a_name_that_somebody_has_pointed_here_gets_no_answer_though_it_ha
     "origin", [EVIL, "null", "http://127.0.0.1:1", "https://127.0.0.1:PORT", "http://localhost:PORT"]
 )
 @pytest.mark.parametrize("path", ["/stop", "/control", "/why", "/fleet"])
-@async_test
 async def test_what_another_page_posts_is_refused_though_it_has_the_cookie(path: str, origin: str) -> None:
     async with entered() as browser:
         status, text = await browser.post(path, {}, Origin=origin.replace("PORT", str(browser.auth.port)))
@@ -66,7 +60,6 @@ async def test_what_another_page_posts_is_refused_though_it_has_the_cookie(path:
         assert not browser.following.requests.last
 
 
-@async_test
 async def test_a_post_that_does_not_say_where_it_comes_from_is_refused() -> None:
     async with entered() as browser:
         async with browser.session.post(f"{browser.base}/stop", json={"order": "hold"}) as answer:
@@ -75,7 +68,6 @@ async def test_a_post_that_does_not_say_where_it_comes_from_is_refused() -> None
         assert (await browser.post("/stop", {"order": "hold"}, **site))[0] == 403
 
 
-@async_test
 async def test_a_websocket_of_another_page_is_not_opened() -> None:
     async with entered() as browser:
         for origin in (EVIL, None):
@@ -86,7 +78,6 @@ async def test_a_websocket_of_another_page_is_not_opened() -> None:
             assert "head" in (await feed.hear())["set"]
 
 
-@async_test
 async def test_every_answer_forbids_what_is_not_ours() -> None:
     async with entered() as browser:
         for path in ("/", "/static/app.js", "/static/vendor/leaflet/leaflet.js", "/nothing", "/here"):
@@ -112,7 +103,6 @@ async def test_every_answer_forbids_what_is_not_ours() -> None:
         ([], 400),
     ],
 )
-@async_test
 async def test_a_wish_that_is_none_is_refused_in_words(wish: object, status: int) -> None:
     async with entered() as browser:
         answered, text = await browser.post("/stop", wish)
@@ -121,7 +111,6 @@ async def test_a_wish_that_is_none_is_refused_in_words(wish: object, status: int
         assert not browser.following.requests.last
 
 
-@async_test
 async def test_only_json_is_read() -> None:
     async with entered() as browser:
         kind = {"Content-Type": "text/plain"}  # what a form of another page may send without asking
@@ -131,7 +120,6 @@ async def test_only_json_is_read() -> None:
 @pytest.mark.parametrize(
     "path", ["/static/../doors.py", "/static/%2e%2e/doors.py", "/static/..%2fdoors.py", "/tiles/../x"]
 )
-@async_test
 async def test_no_path_leads_out_of_the_static_folder(path: str, tmp_path: Path) -> None:
     (tmp_path / "tiles").mkdir()
     (tmp_path / "x").write_text("secret")
@@ -146,7 +134,6 @@ async def test_no_path_leads_out_of_the_static_folder(path: str, tmp_path: Path)
         assert b"secret" not in answer
 
 
-@async_test
 async def test_own_tiles_are_served(tmp_path: Path) -> None:
     (tmp_path / "3" / "2").mkdir(parents=True)
     (tmp_path / "3" / "2" / "1.png").write_bytes(b"\x89PNG")
@@ -185,7 +172,6 @@ def test_each_run_has_another_token_and_does_not_show_it_in_errors() -> None:
     assert one.token not in repr(one)
 
 
-@async_test
 async def test_an_address_of_a_command_line_opens_once() -> None:
     async with served() as browser:
         once = browser.auth.once()
@@ -198,7 +184,6 @@ async def test_an_address_of_a_command_line_opens_once() -> None:
         await browser.enter()
 
 
-@async_test
 async def test_a_request_without_a_host_is_refused_without_a_question_to_the_name_service(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -213,7 +198,6 @@ async def test_a_request_without_a_host_is_refused_without_a_question_to_the_nam
     assert not asked
 
 
-@async_test
 async def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pytest.LogCaptureFixture) -> None:
     async with served() as browser:
         port, name = browser.auth.port, browser.auth.cookie.encode()
@@ -227,7 +211,6 @@ async def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pyte
     assert caplog.text == ""
 
 
-@async_test
 async def test_silent_connections_are_closed_for_new_ones_and_a_page_keeps_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -14,7 +14,6 @@ from schemas.wire.records import Outcome
 from tests.argosy.ui.browsing import APART, Seen, browsing
 from tests.argosy.ui.fleets import Robot, fleet, router
 from tests.argosy.ui.serving import served
-from tests.support.buses import async_test
 from tests.support.processes import Daemon, running
 
 pytestmark = pytest.mark.usefixtures("browser")
@@ -74,7 +73,6 @@ def patrol(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> Itera
             flight.ends()
 
 
-@async_test
 async def test_the_page_shows_a_flight_tells_why_and_stops_it(patrol: tuple[Daemon, str]) -> None:
     ui, url = patrol
     async with browsing(url) as seen:
@@ -174,7 +172,6 @@ async def _stop(seen: Seen) -> None:
     await seen.page.mouse.up()
 
 
-@async_test
 async def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_all(endpoint: str) -> None:
     async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
         await seen.shows(".banner.bad", "no router at")
@@ -200,7 +197,6 @@ async def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router
         assert seen.hosts == {"127.0.0.1"}
 
 
-@async_test
 async def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None:
     async with (
         fleet(endpoint, {}) as (_, [scout]),
@@ -217,7 +213,6 @@ async def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -
         assert uav1.orders == ["hold"]
 
 
-@async_test
 async def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path: Path) -> None:
     from schemas.mission.model import load_mission
 

@@ -16,12 +16,11 @@ from schemas.wire.records import Outcome
 from tests.argosy.fleet_model.fleet import Fleet
 from tests.argosy.ui.fleets import HOME, Agent, fleet, router
 from tests.argosy.ui.serving import entered, served
-from tests.support.buses import async_test, session, subscribed, until
+from tests.support.buses import session, subscribed, until
 
 FINE = Outcome(ok=True)
 
 
-@async_test
 async def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -> None:
     async with (
         fleet(endpoint, {"uav1": FINE}) as ([uav1], [scout]),
@@ -50,7 +49,6 @@ async def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -
         assert [(one["content"], one["undelivered"]) for one in messages] == [("victim(7)", "receiver_not_found")]
 
 
-@async_test
 async def test_of_several_fleets_the_page_chooses_one(endpoint: str) -> None:
     async with router(endpoint), AsyncExitStack() as stack:
         bus = await stack.enter_async_context(session(endpoint, "x"))
@@ -68,7 +66,6 @@ async def test_of_several_fleets_the_page_chooses_one(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"look": 3}', '{"look": [1]}', '{"do": "rtl"}', "x" * 9_000])
-@async_test
 async def test_a_page_that_says_something_else_is_closed(text: str) -> None:
     async with entered() as browser:
         socket = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
@@ -80,7 +77,6 @@ async def test_a_page_that_says_something_else_is_closed(text: str) -> None:
         await until(lambda: not browser.following.pages, "the page is forgotten")
 
 
-@async_test
 async def test_a_page_hears_each_second_that_we_are_there() -> None:
     async with entered() as browser, browser.feed() as feed:
         first = await feed.hear()
@@ -89,7 +85,6 @@ async def test_a_page_hears_each_second_that_we_are_there() -> None:
         assert told["now"] > first["now"]
 
 
-@async_test
 async def test_a_page_that_takes_nothing_costs_no_memory_and_gets_the_newest_when_it_goes_on() -> None:
     async with entered() as browser:
         following = browser.following
@@ -123,7 +118,6 @@ async def test_a_page_that_takes_nothing_costs_no_memory_and_gets_the_newest_whe
         writer.close()
 
 
-@async_test
 async def test_whoever_comes_back_gets_no_event_twice() -> None:
     async with entered() as browser:
         for number in range(5):
@@ -138,7 +132,6 @@ async def test_whoever_comes_back_gets_no_event_twice() -> None:
         assert json.dumps(feed.events[0])
 
 
-@async_test
 async def test_of_fifty_agents_a_page_is_told_what_changed_and_nothing_else() -> None:
     async with entered() as browser:
         following = browser.following
@@ -161,7 +154,6 @@ async def test_of_fifty_agents_a_page_is_told_what_changed_and_nothing_else() ->
             assert feed.sizes[-1] < 1_000
 
 
-@async_test
 async def test_whom_a_page_has_looked_at_is_not_looked_at_any_more_when_it_has_closed(endpoint: str) -> None:
     asked: list[str] = []
 

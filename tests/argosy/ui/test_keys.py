@@ -16,7 +16,6 @@ from commd.bus.tls import identity_of
 from schemas.wire.records import Outcome
 from tests.argosy.ui.fleets import Robot
 from tests.argosy.ui.serving import Browser, Feed, served
-from tests.support.buses import async_test
 from tests.support.secured import Secured
 
 
@@ -45,7 +44,6 @@ async def page_of(made: Secured, who: str) -> AsyncIterator[tuple[Browser, Feed,
         yield browser, feed, robot
 
 
-@async_test
 async def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boards: Secured) -> None:
     async with page_of(boards, "ops") as (browser, feed, robot):
         _, text = await browser.post("/stop", {"order": "hold", "robots": None})
@@ -58,7 +56,6 @@ async def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boa
         await feed.hear_until(lambda: any("pi3" in line for line in feed.parts["head"].get("unreached", ())))
 
 
-@async_test
 async def test_an_observer_sees_robots_and_the_server_says_why_it_orders_nothing(boards: Secured) -> None:
     async with page_of(boards, "eye") as (browser, feed, robot):
         why = "`eye` is an observer in the mission: it may not give orders"

@@ -16,7 +16,6 @@ from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
 from tests.argosy.ui.serving import served
 from tests.docs.pages import part_of
-from tests.support.buses import async_test
 
 pytestmark = pytest.mark.usefixtures("browser")
 
@@ -105,7 +104,6 @@ async def _why(seen: Seen) -> None:
     await seen.shows("#pane-why .card[data-kind]")
 
 
-@async_test
 async def test_the_panel_shows_a_mind_finds_in_it_and_tells_why(endpoint: str) -> None:
     async with fleet(endpoint, {}) as (_, (agent,)):
         agent.view = scout()

@@ -18,7 +18,7 @@ from schemas.wire import keys
 from schemas.wire.records import Outcome, RunningMission
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, entered
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 
 FINE = Outcome(ok=True)
 MISSION = read_mission(
@@ -65,7 +65,6 @@ async def posted(browser: Browser, path: str, wish: object) -> dict[str, object]
     return told
 
 
-@async_test
 async def test_an_order_to_all_is_told_for_each_robot_as_it_is(endpoint: str) -> None:
     answers = {
         "uav1": Outcome(ok=True, reason="mode RTL"),
@@ -83,7 +82,6 @@ async def test_an_order_to_all_is_told_for_each_robot_as_it_is(endpoint: str) ->
             assert shown["outcomes"] == told["outcomes"]
 
 
-@async_test
 async def test_an_order_to_one_robot_goes_to_that_one_alone(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE, "uav2": FINE}) as (browser, [uav1, uav2], _):
         told = await posted(browser, "/stop", {"order": "hold", "robots": ["uav2"]})
@@ -91,7 +89,6 @@ async def test_an_order_to_one_robot_goes_to_that_one_alone(endpoint: str) -> No
         assert (uav1.orders, uav2.orders) == ([], ["hold"])
 
 
-@async_test
 async def test_a_robot_of_the_mission_whose_bridge_is_not_there_is_named_as_not_confirmed(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE}, MISSION) as (browser, _, _):
         told = await posted(browser, "/stop", {"order": "hold", "robots": None})
@@ -101,7 +98,6 @@ async def test_a_robot_of_the_mission_whose_bridge_is_not_there_is_named_as_not_
         }
 
 
-@async_test
 async def test_a_board_that_publishes_a_mission_without_a_robot_takes_it_from_no_order(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE}, MISSION) as (browser, _, _):
         forged = RunningMission(file="m.yaml", text="mission: sar\nagents: {c: {program: c.asl}}\n")
@@ -114,7 +110,6 @@ async def test_a_board_that_publishes_a_mission_without_a_robot_takes_it_from_no
         }
 
 
-@async_test
 async def test_without_a_router_nobody_was_told_and_without_a_robot_an_order_to_all_says_so(endpoint: str) -> None:
     async with entered(Where("sar", endpoint)) as browser:
         told = await posted(browser, "/stop", {"order": "hold", "robots": None})
@@ -128,7 +123,6 @@ async def test_without_a_router_nobody_was_told_and_without_a_robot_an_order_to_
             assert (await posted(browser, "/stop", {"order": "land"}))["problem"] == "no robot is on the bus"
 
 
-@async_test
 async def test_an_observer_sees_and_orders_nothing(endpoint: str) -> None:
     why = "`eye` is an observer in the mission: it may not give orders"
     async with commanded(endpoint, {"uav1": FINE}, MISSION, identity="eye") as (browser, [uav1], scout):
@@ -141,7 +135,6 @@ async def test_an_observer_sees_and_orders_nothing(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("inject", [True, False])
-@async_test
 async def test_minds_take_orders_and_refuse_them_in_words(endpoint: str, inject: bool) -> None:
     async with commanded(endpoint, {}, inject=inject) as (browser, _, scout):
         told = await posted(browser, "/control", {"agent": "scout", "do": "goal", "text": " go(3,4) "})
@@ -164,7 +157,6 @@ REFUSED: list[tuple[str, dict[str, object], str]] = [
 ]
 
 
-@async_test
 async def test_what_no_robot_and_no_mind_can_take_is_refused_and_reaches_nobody(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE, "uav2": FINE}) as (browser, robots, scout):
         for path, wish, why in REFUSED:
@@ -176,7 +168,6 @@ async def test_what_no_robot_and_no_mind_can_take_is_refused_and_reaches_nobody(
         assert scout.ordered == []
 
 
-@async_test
 async def test_an_order_that_comes_late_or_from_a_clock_that_is_not_ours_is_refused_in_words(endpoint: str) -> None:
     async with commanded(endpoint, {"uav1": FINE}) as (browser, [uav1], scout):
         told = await posted(browser, "/stop", {"order": "hold", "at": steady_clock() - 8})
@@ -191,7 +182,6 @@ async def test_an_order_that_comes_late_or_from_a_clock_that_is_not_ours_is_refu
         assert (uav1.orders, scout.ordered) == ([], [])
 
 
-@async_test
 async def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

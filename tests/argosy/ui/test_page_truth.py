@@ -25,7 +25,7 @@ from schemas.wire.terms import Atom
 from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, entered, served
-from tests.support.buses import async_test, session, until
+from tests.support.buses import session, until
 from tests.support.processes import running
 
 pytestmark = pytest.mark.usefixtures("browser")
@@ -33,7 +33,6 @@ pytestmark = pytest.mark.usefixtures("browser")
 FINE = Outcome(ok=True)
 
 
-@async_test
 async def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(
     endpoint: str,
 ) -> None:
@@ -62,7 +61,6 @@ async def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_
         assert uav1.orders == ["land"], "what was ordered while it hung was not done"
 
 
-@async_test
 async def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
     async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
         async with session(endpoint, "scout") as one, session(endpoint, "uav1") as other:
@@ -101,7 +99,6 @@ async def paged(endpoint: str, *robots: str) -> AsyncIterator[tuple[list[Robot],
         yield craft, browser, seen
 
 
-@async_test
 async def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         button = seen.page.locator("header [data-order=release]")
@@ -123,7 +120,6 @@ async def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str
         assert uav1.orders == ["release"], "one order, whatever was clicked after it"
 
 
-@async_test
 async def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_paused_meanwhile(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         uav1.tell()
@@ -139,7 +135,6 @@ async def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_pause
         assert uav1.orders == ["pause", "continue"]
 
 
-@async_test
 async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,7 +154,6 @@ async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
         await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is on the bus")
 
 
-@async_test
 async def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(endpoint: str) -> None:
     async with paged(endpoint, *(f"uav{number}" for number in range(6))) as (craft, _, seen):
         for robot in craft:
@@ -177,7 +171,6 @@ async def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(end
 
 
 @pytest.mark.parametrize("width", [720, 768, 900, 1024, 1280])
-@async_test
 async def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width: int) -> None:
     async with (
         served(Where("search-and-rescue-number-2", "tcp/127.0.0.1:9")) as browser,
@@ -196,7 +189,6 @@ async def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(
             assert box["width"] > 30
 
 
-@async_test
 async def test_a_part_that_cannot_be_drawn_is_told_and_the_others_go_on(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         uav1.tell()
@@ -207,7 +199,6 @@ async def test_a_part_that_cannot_be_drawn_is_told_and_the_others_go_on(endpoint
         await seen.shows(".outcome.good", "hold all: confirmed by it")
 
 
-@async_test
 async def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -226,7 +217,6 @@ async def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
     assert capsys.readouterr().err.count("a defect of argosy ui") == 1
 
 
-@async_test
 async def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> None:
     async with served() as browser:
         timeline = browser.following.model.timeline
@@ -249,7 +239,6 @@ async def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them
             await seen.shows(".newer", "1 newer")
 
 
-@async_test
 async def test_events_that_a_page_missed_are_counted_on_it() -> None:
     async with served() as browser, browsing(browser.auth.url) as seen:
         add = browser.following.model.timeline.add
@@ -261,7 +250,6 @@ async def test_events_that_a_page_missed_are_counted_on_it() -> None:
         await seen.shows(".missed", "101 events did not come here")
 
 
-@async_test
 async def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> None:
     async with entered() as browser, AsyncExitStack() as stack:
         first = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
@@ -276,13 +264,11 @@ async def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is
 
 
 @pytest.mark.parametrize("hash", ["#%", "#constructor/mind"])
-@async_test
 async def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) -> None:
     async with served() as browser, browsing(browser.auth.url + hash) as seen:
         await seen.shows("#router", "not reached")
 
 
-@async_test
 async def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_other_note(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         alone = Note(code="robot_unattended", text="in the air without anybody in charge")
@@ -292,7 +278,6 @@ async def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_
         await seen.gone(".row .notes.bad")
 
 
-@async_test
 async def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         uav1.tell()
@@ -308,7 +293,6 @@ async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> 
     bus.put(keys.run("sar", "operator"), RunState(phase=phase, mission_time=seconds, **fields))  # type: ignore[arg-type]
 
 
-@async_test
 async def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_have_gone(endpoint: str) -> None:
     async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
         async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
@@ -331,7 +315,6 @@ async def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_r
             assert await seen.page.locator(f"{alarming}:visible").count() == 0, alarming
 
 
-@async_test
 async def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpoint: str) -> None:
     async with (
         fleet(endpoint, {"uav1": FINE}) as ([uav1], [scout]),
@@ -351,14 +334,12 @@ async def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpo
         await seen.shows("#run.bad", "failed")
 
 
-@async_test
 async def test_a_run_that_nobody_watches_over_is_told_of(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
         await run_told(uav1.bus, "running", 61.0)
         await seen.shows(".banner.warn", "argosy run has not been heard for")
 
 
-@async_test
 async def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_above_everything(endpoint: str) -> None:
     async with paged(endpoint, "uav1", "uav2") as (craft, _, seen):
         none = Note("failsafe_none", "failsafe: none")
@@ -370,7 +351,6 @@ async def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_abov
         assert await seen.page.locator(".row", has_text="failsafe").count() == 0
 
 
-@async_test
 async def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_with(
     endpoint: str, tmp_path: Path
 ) -> None:

@@ -15,7 +15,6 @@ from schemas.liveness import ROUTER_GRACE
 from schemas.wire import keys
 from schemas.wire.records import AgentHealth, Health
 from tests.bridged.sky import VirtualClock
-from tests.support.buses import async_test
 
 
 def idle_for(idleness: Idleness, there: set[str], *, seconds: float, speed: float = 1.0) -> float:
@@ -108,7 +107,6 @@ class Watching:
         await self.hear("router", True)
 
 
-@async_test
 async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daemon_ends() -> None:
     watching = Watching("uav")
     token, health = keys.alive("f", "uav", "agentd", "b1"), keys.health("f", "pi1", "agentd")
@@ -121,7 +119,6 @@ async def test_an_agent_that_commands_another_robot_is_not_back_because_its_daem
 
 
 @pytest.mark.parametrize("inherited", [True, False])
-@async_test
 async def test_an_agent_that_answers_for_a_robot_found_in_use_must_appear_and_one_in_whose_name_somebody_acts_not(
     inherited: bool,
 ) -> None:

@@ -12,7 +12,6 @@ from bridged.bridge.safety_orders import FIRST_HEARD, Step
 from bridged.drivers.mavlink.vehicle.flight_modes import COMING_HOME
 from tests.bridged.bridge.test_safety_orders import leaving, mode_of, passing, take_over
 from tests.bridged.sky import Sky
-from tests.support.buses import async_test
 
 RTL, LAND = 6, 9
 
@@ -23,7 +22,6 @@ def sky(tmp_path: Path) -> Sky:
 
 
 @pytest.mark.parametrize(("mode", "order"), [(RTL, "rtl"), (LAND, "land")])
-@async_test
 async def test_a_bridge_that_stops_says_that_its_vehicle_comes_home_by_others(sky: Sky, mode: int, order: str) -> None:
     take_over(sky, mode)
     await passing(sky, 2)
@@ -32,7 +30,6 @@ async def test_a_bridge_that_stops_says_that_its_vehicle_comes_home_by_others(sk
     assert left.text == f"{order}: the vehicle is in {order.upper()}, which others set"
 
 
-@async_test
 async def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicle_first(
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -49,7 +46,6 @@ async def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicl
 
 
 @pytest.mark.parametrize(("answered", "wall"), [(True, FIRST_HEARD), (False, 0.0)])
-@async_test
 async def test_a_bridge_that_stops_waits_in_bounds_for_a_vehicle_never_heard(
     tmp_path: Path, answered: bool, wall: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -64,7 +60,6 @@ async def test_a_bridge_that_stops_waits_in_bounds_for_a_vehicle_never_heard(
     assert wall <= sky.clock.wall() - began <= wall + 3
 
 
-@async_test
 async def test_a_lost_agent_of_a_vehicle_that_comes_home_by_others_is_no_error(
     sky: Sky, caplog: pytest.LogCaptureFixture
 ) -> None:

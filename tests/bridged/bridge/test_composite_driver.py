@@ -17,7 +17,6 @@ from schemas.manifest.loader import find_manifest, read_manifest
 from schemas.wire.records import ManifestChange
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
-from tests.support.buses import async_test, lends
 
 GRIPPER = """
 import time
@@ -71,10 +70,11 @@ class Rigged:
             await asyncio.sleep(0.01)
 
 
+@pytest.fixture
 @asynccontextmanager
-async def rigged(state: Path) -> AsyncIterator[Rigged]:
+async def rig(site: Path) -> AsyncIterator[Rigged]:
     """Run the gripper's driver; the copter's is moved by the sky."""
-    rig = Rigged(state)
+    rig = Rigged(site)
     running = asyncio.create_task(rig.gripper.run())
     try:
         yield rig
@@ -106,10 +106,6 @@ def test_a_driver_that_fails_to_take_the_old_manifest_back_keeps_no_other_from_i
     assert "manifest_mixed" not in [note.code for note in bridge.notes()]
 
 
-rig_test = lends("rig", by=rigged, needs=("site",))
-
-
-@rig_test
 async def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(rig: Rigged) -> None:
     sky = rig.sky
     await rig.until(lambda: sky.belief("holds") == (True,), "the gripper's percept")
@@ -119,7 +115,6 @@ async def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(rig: Rigg
     assert counters["calls"] > 0
 
 
-@rig_test
 async def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(rig: Rigged) -> None:
     sky = rig.sky
     sky.flying(10)
@@ -134,7 +129,6 @@ async def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_i
     await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
 
 
-@rig_test
 async def test_what_one_driver_refuses_the_other_still_does(rig: Rigged) -> None:
     sky = rig.sky
     first = sky.begin("reel", 5)
@@ -147,24 +141,18 @@ async def test_what_one_driver_refuses_the_other_still_does(rig: Rigged) -> None
     assert status[-1].state == "succeeded"
 
 
-@rig_test
 async def test_figures_of_one_name_of_two_drivers_are_added(rig: Rigged) -> None:
     rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
     await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
     assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
 
 
-@async_test
-async def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(site: Path) -> None:
-    def defect(*_: object, **__: object) -> None:
-        raise KeyError("reel")
-
-    async with rigged(site) as rig:
-        sky = rig.sky
-        sky.flying(10)
-        reeling = sky.begin("reel", 5)
-        await rig.until(lambda: reeling[-1].state == "running", "it runs")
-        rig.gripper.stop = defect  # type: ignore[method-assign, assignment]
-        sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
-        assert (reeling[-1].state, reeling[-1].cause) == ("failed", "operator")
-        await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
+async def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(rig: Rigged) -> None:
+    sky = rig.sky
+    sky.flying(10)
+    reeling = sky.begin("reel", 5)
+    await rig.until(lambda: reeling[-1].state == "running", "it runs")
+    rig.gripper.stop = Mock(side_effect=KeyError("reel"))  # type: ignore[method-assign]
+    sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
+    assert (reeling[-1].state, reeling[-1].cause) == ("failed", "operator")
+    await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")

@@ -38,7 +38,7 @@ from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION, end_of
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
-from tests.support.buses import Connect, async_test, bus_test, on_a_bus, virtual_test
+from tests.support.buses import Connect, on_a_bus, virtual_test
 from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -120,7 +120,6 @@ async def failing(workshop: Workshop, sonar: Any, error: Exception) -> None:
     await until(lambda: workshop.present("tick") != before, "the robot's own driver goes on")
 
 
-@async_test
 async def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own_goes_on(
     sonar: Any, tmp_path: Path
 ) -> None:
@@ -171,7 +170,6 @@ async def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
         assert len(sonar.runs) == 1
 
 
-@async_test
 async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(
     sonar: Any, tmp_path: Path
 ) -> None:
@@ -186,7 +184,6 @@ async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are
         assert len(sonar.runs) == 1
 
 
-@async_test
 async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_of_it_fails(
     endpoint: str, sonar: Any, tmp_path: Path
 ) -> None:
@@ -294,7 +291,6 @@ def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and
     on_a_bus(endpoint, body)
 
 
-@bus_test
 async def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_its_bridge(
     connect: Connect, endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -312,7 +308,6 @@ async def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_
     taken.close()
 
 
-@bus_test
 async def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_used_are_told_with_the_robot(
     connect: Connect, endpoint: str, tmp_path: Path, sonar: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -336,7 +331,6 @@ async def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_us
         await daemon
 
 
-@async_test
 async def test_a_driver_that_ends_by_itself_is_a_failure_in_words(sonar: Any, tmp_path: Path) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await workshop.perceives("range", 2.5)
@@ -392,7 +386,6 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
 
 
 @pytest.mark.parametrize("link", ["udpout:slow.invalid:14550", "tcpin:slow.invalid:5760"])
-@async_test
 async def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
     link: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -424,7 +417,6 @@ def test_what_may_come_by_waiting_is_all_but_a_port_that_is_taken_and_the_like(e
 @pytest.mark.parametrize(
     "error", [OSError("cable out"), OSError(5, "Input/output error"), ConnectionResetError("reset")]
 )
-@async_test
 async def test_a_robots_only_driver_that_loses_its_link_is_run_again_and_its_percepts_are_withdrawn(
     sonar: Any, tmp_path: Path, error: OSError, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -467,7 +459,6 @@ async def test_a_driver_is_run_again_later_each_time_and_soon_again_once_it_has_
 
 
 @pytest.mark.parametrize("error", [KeyError("alt"), SystemExit(3), KeyboardInterrupt(), asyncio.CancelledError()])
-@async_test
 async def test_a_defect_of_a_robots_only_driver_names_it_with_the_place(
     sonar: Any, tmp_path: Path, error: BaseException
 ) -> None:
@@ -487,7 +478,6 @@ async def test_a_defect_of_a_robots_only_driver_names_it_with_the_place(
     ("value", "said"),
     [("None", "None"), ("'started'", "'started'"), ("late()", "a coroutine (it is `async def`)")],
 )
-@async_test
 async def test_a_driver_that_performs_without_an_execution_fails_the_action(
     sonar: Any, tmp_path: Path, value: str, said: str
 ) -> None:
@@ -508,7 +498,6 @@ async def test_a_driver_that_performs_without_an_execution_fails_the_action(
         (Outcome("failed", 17), "failed", "the driver's reason is no text: 17"),  # type: ignore[arg-type]
     ],
 )
-@async_test
 async def test_an_end_that_is_none_fails_the_action(
     sonar: Any, tmp_path: Path, outcome: Any, state: str, reason: str
 ) -> None:

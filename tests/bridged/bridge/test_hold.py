@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 import zenoh
 
 from bridged.bridge import composite_driver as body_module
@@ -24,7 +25,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.mission.model import read_mission
 from schemas.wire.records import Action, ActionStatus, ManifestChange
 from schemas.wire.terms import Term
-from tests.support.buses import async_test, lends, session, until
+from tests.support.buses import session, until
 
 MANIFEST = """
 [robot]
@@ -106,25 +107,22 @@ class Turtle:
         return {note.code: note.text for note in self.bridge.health().notes}
 
 
+@pytest.fixture
 @asynccontextmanager
-async def with_a_turtle(endpoint: str, state: Path) -> AsyncIterator[Turtle]:
+async def turtle(endpoint: str, tmp_path: Path) -> AsyncIterator[Turtle]:
     """Yield a turtle on a bus of its own."""
     async with (
         session(endpoint, "board", "commd", router=True),
         session(endpoint, "r", "bridged") as bridge,
         session(endpoint, "robot", "robot") as robot,
     ):
-        turtle = Turtle(bridge, robot, state)
+        turtle = Turtle(bridge, robot, tmp_path)
         try:
             yield turtle
         finally:
             await turtle.end()
 
 
-turtle_test = lends("turtle", by=with_a_turtle, needs=("endpoint", "tmp_path"))
-
-
-@turtle_test
 async def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(turtle: Turtle) -> None:
     pen, going = await turtle.ask("a", "pen", True), await turtle.ask("a", "goto", 1.0)
     turtle.bridge.action_server.cancel("a", going[-1].id)
@@ -136,7 +134,6 @@ async def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it
     assert turtle.notes() == {}
 
 
-@turtle_test
 async def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(turtle: Turtle) -> None:
     turtle.hears.close()
     going = await turtle.ask("a", "goto", 1.0)
@@ -147,22 +144,15 @@ async def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(t
     assert turtle.bridge.driver.active, "it is not left alone"
 
 
-@async_test
-async def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
-    endpoint: str, tmp_path: Path, monkeypatch: Any
-) -> None:
+async def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(turtle: Turtle, monkeypatch: Any) -> None:
     monkeypatch.setattr(body_module, "HOLD_PATIENCE", 0.3)
-    async with with_a_turtle(endpoint, tmp_path) as turtle:
-        turtle.hears.close()
-        going = await turtle.ask("a", "goto", 1.0)
-        turtle.bridge.action_server.cancel("a", going[-1].id)
-        await until(
-            lambda: turtle.notes().get("may_be_moving", "").endswith("timed out: not done within 0.3 s"),
-            "the failure is told",
-        )
+    turtle.hears.close()
+    going = await turtle.ask("a", "goto", 1.0)
+    turtle.bridge.action_server.cancel("a", going[-1].id)
+    given_up = "timed out: not done within 0.3 s"
+    await until(lambda: turtle.notes().get("may_be_moving", "").endswith(given_up), "the failure is told")
 
 
-@turtle_test
 async def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitly(turtle: Turtle) -> None:
     entry = turtle.bridge.live.manifest.actions["goto"]
     going = turtle.bridge.driver.perform("goto", entry, {"x": 1.0})
@@ -171,7 +161,6 @@ async def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitl
     await until(lambda: turtle.stops == 1, "it is told to stop")
 
 
-@turtle_test
 async def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_ends(turtle: Turtle) -> None:
     moving = await turtle.ask("a", "cmd", 1.0)
     await until(lambda: moving[-1].state == "succeeded", "it moves")
@@ -185,7 +174,6 @@ async def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next
     assert not turtle.bridge.driver.active
 
 
-@turtle_test
 async def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(turtle: Turtle) -> None:
     driver = turtle.bridge.driver.own
     assert isinstance(driver, ZenohDriver)
@@ -194,7 +182,6 @@ async def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_le
     assert (left.state, left.text) == ("disarmed", "left as it is")
 
 
-@turtle_test
 async def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_be_moving(turtle: Turtle) -> None:
     moving = await turtle.ask("a", "cmd", 1.0)
     await until(lambda: moving[-1].state == "succeeded", "it moves")
@@ -217,7 +204,6 @@ def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_
     assert any(one.startswith("on_shutdown: the robot has no order `hold`") for one in problems), problems
 
 
-@turtle_test
 async def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(turtle: Turtle) -> None:
     going = await turtle.ask("a", "goto", 1.0)
     pen = await turtle.ask("b", "pen", True)

@@ -15,7 +15,6 @@ from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
 from tests.bridged.airfield import serving, until
 from tests.bridged.sky import MISSION, Sky
-from tests.support.buses import async_test
 
 INJECT = f"{MISSION}inject: true\n"
 
@@ -58,7 +57,6 @@ def test_who_cancels_without_a_name_is_not_the_agent_whatever_that_is_called(tmp
     assert server.cancel("hand", "hand:b:1", "hand", inject=False).reason == "no action hand:b:1 of hand"
 
 
-@async_test
 async def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -73,7 +71,6 @@ async def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_name
         assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded", "the agent acts as ever"
 
 
-@async_test
 async def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(endpoint: str, tmp_path: Path) -> None:
     async with serving(endpoint, tmp_path, mission=INJECT) as (field, _bus), field.client("operator") as person:
         for name, payload in (("set_mode", b'{"parameters":["GUIDED"]}'), ("arm_motors", b'{"parameters":[true]}')):
@@ -94,7 +91,6 @@ async def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(e
         assert "Action:" in described[0]["problem"]
 
 
-@async_test
 async def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint: str, tmp_path: Path) -> None:
     async with serving(endpoint, tmp_path, mission=INJECT) as (field, bus), field.client("operator") as person:
         await field.take_off(bus)
@@ -114,7 +110,6 @@ async def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(end
 
 
 @pytest.mark.parametrize("inject", [True, False])
-@async_test
 async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
     endpoint: str, tmp_path: Path, inject: bool
 ) -> None:
@@ -147,7 +142,6 @@ async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
 
 
 @pytest.mark.parametrize("payload", [b'{"parameters":[],"name":"land"}', b'{"parameters":[],"agent":"other"}'])
-@async_test
 async def test_what_contradicts_its_key_is_refused(endpoint: str, tmp_path: Path, payload: bytes) -> None:
     async with serving(endpoint, tmp_path, mission=INJECT, client="operator") as (_field, person):
         [refused] = await asyncio.to_thread(asked, person, "return_to_launch", payload)

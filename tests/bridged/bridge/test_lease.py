@@ -11,7 +11,6 @@ from bridged.bridge.lease import IDLE, Lease
 from bridged.bridge.safety_orders import Step
 from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, MISSION, Sky, end_of
-from tests.support.buses import async_test
 
 RANKED = MISSION.replace("    link:", "    lease: {priority: [other]}\n    link:")
 
@@ -131,7 +130,6 @@ def test_who_has_the_robot_outlives_the_bridge(sky: Sky, tmp_path: Path) -> None
     last.done("land", id="uav:t:93")
 
 
-@async_test
 async def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys(sky: Sky) -> None:
     sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 5.0), Step("rtl")))
     for _ in range(100):

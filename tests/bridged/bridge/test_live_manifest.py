@@ -22,7 +22,6 @@ from schemas.wire.codec import Wire, codec
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import LiveManifest, ManifestChange, Perception
 from tests.bridged.airfield import restored, serving, until
-from tests.support.buses import async_test
 
 TEXT = """
 [robot]
@@ -201,7 +200,6 @@ async def ask(bus: Bus, change: ManifestChange | None) -> LiveManifest:
     raise AssertionError("nobody serves the manifest")
 
 
-@async_test
 async def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str, tmp_path: Any) -> None:
     async with serving(endpoint, tmp_path) as (field, bus):
         copy, told, heard = PerceptSet(), list[LiveManifest](), list[str]()

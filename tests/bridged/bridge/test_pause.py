@@ -16,7 +16,6 @@ from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passi
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
 from tests.bridged.drivers.mavlink.test_six_kinds import sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky
-from tests.support.buses import async_test
 from tests.support.notes import identities
 
 pytestmark = pytest.mark.usefixtures("looks_at_each_step")
@@ -67,7 +66,6 @@ def sky(tmp_path: Path) -> Sky:
     return Sky(tmp_path).flying(20)
 
 
-@async_test
 async def test_a_goto_is_kept_while_the_copter_holds_and_goes_on_to_its_place(sky: Sky) -> None:
     going = sky.begin("goto", *FAR)
     await passing(sky, 5)
@@ -82,7 +80,6 @@ async def test_a_goto_is_kept_while_the_copter_holds_and_goes_on_to_its_place(sk
     assert [one.paused for one in going[-2:]] == [False, False]
 
 
-@async_test
 async def test_deadlines_do_not_run_while_it_is_paused(tmp_path: Path) -> None:
     sky = Sky(tmp_path, manifest=quick(60)).flying(20)
     going = sky.begin("goto", *FAR)
@@ -95,7 +92,6 @@ async def test_deadlines_do_not_run_while_it_is_paused(tmp_path: Path) -> None:
     assert sky.end(going).state == "succeeded"
 
 
-@async_test
 async def test_what_is_asked_while_it_is_paused_begins_when_it_continues(sky: Sky) -> None:
     await pause(sky)
     going = sky.begin("goto", *GOAL)
@@ -109,7 +105,6 @@ async def test_what_is_asked_while_it_is_paused_begins_when_it_continues(sky: Sk
     assert sky.end(going).state == "succeeded"
 
 
-@async_test
 async def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
     sky.hears_us = lambda message: message.get_type() != "PARAM_REQUEST_READ"
     asking = sky.begin("get_param", "RTL_ALT")
@@ -118,7 +113,6 @@ async def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
     assert sky.end(asking).state == "succeeded"
 
 
-@async_test
 async def test_a_takeoff_that_was_held_above_its_altitude_goes_down_to_it(tmp_path: Path) -> None:
     sky = Sky(tmp_path).armed()
     climbing = sky.begin("takeoff", 10)
@@ -132,7 +126,6 @@ async def test_a_takeoff_that_was_held_above_its_altitude_goes_down_to_it(tmp_pa
     assert place(sky)[2] == pytest.approx(10, abs=0.4)
 
 
-@async_test
 async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.armed()
@@ -150,7 +143,6 @@ async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_pa
 
 
 @pytest.mark.parametrize("way_down", ["land", "return_to_launch"])
-@async_test
 async def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> None:
     going = sky.begin(way_down)
     await passing(sky, 8)
@@ -163,7 +155,6 @@ async def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> No
     assert not sky.vehicle.autopilot.armed
 
 
-@async_test
 async def test_the_order_to_return_goes_on_too(sky: Sky) -> None:
     await answered(sky, sky.bridge.orders.operator("rtl"))
     await pause(sky)
@@ -172,7 +163,6 @@ async def test_the_order_to_return_goes_on_too(sky: Sky) -> None:
     assert mode_of(sky) == "RTL"
 
 
-@async_test
 async def test_everybody_is_told_that_it_is_paused(sky: Sky) -> None:
     assert (sky.bridge.health().paused, sky.belief("paused")) == (False, None)
     await pause(sky)
@@ -181,7 +171,6 @@ async def test_everybody_is_told_that_it_is_paused(sky: Sky) -> None:
     assert (sky.bridge.health().paused, sky.belief("paused", "other")) == (False, None)
 
 
-@async_test
 async def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky: Sky) -> None:
     going = sky.begin("goto", *GOAL)
     await passing(sky, 2)
@@ -191,7 +180,6 @@ async def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky
     assert sky.end(going).state == "succeeded"
 
 
-@async_test
 async def test_the_same_from_several_operators_at_a_time_is_confirmed_to_all_of_them(sky: Sky) -> None:
     orders = sky.bridge.orders
     sky.begin("goto", *GOAL)
@@ -203,7 +191,6 @@ async def test_the_same_from_several_operators_at_a_time_is_confirmed_to_all_of_
 
 
 @pytest.mark.parametrize("cancelled", [False, True])
-@async_test
 async def test_an_order_that_another_operator_replaced_names_that_order(sky: Sky, cancelled: bool) -> None:
     orders = sky.bridge.orders
     sky.begin("goto", *GOAL)
@@ -220,7 +207,6 @@ async def test_an_order_that_another_operator_replaced_names_that_order(sky: Sky
         assert (await answered(sky, second)).state == (await answered(sky, third)).state == "succeeded"
 
 
-@async_test
 async def test_what_is_held_by_the_operator_is_not_continued_but_released(sky: Sky) -> None:
     await answered(sky, sky.bridge.orders.operator("hold"))
     said = "it is not paused: operator: hold; `release` gives it back to its agents"
@@ -228,7 +214,6 @@ async def test_what_is_held_by_the_operator_is_not_continued_but_released(sky: S
 
 
 @pytest.mark.parametrize(("order", "mode"), [("hold", "BRAKE"), ("rtl", "RTL")])
-@async_test
 async def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: Order, mode: str) -> None:
     await pause(sky)
     await resume(sky)
@@ -242,7 +227,6 @@ async def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: O
     assert (refused.cause, refused.order) == ("operator", order)
 
 
-@async_test
 async def test_continue_goes_back_to_the_mode_before_this_pause_and_not_before_an_earlier_one(sky: Sky) -> None:
     await pause(sky)
     await pause(sky)
@@ -253,7 +237,6 @@ async def test_continue_goes_back_to_the_mode_before_this_pause_and_not_before_a
 
 
 @pytest.mark.parametrize("order", ["hold", "rtl", "land"])
-@async_test
 async def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str) -> None:
     going = sky.begin("goto", *FAR)
     await passing(sky, 2)
@@ -263,7 +246,6 @@ async def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str
     assert not sky.bridge.action_server.paused
 
 
-@async_test
 async def test_a_pilot_who_takes_over_ends_the_pause_and_what_waits_has_failed(sky: Sky) -> None:
     going = sky.begin("goto", *FAR)
     await passing(sky, 2)
@@ -277,7 +259,6 @@ async def test_a_pilot_who_takes_over_ends_the_pause_and_what_waits_has_failed(s
     assert sky.belief("override") == ("LOITER",)
 
 
-@async_test
 async def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> None:
     going = sky.begin("goto", *FAR)
     await passing(sky, 2)
@@ -291,7 +272,6 @@ async def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> No
 
 
 @pytest.mark.parametrize("lost", ["before the pause", "under it"])
-@async_test
 async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky, lost: str) -> None:
     if lost == "before the pause":
         sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -306,7 +286,6 @@ async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky, los
     await until_mode(sky, "RTL")
 
 
-@async_test
 async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, tmp_path: Path) -> None:
     going = sky.begin("goto", *FAR)
     await passing(sky, 2)
@@ -326,7 +305,6 @@ async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, 
     assert again.end(going).state == "succeeded"
 
 
-@async_test
 async def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
     going = sky.begin("goto", *GOAL)
     await pause(sky)
@@ -337,7 +315,6 @@ async def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
     assert (sky.bridge.action_server.paused, going[-1].state) == (True, "running")
 
 
-@async_test
 async def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.armed()
@@ -347,7 +324,6 @@ async def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> 
     sky.done("takeoff", 5)
 
 
-@async_test
 async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True), ("upload_mission", TOUR)):
@@ -370,7 +346,6 @@ async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("reached", [0, 5, 40])
 @pytest.mark.parametrize(("vehicle", "autopilot"), [("plane", "ardupilot"), ("plane", "px4"), ("copter", "px4")])
-@async_test
 async def test_a_takeoff_by_a_mode_of_its_own_that_was_held_climbs_on_to_its_altitude_and_no_higher(
     tmp_path: Path, vehicle: str, autopilot: str, reached: float
 ) -> None:
@@ -388,7 +363,6 @@ async def test_a_takeoff_by_a_mode_of_its_own_that_was_held_climbs_on_to_its_alt
     assert top < 67
 
 
-@async_test
 async def test_a_paused_robot_is_not_unattended(sky: Sky) -> None:
     assert sky.bridge.orders.unattended
     await pause(sky)

@@ -20,7 +20,6 @@ from schemas.wire import keys
 from schemas.wire.log_lines import RobotLeft
 from schemas.wire.records import Action, ManifestChange
 from tests.bridged.sky import Sky, is_command
-from tests.support.buses import async_test
 from tests.support.notes import identities
 
 pytestmark = pytest.mark.usefixtures("looks_at_each_step")
@@ -61,7 +60,6 @@ def sky(tmp_path: Path) -> Sky:
     return Sky(tmp_path).flying(20)
 
 
-@async_test
 async def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_is_lost(sky: Sky) -> None:
     take_over(sky)
     await passing(sky, 3)
@@ -73,7 +71,6 @@ async def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_
     assert ("left_to_others", "LOITER") in identities(sky.bridge.health().notes)
 
 
-@async_test
 async def test_a_pilot_who_takes_over_while_the_vehicle_holds_for_a_lost_agent_keeps_it(sky: Sky) -> None:
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
     await passing(sky, 3)
@@ -83,7 +80,6 @@ async def test_a_pilot_who_takes_over_while_the_vehicle_holds_for_a_lost_agent_k
     assert mode_of(sky) == "LOITER"
 
 
-@async_test
 async def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it(sky: Sky) -> None:
     sky.we_hear = lambda message: False
     await passing(sky, 8)
@@ -106,7 +102,6 @@ def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_l
     assert sky.belief("override") is None
 
 
-@async_test
 async def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge_has_begun(sky: Sky) -> None:
     orders = sky.bridge.orders
     orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -120,7 +115,6 @@ async def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_
         await passing(sky, 1)
 
 
-@async_test
 @pytest.mark.usefixtures("looks_at_each_step")
 async def test_an_action_that_is_refused_does_not_end_the_way_home(sky: Sky) -> None:
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -134,7 +128,6 @@ async def test_an_action_that_is_refused_does_not_end_the_way_home(sky: Sky) -> 
     assert mode_of(sky) == "RTL"
 
 
-@async_test
 async def test_an_action_that_is_refused_after_a_pause_does_not_begin_the_way_home_again(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,7 +145,6 @@ async def test_an_action_that_is_refused_after_a_pause_does_not_begin_the_way_ho
     assert (down[-1].state, orders._lost, sky.bridge.lease.closed) == ("refused", None, "")
 
 
-@async_test
 async def test_an_agent_that_crashes_again_and_again_does_not_keep_its_vehicle_from_coming_home(sky: Sky) -> None:
     for _ in range(4):
         sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -162,7 +154,6 @@ async def test_an_agent_that_crashes_again_and_again_does_not_keep_its_vehicle_f
     assert mode_of(sky) == "RTL"
 
 
-@async_test
 async def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
     orders = sky.bridge.orders
     orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -182,7 +173,6 @@ async def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky:
     assert mode_of(sky) == "GUIDED"
 
 
-@async_test
 async def test_an_order_ends_before_the_action_that_takes_control_begins(sky: Sky) -> None:
     deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
     sky.hears_us = lambda message: not deaf(message)
@@ -209,7 +199,6 @@ async def idling(sky: Sky, seconds: float, steps: tuple[Step, ...] = (Step("rtl"
         await passing(sky, 0.5)
 
 
-@async_test
 async def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is_brought_home(sky: Sky) -> None:
     await idling(sky, 9)
     assert (mode_of(sky), alarms(sky)) == ("GUIDED", [])
@@ -222,7 +211,6 @@ async def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is
     assert (sky.vehicle.autopilot.armed, alarms(sky)) == (False, [])
 
 
-@async_test
 async def test_with_on_idle_none_the_alarm_is_all(sky: Sky) -> None:
     await idling(sky, 20, ())
     assert (mode_of(sky), alarms(sky)) == ("GUIDED", [UNATTENDED])
@@ -246,7 +234,6 @@ async def until_mode(sky: Sky, mode: str) -> None:
 
 
 @pytest.mark.parametrize("when", ["under the hold", "before the hold", "long before the hold"])
-@async_test
 async def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: Sky, when: str) -> None:
     if when != "under the hold":
         sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -269,7 +256,6 @@ def restarted(sky: Sky, tmp_path: Path) -> Sky:
     return again
 
 
-@async_test
 async def test_the_operators_order_outlives_a_bridge_that_is_killed_until_release(sky: Sky, tmp_path: Path) -> None:
     await ordered(sky, "hold")
     again = restarted(sky, tmp_path)
@@ -284,7 +270,6 @@ async def test_the_operators_order_outlives_a_bridge_that_is_killed_until_releas
     assert last.begin("set_mode", "GUIDED", id="uav:t:92")[-1].state == "accepted"
 
 
-@async_test
 async def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed_is_given_again(
     sky: Sky, tmp_path: Path
 ) -> None:
@@ -313,7 +298,6 @@ async def heard_again(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("said", "mode"), [("rtl", "RTL"), ("land", "LAND"), ("pause", "BRAKE")])
-@async_test
 async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_given_again_when_it_is(
     sky: Sky, monkeypatch: pytest.MonkeyPatch, said: Literal["rtl", "land", "pause"], mode: str
 ) -> None:
@@ -327,7 +311,6 @@ async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_giv
     assert mode_of(sky) == mode
 
 
-@async_test
 async def test_a_robot_that_cannot_be_heard_to_continue_is_paused_when_it_is(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -339,7 +322,6 @@ async def test_a_robot_that_cannot_be_heard_to_continue_is_paused_when_it_is(
     assert (mode_of(sky), sky.bridge.action_server.paused) == ("BRAKE", True)
 
 
-@async_test
 async def test_an_order_that_is_not_confirmed_in_time_is_given_again(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     await silent(sky, monkeypatch)
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.3)
@@ -352,7 +334,6 @@ async def test_an_order_that_is_not_confirmed_in_time_is_given_again(sky: Sky, m
     assert mode_of(sky) == "RTL"
 
 
-@async_test
 async def test_an_order_waits_for_a_failsafe_that_has_acted_meanwhile_and_for_who_hands_the_robot_over(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -366,7 +347,6 @@ async def test_an_order_waits_for_a_failsafe_that_has_acted_meanwhile_and_for_wh
     assert mode_of(sky) == "LAND"
 
 
-@async_test
 async def test_a_pause_that_is_continued_before_it_is_given_up_is_not_given_again(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -382,7 +362,6 @@ async def test_a_pause_that_is_continued_before_it_is_given_up_is_not_given_agai
     assert (mode_of(sky), sky.bridge.action_server.paused) == ("GUIDED", False)
 
 
-@async_test
 async def test_an_order_that_could_not_be_heard_is_not_given_to_a_vehicle_that_is_released_meanwhile(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -394,7 +373,6 @@ async def test_an_order_that_could_not_be_heard_is_not_given_to_a_vehicle_that_i
 
 
 @pytest.mark.parametrize("mode", [LAND, LOITER], ids=["a safer motion", "LOITER"])
-@async_test
 async def test_a_restarted_bridge_leaves_a_pilot_what_was_begun_under_the_operators_hold(
     sky: Sky, tmp_path: Path, mode: int
 ) -> None:
@@ -408,7 +386,6 @@ async def test_a_restarted_bridge_leaves_a_pilot_what_was_begun_under_the_operat
 
 
 @pytest.mark.parametrize("said", ["hold", "pause"])
-@async_test
 async def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
     tmp_path: Path, said: Literal["hold", "pause"]
 ) -> None:
@@ -422,7 +399,6 @@ async def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge
 
 
 @pytest.mark.parametrize("armed", [False, True])
-@async_test
 async def test_an_order_from_before_the_machine_was_started_stands_until_release(
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool
 ) -> None:
@@ -437,7 +413,6 @@ async def test_an_order_from_before_the_machine_was_started_stands_until_release
     assert again.bridge.action_server.blocked
 
 
-@async_test
 async def test_a_pause_from_before_the_machine_was_started_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -450,7 +425,6 @@ async def test_a_pause_from_before_the_machine_was_started_goes_on(
     assert again.bridge.action_server.paused
 
 
-@async_test
 async def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_control_after_it(sky: Sky) -> None:
     await ordered(sky, "hold")
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -467,7 +441,6 @@ async def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_
     assert mode_of(sky) == "BRAKE", "an agent took control: it is lost no longer"
 
 
-@async_test
 async def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky) -> None:
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
     await passing(sky, 2)
@@ -480,7 +453,6 @@ async def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky
     assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
 
 
-@async_test
 async def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequence_has_it(sky: Sky) -> None:
     sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold"),))
     await idling(sky, 9, lost=True)
@@ -493,7 +465,6 @@ async def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequen
 
 
 @pytest.mark.parametrize("who", ["an action", "operator", "pilot", "its way home", "by hand", "nobody yet"])
-@async_test
 async def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -> None:
     match who:
         case "an action":
@@ -518,7 +489,6 @@ async def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -
 
 
 @pytest.mark.parametrize(("action", "mode"), [("return_to_launch", "RTL"), ("land", "LAND")])
-@async_test
 async def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, action: str, mode: str) -> None:
     """Neither is LAND by RTL: the sequence counts what is safer as done, and the agent's action has failed."""
     sky.done("goto", -27.6036, -48.5180, 20)
@@ -533,7 +503,6 @@ async def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky
     assert modes == {mode}
 
 
-@async_test
 async def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_held(sky: Sky) -> None:
     sky.begin("return_to_launch")
     await passing(sky, 0.5)
@@ -549,7 +518,6 @@ async def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_hel
     assert modes == {"RTL"}
 
 
-@async_test
 async def test_a_bridge_that_stops_lets_a_landing_go_on(sky: Sky) -> None:
     sky.begin("land")
     sky.wait(3)
@@ -568,7 +536,6 @@ def test_a_way_home_or_down_that_takes_longer_than_its_deadline_goes_on(sky: Sky
 
 
 @pytest.mark.parametrize(("before", "order", "mode"), [("rtl", "hold", "BRAKE"), ("pilot", "land", "LAND")])
-@async_test
 async def test_the_operators_order_goes_through_against_any_mode(
     sky: Sky, before: str, order: Order, mode: str
 ) -> None:
@@ -582,7 +549,6 @@ async def test_the_operators_order_goes_through_against_any_mode(
 
 
 @pytest.mark.parametrize("restarted", [False, True], ids=["", "somebody flew it before the bridge started"])
-@async_test
 async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(
     sky: Sky, tmp_path: Path, restarted: bool
 ) -> None:
@@ -596,7 +562,6 @@ async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says
     assert mode_of(sky) == "LOITER"
 
 
-@async_test
 async def test_an_agent_that_takes_control_again_is_answered_for_again(sky: Sky) -> None:
     take_over(sky)
     sky.wait(3)
@@ -658,7 +623,6 @@ def test_a_vehicle_that_a_bridge_without_state_finds_with_a_pilot_is_the_pilots_
     assert found.bridge.lease.answers == "uav"
 
 
-@async_test
 async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
     sky: Sky, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -672,7 +636,6 @@ async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said
     assert "the vehicle did not do the last that was ordered, so land is ordered instead" in caplog.text
 
 
-@async_test
 async def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_agent_is_lost_returns_once_it_is(
     sky: Sky, tmp_path: Path
 ) -> None:
@@ -687,7 +650,6 @@ async def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_age
     assert "never_heard" not in {note.code for note in again.bridge.health().notes}
 
 
-@async_test
 async def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -707,7 +669,6 @@ async def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
     assert sky.bridge.lease.holder == ""
 
 
-@async_test
 async def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_from_the_others(
     sky: Sky, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -723,7 +684,6 @@ async def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_rob
     assert "defect while the robot is brought to safety (agent uav is lost)" in caplog.text
 
 
-@async_test
 async def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_act_again(sky: Sky) -> None:
     left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl"))
     await passing(sky, 0.1)
@@ -734,7 +694,6 @@ async def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_age
     assert (await leaving(sky, left)).order == "rtl"
 
 
-@async_test
 async def test_an_operators_reading_of_parameters_that_an_order_ends_says_what_has_ended_it(sky: Sky) -> None:
     bus, query = Mock(), Mock(error="", record=None, concrete=True)
     VehicleRequests(bus, "uav1", sky.driver, inject=True).open()
@@ -748,7 +707,6 @@ async def test_an_operators_reading_of_parameters_that_an_order_ends_says_what_h
     assert answer.problem == "it ended, as the robot was ordered (agent uav is lost: rtl); ask again"
 
 
-@async_test
 async def test_an_action_for_another_robot_of_its_agent_is_left_to_that_ones_bridge(sky: Sky) -> None:
     bus = Mock(fleet="test")
     service = Service(bus, "uav1", ["uav"])
@@ -782,7 +740,6 @@ def test_a_vehicle_that_boots_in_flight_and_goes_on_armed_is_still_its_agents(sk
     assert sky.bridge.lease.answers == "uav", "if it is lost, somebody has to act"
 
 
-@async_test
 async def test_a_vehicle_that_does_not_hear_us_for_minutes_is_brought_home_when_it_does(sky: Sky) -> None:
     sky.hears_us = lambda message: False
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
@@ -793,7 +750,6 @@ async def test_a_vehicle_that_does_not_hear_us_for_minutes_is_brought_home_when_
     assert mode_of(sky) in ("RTL", "LAND")
 
 
-@async_test
 async def test_an_order_of_the_operator_that_a_vehicle_does_not_hear_is_given_again_until_it_does(sky: Sky) -> None:
     sky.hears_us = lambda message: False
     asked = asyncio.ensure_future(sky.bridge.orders.operator("rtl"))
@@ -805,7 +761,6 @@ async def test_an_order_of_the_operator_that_a_vehicle_does_not_hear_is_given_ag
     assert mode_of(sky) == "RTL"
 
 
-@async_test
 async def test_a_robot_that_knows_no_way_home_is_held_once(sky: Sky) -> None:
     sky.bridge.driver.orders = frozenset({"hold"})
     sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)

@@ -15,7 +15,7 @@ from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.sky import end_of
 from tests.bridged.workshop import Workshop, in_the_workshop
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -40,7 +40,6 @@ def test_the_driver_is_as_short_as_its_page_says() -> None:
     assert len((LAMP / "lamp_driver.py").read_text().splitlines()) < 100
 
 
-@async_test
 async def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_path: Path) -> None:
     async with in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION, simulated=True)) as workshop:
         await workshop.perceives("level", 0)
@@ -52,7 +51,6 @@ async def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_
         await workshop.perceives("temperature", 43)
 
 
-@async_test
 async def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(
     lamp: Manifest, tmp_path: Path
 ) -> None:
@@ -91,7 +89,6 @@ def test_what_is_wrong_with_a_manifest_is_told_by_the_driver_at_its_line() -> No
     ]
 
 
-@async_test
 async def test_a_board_without_the_hardware_says_so(
     lamp: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

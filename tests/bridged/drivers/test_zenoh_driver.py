@@ -21,11 +21,13 @@ from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, Subscription
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 from tests.bridged.sky import end_of
-from tests.support.buses import async_test, lends
 from tests.support.notes import identities
 from tests.support.processes import poll
 
-pond_test = lends("pond", by=in_a_pond, needs=("endpoint",))
+
+@pytest.fixture
+def pond(endpoint: str) -> AbstractAsyncContextManager[Pond]:
+    return in_a_pond(endpoint)
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +52,6 @@ def fields(pond: Pond) -> list[object]:
         (msgspec.msgpack.encode({"on": [1.5, "x"]}), "application/msgpack", {"on": [1.5, "x"]}),
     ],
 )
-@pond_test
 async def test_a_sample_gives_the_fields_of_its_payload(
     pond: Pond, payload: bytes, encoding: str, said: object
 ) -> None:
@@ -60,7 +61,6 @@ async def test_a_sample_gives_the_fields_of_its_payload(
     assert pond.readings[0].source == "lamp/state"
 
 
-@async_test
 async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: str) -> None:
     async with in_a_pond(
         endpoint, text=MANIFEST.replace('driver = "zenoh"', 'driver = "zenoh"\npayload = "msgpack"')
@@ -77,7 +77,6 @@ async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: st
         )
 
 
-@pond_test
 async def test_a_deleted_key_says_that_its_percepts_hold_no_longer(pond: Pond) -> None:
     await pond.publish("lamp/state", b'{"on": true}')
     await until(lambda: bool(pond.readings), "the sample is read")
@@ -86,7 +85,6 @@ async def test_a_deleted_key_says_that_its_percepts_hold_no_longer(pond: Pond) -
     assert fields(pond)[-1] is None
 
 
-@pond_test
 async def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(pond: Pond) -> None:
     bad = [b"{", b"\xff\xfe", b"[" * 60_000, b'{"on": NaN}']
     await pond.publish("lamp/state", *bad, b'{"on": true}')
@@ -99,7 +97,6 @@ async def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(p
     assert len(note.text) < 400
 
 
-@pond_test
 async def test_a_payload_that_is_too_large_is_not_taken_in(pond: Pond) -> None:
     await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
     await until(lambda: bool(pond.readings), "the small sample is read")
@@ -107,7 +104,6 @@ async def test_a_payload_that_is_too_large_is_not_taken_in(pond: Pond) -> None:
     assert [(note.identity, note.value) for note in pond.driver.notes()] == [(("samples_too_large", "lamp/state"), 1)]
 
 
-@async_test
 async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bridged.drivers.zenoh.driver.PATIENCE", 0.05)
     async with in_a_pond(endpoint) as pond:
@@ -121,7 +117,6 @@ async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest
         assert pond.driver.silence < 5
 
 
-@pond_test
 async def test_a_put_reaches_who_listens_nested_as_the_paths_say(pond: Pond) -> None:
     heard = await pond.hear("lamp/set")
     assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
@@ -130,7 +125,6 @@ async def test_a_put_reaches_who_listens_nested_as_the_paths_say(pond: Pond) -> 
     assert heard[0].encoding == "application/json"
 
 
-@pond_test
 async def test_nobody_listens_until_a_listener_appears(pond: Pond, monkeypatch: pytest.MonkeyPatch) -> None:
     outcome = await pond.do("set_light", on=True, colour="red")
     assert (outcome.state, outcome.reason) == ("failed", "nobody subscribes to lamp/set")
@@ -143,7 +137,6 @@ async def test_nobody_listens_until_a_listener_appears(pond: Pond, monkeypatch: 
     await until(lambda: len(heard) == 1, "the lamp hears it")
 
 
-@async_test
 async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_either(endpoint: str) -> None:
     text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/set"')
     async with in_a_pond(endpoint, text=text) as pond:
@@ -157,7 +150,6 @@ async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge
         assert fields(pond) == [{"on": False}]
 
 
-@pond_test
 async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(pond: Pond) -> None:
     subscription = pond.robot.raw.subscribe("lamp/text", lambda _: None)
     await served(pond.robot, "lamp/text")
@@ -186,7 +178,6 @@ async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(pond: 
         (None, False, "failed", "lamp/blink ended without a reply"),
     ],
 )
-@pond_test
 async def test_a_service_says_how_it_went(
     pond: Pond, reply: bytes | None, error: bool, state: str, reason: str
 ) -> None:
@@ -195,7 +186,6 @@ async def test_a_service_says_how_it_went(
     assert [json.loads(payload) for payload in asked] == [{"times": 3}]
 
 
-@pond_test
 async def test_a_reply_that_cannot_be_read_is_no_success(pond: Pond) -> None:
     await pond.serve("lamp/blink", b"{")
     outcome = await pond.do("blink", times=3)
@@ -203,7 +193,6 @@ async def test_a_reply_that_cannot_be_read_is_no_success(pond: Pond) -> None:
     assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
 
 
-@pond_test
 async def test_of_several_replies_one_refusal_decides(pond: Pond) -> None:
     await pond.serve("lamp/blink", b'{"success": true}')
     await pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
@@ -211,7 +200,6 @@ async def test_of_several_replies_one_refusal_decides(pond: Pond) -> None:
     assert outcome.reason == "lamp/blink: the second lamp is broken"
 
 
-@pond_test
 async def test_a_service_that_replies_and_does_not_end_has_replied(pond: Pond) -> None:
     held: list[zenoh.Query] = []
 
@@ -224,7 +212,6 @@ async def test_a_service_that_replies_and_does_not_end_has_replied(pond: Pond) -
     held[0].drop()
 
 
-@pond_test
 async def test_a_query_ends_when_its_action_is_stopped(pond: Pond) -> None:
     held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
@@ -243,7 +230,6 @@ async def test_a_query_ends_when_its_action_is_stopped(pond: Pond) -> None:
     assert execution.outcome == Outcome("timed_out", "not done")
 
 
-@pond_test
 async def test_a_service_that_dies_fails_the_action(pond: Pond) -> None:
     held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
@@ -253,7 +239,6 @@ async def test_a_service_that_dies_fails_the_action(pond: Pond) -> None:
     assert execution.outcome.state == "failed"
 
 
-@async_test
 async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
     async with in_a_pond(endpoint, prefix="hall/two") as pond:
         heard = await pond.hear("hall/two/lamp/set")
@@ -267,7 +252,6 @@ async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
         assert pond.readings[0].source == "lamp/state"
 
 
-@pond_test
 async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(pond: Pond) -> None:
     await pond.publish("lamp/state", b"-1")
     await until(lambda: bool(pond.readings), "the first is read")
@@ -285,7 +269,6 @@ async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(po
     assert pond.driver._bus.counters["dropped"] == BACKLOG
 
 
-@async_test
 async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.raw.ROOM", 100)
     monkeypatch.setattr("commd.bus.raw._read_sample", lambda sample: sample)
@@ -302,7 +285,6 @@ async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch:
     assert told == samples[1:]
 
 
-@async_test
 async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
     changed = MANIFEST.replace('topic = "lamp/text"', 'topic = "lamp/words"') + (
         '[percepts.heat]\nsource = "lamp/heat"\nargs = ["data"]\n'
@@ -319,7 +301,6 @@ async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> N
         assert list(pond.driver._sources.by_name) == ["lamp/state"]
 
 
-@pond_test
 async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(pond: Pond) -> None:
     held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
@@ -332,7 +313,6 @@ async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(pond: Po
     assert execution.outcome == Outcome("succeeded")
 
 
-@pond_test
 async def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(pond: Pond) -> None:
     told, asked = pond.begin("tell", text="x"), pond.begin("blink", times=1)
     await asyncio.sleep(0)
@@ -342,7 +322,6 @@ async def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_i
     assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
 
 
-@async_test
 async def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endpoint: str) -> None:
     def defect(*_: object) -> None:
         raise KeyError("depth")
@@ -360,7 +339,6 @@ async def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endp
         assert (await pond.do("blink", times=1)).state == "succeeded", "the driver runs on"
 
 
-@async_test
 async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: str) -> None:
     percept = MANIFEST.partition("[actions")[0].replace("lamp/state", "lamp/blink").replace('"on"', '"count"')
     async with in_a_pond(endpoint, text=percept + "[actions" + MANIFEST.partition("[actions")[2]) as pond:
@@ -372,7 +350,6 @@ async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endp
         assert pond.driver.counters()["samples"] == 1
 
 
-@pond_test
 async def test_replies_that_are_too_many_to_wait_are_counted(pond: Pond) -> None:
     held = await pond.hold("lamp/blink")
     execution = pond.begin("blink", times=3)
@@ -387,7 +364,6 @@ async def test_replies_that_are_too_many_to_wait_are_counted(pond: Pond) -> None
     assert pond.driver._bus.counters["dropped"] == 5
 
 
-@async_test
 async def test_a_router_that_is_away_is_named(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         router = await stack.enter_async_context(_bus(endpoint, "router"))

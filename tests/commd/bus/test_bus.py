@@ -19,7 +19,7 @@ from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFaile
 from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
-from tests.support.buses import Connect, async_test, bus_test, served, subscribed, until, virtual_bus_test
+from tests.support.buses import Connect, served, subscribed, until, virtual_bus_test
 from tests.support.processes import poll
 
 PERCEPT, ACTION = "argosy/test/uav/percept/a", "argosy/test/uav/action/land"
@@ -43,7 +43,6 @@ async def serving(
     return server, asker
 
 
-@bus_test
 async def test_what_is_put_arrives_typed_and_in_order(connect: Connect) -> None:
     sender, _, got = await perceived(connect)
     for altitude in range(50):
@@ -53,7 +52,6 @@ async def test_what_is_put_arrives_typed_and_in_order(connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
-@async_test
 async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
     told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -72,7 +70,6 @@ async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon
             pass
 
 
-@bus_test
 async def test_bad_bytes_are_counted_and_never_reach_the_handler(connect: Connect) -> None:
     sender, receiver, got = await perceived(connect)
     for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
@@ -83,7 +80,6 @@ async def test_bad_bytes_are_counted_and_never_reach_the_handler(connect: Connec
     assert receiver.counters["bad_input"] == 5
 
 
-@bus_test
 async def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -96,7 +92,6 @@ async def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_ke
     assert caplog.text.count("ignored=colour") == 1
 
 
-@bus_test
 async def test_a_query_that_arrives_as_its_session_closes_leaves_no_coroutine_behind(connect: Connect) -> None:
     server, backfill = await connect(), await connect()
     served_by: list[Coroutine[Any, Any, None]] = []
@@ -116,7 +111,6 @@ async def test_a_query_that_arrives_as_its_session_closes_leaves_no_coroutine_be
     assert getcoroutinestate(served_by[0]) == CORO_CLOSED
 
 
-@bus_test
 async def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_parameters(connect: Connect) -> None:
     server, backfill = await connect(), await connect()
     got: list[tuple[str, dict[str, str]]] = []
@@ -139,7 +133,6 @@ async def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_pa
     assert replies == [(key, ""), (key, ""), (key, "no such parameter")]
 
 
-@bus_test
 async def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(connect: Connect) -> None:
     key = "argosy/test/uav/action"
 
@@ -167,7 +160,6 @@ async def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(conn
         assert nobody.value.nobody
 
 
-@bus_test
 async def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(connect: Connect) -> None:
     backfill, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
     for name in ("uav", "usv", "auv"):
@@ -194,7 +186,6 @@ async def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_erro
     assert list(errors.values()) == ["under water"]
 
 
-@async_test
 async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_replies_would_come(
     endpoint: str,
 ) -> None:
@@ -215,7 +206,6 @@ async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its
         await until(lambda: token.is_cancelled, "Zenoh does not keep it until its timeout")
 
 
-@bus_test
 async def test_of_a_query_that_cannot_be_sent_nothing_is_heard(connect: Connect) -> None:
     bus, heard = await connect("uav"), list[object]()
     bus._session.close()
@@ -227,7 +217,6 @@ async def test_of_a_query_that_cannot_be_sent_nothing_is_heard(connect: Connect)
     assert heard == []
 
 
-@bus_test
 async def test_an_abandoned_query_is_cancelled(connect: Connect) -> None:
     async def forever(query: Query[Action]) -> None:
         query.reply(ActionStatus(id="1", state="running"))
@@ -244,7 +233,6 @@ async def test_an_abandoned_query_is_cancelled(connect: Connect) -> None:
 @pytest.mark.parametrize(
     ("payload", "code"), [(b'{"parameters": 5}', "bad_record"), (b'{"parameters": ' + b"[" * 100_000, "too_deep")]
 )
-@bus_test
 async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
     connect: Connect, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
 ) -> None:
@@ -266,7 +254,6 @@ async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Co
         await second.claim("uav")
 
 
-@bus_test
 async def test_of_two_that_claim_a_name_in_the_same_moment_one_has_it_whoever_looks_first(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -286,7 +273,6 @@ async def test_of_two_that_claim_a_name_in_the_same_moment_one_has_it_whoever_lo
     assert (len(early._held), len(late._held)) == (1, 0)
 
 
-@bus_test
 async def test_of_many_that_claim_a_name_in_the_same_moment_exactly_one_has_it(connect: Connect) -> None:
     sessions, names = [await connect("uav") for _ in range(4)], [f"uav{number}" for number in range(10)]
 
@@ -299,7 +285,6 @@ async def test_of_many_that_claim_a_name_in_the_same_moment_exactly_one_has_it(c
 
 
 @pytest.mark.parametrize(("starts_within", "logged"), [(60, 0), (0, 1)])
-@async_test
 async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_start(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, starts_within: float, logged: int
 ) -> None:
@@ -310,7 +295,6 @@ async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_st
     assert caplog.text.count("waiting for the router") == logged
 
 
-@bus_test
 async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -324,7 +308,6 @@ async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
     assert len(got) == 100
 
 
-@bus_test
 async def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -335,7 +318,6 @@ async def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
     assert not [one for one in caplog.records if "hangs" in one.message]
 
 
-@bus_test
 async def test_what_is_urgent_is_served_while_all_other_queries_wait(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -365,7 +347,6 @@ async def test_what_is_urgent_is_served_while_all_other_queries_wait(
     await asyncio.gather(*asking)
 
 
-@bus_test
 async def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(connect: Connect) -> None:
     async def never(query: Query[Action]) -> None:
         raise AssertionError(query.key)
@@ -377,7 +358,6 @@ async def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(
     assert server.counters["bad_input"] == 1
 
 
-@bus_test
 async def test_the_admin_space_of_the_router_can_be_read(connect: Connect) -> None:
     client = await connect("uav")
     answers = await asyncio.to_thread(
@@ -416,7 +396,6 @@ async def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to
     assert not isinstance(caught.value, AccessDenied)
 
 
-@bus_test
 async def test_a_session_is_told_of_who_listened_before_and_of_nobody_where_there_is_none(connect: Connect) -> None:
     speaker, other = await connect(), await connect()
     before, nobody = list[bool](), list[bool]()
@@ -454,7 +433,6 @@ class HeldQuery:
 
 
 @pytest.mark.parametrize("ended", [True, False], ids=["the bus is closed", "the route has room again"])
-@bus_test
 async def test_a_query_that_a_thread_replies_to_is_not_touched_meanwhile(connect: Connect, ended: bool) -> None:
     bus, held = await connect(), HeldQuery()
     failures: list[dict[str, Any]] = []

@@ -28,7 +28,7 @@ from commd.bus.session import session_config
 from commd.bus.tls import Tls
 from commd.router.link_monitor import Links, dates
 from schemas.mission.model import read_mission
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
 from tests.support.notes import identities
 
@@ -90,7 +90,6 @@ REFUSED: dict[str, tuple[Make, str]] = {
 
 
 @pytest.mark.parametrize("keys", REFUSED)
-@async_test
 async def test_who_has_no_good_keys_does_not_come_in_and_is_told_why(
     fleet: FleetKeys, tmp_path: Path, free_port: Port, keys: str
 ) -> None:
@@ -109,7 +108,6 @@ async def test_who_has_no_good_keys_does_not_come_in_and_is_told_why(
         assert await why_not(at, good) == ""
 
 
-@async_test
 async def test_who_shows_no_certificate_or_speaks_no_tls_does_not_come_in(fleet: FleetKeys, free_port: Port) -> None:
     at = f"tls/127.0.0.1:{free_port()}"
     tls = fleet.make("pi1")
@@ -120,7 +118,6 @@ async def test_who_shows_no_certificate_or_speaks_no_tls_does_not_come_in(fleet:
         assert await why_not(plain, None) == "it speaks TLS: say `tls/...`, and --keys FOLDER"
 
 
-@async_test
 async def test_what_answers_as_no_router_does_is_named(free_port: Port) -> None:
     async def answers(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if await reader.read(64) == connect_diagnosis.EMPTY_FRAME:
@@ -155,7 +152,6 @@ SERVERS: dict[str, tuple[Make, str]] = {
 
 
 @pytest.mark.parametrize("keys", SERVERS)
-@async_test
 async def test_nobody_goes_to_a_board_whose_certificate_is_not_good(
     fleet: FleetKeys, tmp_path: Path, free_port: Port, keys: str
 ) -> None:
@@ -203,7 +199,6 @@ def test_a_stranger_is_told_for_whom_a_boards_socket_is() -> None:
     assert said.stdout.startswith("this user may not use the socket: it is for the members of its group"), said.stderr
 
 
-@async_test
 async def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: FleetKeys, free_port: Port) -> None:
     one, two = (f"127.0.0.1:{free_port()}" for _ in range(2))
     mission = read_mission(TWO.replace("ONE", one).replace("TWO", two), Path("m.yaml"))
@@ -245,7 +240,6 @@ class FewLinks:
         return self.those
 
 
-@async_test
 async def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_it(fleet: FleetKeys) -> None:
     bus = FewLinks()
     mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
@@ -261,7 +255,6 @@ async def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_
     watching.cancel()
 
 
-@async_test
 async def test_a_watch_over_links_that_fails_says_so_and_goes_on(
     fleet: FleetKeys, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -310,7 +303,6 @@ def test_a_name_service_that_does_not_answer_keeps_one_thread_for_each_endpoint_
         answered.set()
 
 
-@async_test
 async def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_with_at_once(
     fleet: FleetKeys, free_port: Port
 ) -> None:
@@ -323,7 +315,6 @@ async def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_di
         await until(lambda: one.linked() == {"pi2"}, "pi2 is linked again, and was not started again")
 
 
-@async_test
 async def test_a_certificate_that_is_not_valid_yet_is_good_when_its_time_has_come(
     fleet: FleetKeys, free_port: Port
 ) -> None:

@@ -6,7 +6,6 @@ import asyncio
 from pathlib import Path
 
 from commd.bus.bus import open_bus
-from tests.support.buses import async_test
 from tests.support.processes import running
 
 MISSION = """\
@@ -18,7 +17,6 @@ router: {{endpoint: {endpoint}, external: true}}
 """
 
 
-@async_test
 async def test_mail_flows_through_a_router_that_somebody_else_runs(tmp_path: Path, endpoint: str) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(MISSION.format(endpoint=endpoint))

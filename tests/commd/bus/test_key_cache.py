@@ -11,12 +11,11 @@ import pytest
 from commd.bus import session
 from commd.bus.bus import Bus, open_bus
 from schemas.wire.records import Perception
-from tests.support.buses import Connect, bus_test, until
+from tests.support.buses import Connect, until
 
 KEY = "argosy/test/uav/percept/altitude"
 
 
-@bus_test
 async def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
     connect: Connect, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -39,7 +38,6 @@ async def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is
     ]
 
 
-@bus_test
 async def test_what_is_no_key_is_not_declared(connect: Connect) -> None:
     known = session.KeyCache((await connect())._session)
     assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3

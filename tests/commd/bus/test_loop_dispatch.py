@@ -13,7 +13,7 @@ import zenoh
 
 from commd.bus import loop_dispatch as module
 from commd.bus.loop_dispatch import AT_ONCE, TURN, LoopDispatch
-from tests.support.buses import Connect, async_test, bus_test, until
+from tests.support.buses import Connect, until
 
 
 def dispatch() -> tuple[LoopDispatch, list[Any]]:
@@ -27,7 +27,6 @@ async def passes(until: Callable[[], bool]) -> None:
         await asyncio.sleep(0)
 
 
-@async_test
 async def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
     handover, heard = dispatch()
 
@@ -44,7 +43,6 @@ async def test_things_from_several_threads_come_in_their_order_and_all_of_them()
 
 
 @pytest.mark.parametrize(("each", "at_once"), [(TURN, AT_ONCE), (TURN / 500, 500), (0.0, 1000)])
-@async_test
 async def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
     each: float, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -64,7 +62,6 @@ async def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_be
     assert [one for one in heard if one != "another"] == list(range(1000))
 
 
-@async_test
 async def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
     handover, heard = dispatch()
 
@@ -83,7 +80,6 @@ async def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_p
 
 
 @pytest.mark.parametrize("error", [ValueError("wrong"), asyncio.CancelledError("wrong")])
-@async_test
 async def test_a_defect_is_told_and_keeps_nobody_else_from_theirs(error: BaseException) -> None:
     (handover, heard), told = dispatch(), list[str]()
     asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
@@ -134,7 +130,6 @@ def test_what_comes_after_a_loop_that_was_called_and_has_ended_is_counted() -> N
     assert counters == {"dropped": 11}
 
 
-@bus_test
 async def test_a_thread_of_zenohs_has_one_state_in_the_interpreter_for_all_its_calls(connect: Connect) -> None:
     here, there = await connect("a"), await connect("b")
     of_thread, calls = threading.local(), list[int]()
@@ -156,7 +151,6 @@ async def test_a_thread_of_zenohs_has_one_state_in_the_interpreter_for_all_its_c
 @pytest.mark.parametrize(
     ("takes", "order"), [(TURN / 2, ["meanwhile", "another"]), (2 * TURN, ["another", "meanwhile"])]
 )
-@async_test
 async def test_what_arrives_during_a_turn_is_handed_over_in_the_same_pass_unless_the_turn_was_long(
     takes: float, order: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,7 +16,7 @@ from commd.bus.router_endpoints import missing_addresses, router_of
 from commd.router.link_watchdog import LinkWatchdog
 from schemas.mission.model import read_mission
 from schemas.wire import keys
-from tests.support.buses import FLEET, async_test, session, until
+from tests.support.buses import FLEET, session, until
 
 THREE = """\
 mission: three
@@ -59,7 +59,6 @@ def test_a_router_does_not_listen_twice_at_its_own_endpoint() -> None:
     assert of("pi1", endpoint="tcp/10.0.0.11:7447") == ([], [])
 
 
-@async_test
 async def test_what_another_board_says_is_heard_in_whatever_order_the_routers_come(free_port: Port) -> None:
     here, there, link = (f"tcp/127.0.0.1:{free_port()}" for _ in range(3))
 
@@ -102,7 +101,6 @@ async def until_gone(bus: Bus, agent: str) -> None:
     await until(gone, f"no token of {agent}")
 
 
-@async_test
 async def test_an_address_that_this_machine_does_not_have_yet_keeps_no_board_from_starting(
     endpoint: str, caplog: pytest.LogCaptureFixture
 ) -> None:

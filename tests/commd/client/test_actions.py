@@ -19,7 +19,7 @@ from schemas.liveness import SILENT_AFTER
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header, Health, Perception, Perceptions, State
 from schemas.wire.terms import Term
-from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, under_way, until, virtual_bus_test
+from tests.support.buses import FLEET, Connect, served, subscribed, under_way, until, virtual_bus_test
 
 HANG = 600.0
 """Seconds of a script, longer than any test."""
@@ -90,7 +90,6 @@ async def act(connect: Connect, *scripts: list[Step]) -> Acting:
     return acting
 
 
-@bus_test
 async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect) -> None:
     acting = await act(connect, ["accepted", {"state": "refused", "reason": "Arm: RTL mode not armable"}])
     status = await acting.perform("arm_motors", parameters=(True,))
@@ -98,7 +97,6 @@ async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect
     assert acting.requests.counters["asked_again"] == 0
 
 
-@bus_test
 async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(connect: Connect) -> None:
     acting = await act(connect, ["running"], ["running"], ["succeeded"])
     assert (await acting.perform("land")).state == "succeeded"
@@ -227,7 +225,6 @@ async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_n
     assert ((await performing).state, acting.asked) == ("cancelled", [])
 
 
-@bus_test
 async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(connect: Connect) -> None:
     acting = await act(connect)
     acting.serve_cancellations(acting.bridge, "busy: too many queries at once")
@@ -235,7 +232,6 @@ async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(c
     assert acting.cancelled == ["uav:b:1", "uav:b:1"]
 
 
-@bus_test
 async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect: Connect) -> None:
     status = await (await act(connect)).perform("set_mode", parameters=("\ud800",))
     assert status.state == "failed"
@@ -261,7 +257,6 @@ def fail(status: ActionStatus) -> None:
     raise ValueError(f"cannot show {status.state}")
 
 
-@bus_test
 async def test_what_the_callers_function_for_statuses_raises_reaches_the_caller(connect: Connect) -> None:
     acting = await act(connect, [{"state": "accepted", "deadline": 600.0}, HANG])
     with pytest.raises(ValueError, match="cannot show accepted"):

@@ -17,7 +17,7 @@ from tests.bridged.studio import in_the_studio
 from tests.commd.client.test_client import mail
 from tests.commd.client.test_client_robot import MISSION
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, async_test, on_a_bus, served
+from tests.support.buses import FLEET, Connect, on_a_bus, served
 
 
 def beside(endpoint: str, program: Callable[[ScriptedCommd, asyncio.AbstractEventLoop], None]) -> None:
@@ -71,7 +71,6 @@ def test_what_fails_in_the_block_or_on_the_way_in_is_raised(endpoint: str) -> No
     beside(endpoint, program)
 
 
-@async_test
 async def test_a_program_without_a_loop_has_a_robot(endpoint: str, tmp_path: Path) -> None:
     mission = read_mission(MISSION, Path(load_mission("missions/turtle.yaml").path))
 

@@ -36,8 +36,6 @@ from tests.support.buses import (
     FLEET,
     VIRTUAL_ENDPOINT,
     Connect,
-    async_test,
-    bus_test,
     on_a_bus,
     on_a_virtual_bus,
     run_by,
@@ -91,7 +89,6 @@ def mail(number: int, sender: str = "scout", boot: str = "life1", **more: Any) -
     )
 
 
-@bus_test
 async def test_a_program_learns_who_is_there(connect: Connect, endpoint: str) -> None:
     ScriptedCommd(await connect("local", "commd"), "planner")
     async with join("planner", fleet=FLEET, router=endpoint) as me:
@@ -112,7 +109,6 @@ async def test_a_program_learns_who_is_there(connect: Connect, endpoint: str) ->
 
 
 @pytest.mark.parametrize("speed", [0, -1, 101, float("nan")])
-@async_test
 async def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: float) -> None:
     with pytest.raises(NotJoined, match=f"speed: expected more than 0 and at most 100, got {speed}"):
         async with join("planner", fleet=FLEET, router="tcp/127.0.0.1:1", speed=speed, patience=0.1):
@@ -328,7 +324,6 @@ async def test_a_message_without_number_or_for_somebody_else_is_refused(me: Clie
     assert receipt == Receipt(refused={0: Refusal(code="wrong_address", text=why)})
 
 
-@bus_test
 async def test_the_end_of_a_program_tells_commd_what_was_done(connect: Connect, endpoint: str) -> None:
     bus = await connect("local", "commd")
     commd = ScriptedCommd(bus, "planner")
@@ -370,7 +365,6 @@ def test_a_file_of_numbers_that_cannot_be_read_is_set_aside_and_said(
     assert "set aside" in caplog.text
 
 
-@bus_test
 async def test_a_program_joins_and_leaves_the_directory_and_asks_it(connect: Connect, endpoint: str) -> None:
     commd = ScriptedCommd(await connect("local", "commd"), "planner")
     commd.answer_directory = lambda request: BoardServices(found=("scout",) if request.do == "search" else ())
@@ -392,7 +386,6 @@ async def test_a_program_joins_and_leaves_the_directory_and_asks_it(connect: Con
     ]
 
 
-@bus_test
 async def test_a_program_that_is_not_let_in_is_told_why(connect: Connect, endpoint: str) -> None:
     commd = ScriptedCommd(await connect("local", "commd"), "planner")
     commd.answer_directory = lambda _: BoardServices(problem="`planner` lives on board pi2")
@@ -401,7 +394,6 @@ async def test_a_program_that_is_not_let_in_is_told_why(connect: Connect, endpoi
             pass
 
 
-@async_test
 async def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
     async with session(endpoint, "board", "commd", router=True):
         with pytest.raises(NotJoined, match=r"join: commd of board `local`, fleet `test`: nobody answers \(0.5 s\)"):
@@ -432,7 +424,6 @@ clients: {planner: {board: pi2}}
 """
 
 
-@bus_test
 async def test_a_mission_says_where_a_client_lives_and_needs_no_joining(connect: Connect, endpoint: str) -> None:
     declared = read_mission(MISSION, Path("survey.yaml"))
     commd = ScriptedCommd(await connect("pi2", "commd"), "planner")

@@ -17,7 +17,7 @@ from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel
 from tests.bridged.studio import Studio, in_the_studio
-from tests.support.buses import Connect, async_test, bus_test, served, until
+from tests.support.buses import Connect, served, until
 
 MISSION = """
 mission: turtle
@@ -43,7 +43,6 @@ async def in_the_studio_of(endpoint: str, folder: Path, mission: Mission) -> Asy
         yield me, studio
 
 
-@async_test
 async def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, mission: Mission) -> None:
     async with in_the_studio_of(endpoint, tmp_path, mission) as (me, studio):
         percepts = me.percepts()
@@ -62,7 +61,6 @@ async def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, 
                 break
 
 
-@async_test
 async def test_what_the_robot_refuses_is_the_status_and_no_exception(
     endpoint: str, tmp_path: Path, mission: Mission
 ) -> None:
@@ -75,7 +73,6 @@ async def test_what_the_robot_refuses_is_the_status_and_no_exception(
         assert status.state == "refused"
 
 
-@async_test
 async def test_a_robot_is_held_when_its_program_is_gone(
     endpoint: str, tmp_path: Path, mission: Mission, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -86,7 +83,6 @@ async def test_a_robot_is_held_when_its_program_is_gone(
         await until(lambda: "turtle agent driver is lost" in caplog.text, "the bridge misses the program")
 
 
-@bus_test
 async def test_an_action_whose_program_gives_it_up_is_cancelled(
     connect: Connect, endpoint: str, mission: Mission
 ) -> None:
@@ -117,14 +113,12 @@ async def test_an_action_whose_program_gives_it_up_is_cancelled(
         over.set()
 
 
-@bus_test
 async def test_who_has_no_robot_is_told_so(connect: Connect, endpoint: str, mission: Mission) -> None:
     async with join("driver", mission=mission, router=endpoint) as me:
         with pytest.raises(ValueError, match="`artist` has no robot in the mission"):
             me.percepts("artist")
 
 
-@async_test
 async def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived(
     endpoint: str, tmp_path: Path, mission: Mission
 ) -> None:

@@ -17,7 +17,7 @@ from schemas.wire import keys, percept_set
 from schemas.wire.records import Perception
 from schemas.wire.terms import Structure, Variable
 from tests.commd.client.test_percept_sync import FakeBridge
-from tests.support.buses import FLEET, Connect, bus_test, subscribed, until
+from tests.support.buses import FLEET, Connect, subscribed, until
 
 
 class Believing:
@@ -50,7 +50,6 @@ async def put(bus: Bus, name: str, /, **fields: Any) -> None:
     bus._session.put(key, json.dumps(fields))
 
 
-@bus_test
 async def test_a_percept_by_hand_stays_beside_the_bridges_whatever_becomes_of_those(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     mind = Believing(await connect("uav"))
@@ -79,7 +78,6 @@ async def test_a_percept_by_hand_stays_beside_the_bridges_whatever_becomes_of_th
     assert mind.perceiving.counters["unreadable"] == 0
 
 
-@bus_test
 async def test_what_both_tell_ends_when_the_last_of_them_says_so(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     mind = Believing(await connect("uav"))
@@ -98,7 +96,6 @@ async def test_what_both_tell_ends_when_the_last_of_them_says_so(connect: Connec
     await until(lambda: ("link", ("up",)) not in mind.present(), "nobody tells it any more")
 
 
-@bus_test
 async def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -119,7 +116,6 @@ async def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once
     assert "`inject: true`" in told[0]
 
 
-@bus_test
 async def test_an_agent_without_a_robot_perceives_by_hand_too(connect: Connect) -> None:
     heard: list[tuple[str, tuple[Any, ...]]] = []
     by_hand = HandPerceptSubscription(await connect("uav")).add(

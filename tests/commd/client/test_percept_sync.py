@@ -16,7 +16,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Health, Perception, Perceptions
-from tests.support.buses import FLEET, Connect, async_test, bus_test, on_a_bus, session, subscribed, under_way, until
+from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed, under_way, until
 from tests.support.promises import kept
 
 
@@ -114,7 +114,6 @@ def test_a_late_agent_sees_every_present_percept_within_a_second(endpoint: str) 
     assert kept(knowing, 1.0)
 
 
-@bus_test
 async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: Connect) -> None:
     bridge, _, heard = await watched(connect, ("altitude", 1))
     bridge.tell("armed", True, lose=True)
@@ -123,7 +122,6 @@ async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: 
     assert [change[2] for change in heard if change[1] == "armed"] == [(True,)]
 
 
-@bus_test
 async def test_the_bridge_of_another_robot_that_still_serves_the_agent_is_not_believed(connect: Connect) -> None:
     for robot, altitude in (("uav2", 99), ("uav1", 1)):
         FakeBridge(await connect(robot, "bridged")).tell("altitude", altitude, lose=True)
@@ -132,7 +130,6 @@ async def test_the_bridge_of_another_robot_that_still_serves_the_agent_is_not_be
     assert (heard, perceiving.counters["repairs"]) == ([("came", "altitude", (1,))], 1)
 
 
-@bus_test
 async def test_changes_that_travel_together_are_taken_in_order_and_lost_together(connect: Connect) -> None:
     bridge, _, heard = await watched(connect)
     bridge.tell_together(("altitude", 1), ("heading", 90))
@@ -143,7 +140,6 @@ async def test_changes_that_travel_together_are_taken_in_order_and_lost_together
     assert len(heard) == 5, "the heading before it goes"
 
 
-@bus_test
 async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(connect: Connect) -> None:
     bridge, perceiving, heard = await watched(connect, ("altitude", 1))
     bridge.report()
@@ -154,7 +150,6 @@ async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_heal
     assert perceiving.counters["repairs"] == 2
 
 
-@bus_test
 async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     """Somebody edits what a query has told and puts it: the bridge's own words must not be older than that for ever."""
     bridge, perceiving, heard = await watched(connect, ("altitude", 1))
@@ -179,7 +174,6 @@ async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, cap
     )
 
 
-@bus_test
 async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(connect: Connect) -> None:
     bridge, perceiving, heard = await watched(connect)
     person = await connect("operator")
@@ -197,7 +191,6 @@ async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(co
     await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
 
 
-@bus_test
 async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -212,7 +205,6 @@ async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
     assert "was not of its bridge: its bridge still runs as boot " in caplog.text
 
 
-@bus_test
 async def test_percepts_that_are_added_without_end_fill_no_memory(
     connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,7 +226,6 @@ async def test_percepts_that_are_added_without_end_fill_no_memory(
     assert "a percept victim is left out: those of uav1 take " in caplog.text
 
 
-@bus_test
 async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -256,7 +247,6 @@ async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text
 
 
-@bus_test
 async def test_equal_digests_ask_for_nothing(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     bridge.tell("altitude", 1)
@@ -271,7 +261,6 @@ async def test_equal_digests_ask_for_nothing(connect: Connect) -> None:
     assert heard[-1] == ("came", "altitude", (2,))
 
 
-@bus_test
 async def test_a_removed_percept_is_told_once_and_events_are_all_told(connect: Connect) -> None:
     bridge, _, heard = await watched(connect)
     bridge.tell("link", "up")
@@ -283,7 +272,6 @@ async def test_a_removed_percept_is_told_once_and_events_are_all_told(connect: C
     assert heard[-1] == ("gone", "link", ("up",))
 
 
-@bus_test
 async def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(connect: Connect) -> None:
     first_bus = await connect("uav1", "bridged")
     bridge = FakeBridge(first_bus)
@@ -312,7 +300,6 @@ async def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_b
     assert changes == ["up", "gone", "up"]
 
 
-@bus_test
 async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     bridge.tell("home", 1, 2)
@@ -328,7 +315,6 @@ async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> Non
     assert len(perceiving.percepts) == 1
 
 
-@async_test
 async def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -351,7 +337,6 @@ async def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_mor
                     await until(lambda: watch.up and heard[-1] == back, "all is back with the router")
 
 
-@bus_test
 async def test_one_percept_that_cannot_be_read_does_not_hide_the_others(connect: Connect) -> None:
     bridge = FakeBridge(await connect("uav1", "bridged"))
     bridge.tell("altitude", float("inf"))  # goes out as null: no term

@@ -8,10 +8,8 @@ from contextlib import suppress
 import pytest
 
 from commd.common.tasks import Tasks, wait_at_most
-from tests.support.buses import async_test
 
 
-@async_test
 async def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> None:
     event = asyncio.Event()
 
@@ -31,7 +29,6 @@ async def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> Non
         assert done, f"cancelled {turns} turns after the event, it goes on"
 
 
-@async_test
 async def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.common.tasks.WARN_AGAIN", 0.05)
 

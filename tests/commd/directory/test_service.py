@@ -24,7 +24,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Mail, Message, Receipt, Refusal, ServiceRequest
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
-from tests.support.buses import FLEET, async_test, session, subscribed, under_way, until
+from tests.support.buses import FLEET, session, subscribed, under_way, until
 from tests.support.notes import identities
 
 MISSION = """\
@@ -109,7 +109,6 @@ def fleet(tmp_path: Path, free_port: Callable[[], int]) -> Fleet:
     return Fleet(tmp_path, free_port)
 
 
-@async_test
 async def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -> None:
     async with fleet.board("pi1"), fleet.board("pi2"), fleet.agent("a", "pi1") as a, fleet.agent("b", "pi2") as b:
         assert (await a.ask("subscribe", "cook")).found == ()
@@ -123,7 +122,6 @@ async def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -
 
 
 @pytest.mark.parametrize(("boot", "mail_time"), [("x", math.inf), ("x", math.nan), ("y" * 4_000_000, 1.0)])
-@async_test
 async def test_a_board_with_an_endless_clock_or_name_of_its_life_spoils_no_other_directory(
     boot: str, mail_time: float, fleet: Fleet
 ) -> None:
@@ -144,7 +142,6 @@ async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> 
     await until(found, f"{service}: {expected}")
 
 
-@async_test
 async def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
         assert pi1.services.homes().get("kid") is None
@@ -158,7 +155,6 @@ async def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: 
         await until(lambda: pi1.services.homes().get("kid") is None, "pi1 has forgotten kid")
 
 
-@async_test
 async def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, AsyncExitStack() as there:
         await there.enter_async_context(fleet.board("pi2"))
@@ -175,7 +171,6 @@ async def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart
             await until(lambda: pi1.services.homes().get("kid") is None, "pi1 hears that kid has left")
 
 
-@async_test
 async def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_see_each_other(fleet: Fleet) -> None:
     async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
         await a.ask("subscribe", "cook")
@@ -191,7 +186,6 @@ async def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_
             assert a.told == [provider("b", "sing")], "and not again of what it had been told of"
 
 
-@async_test
 async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -212,7 +206,6 @@ async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_come
             assert (pi1.services.homes().get("twin"), pi1.services.homes().get("stays")) == ("pi1", "pi1")
 
 
-@async_test
 async def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_away(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
         async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
@@ -224,7 +217,6 @@ async def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_tho
         assert said == {"pi1": {"a": (), "c": ()}, "pi2": {"b": (), "kid": ()}}
 
 
-@async_test
 async def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, fleet.board("pi2"), fleet.agent("a", "pi1") as a:
         await until(lambda: "pi2" in pi1.services.others, "the boards see each other")
@@ -237,14 +229,12 @@ async def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet
             assert {reply.error async for reply in replies} == {"expected a concrete key: a request is for one board"}
 
 
-@async_test
 async def test_what_cannot_be_done_is_answered_with_the_reason(fleet: Fleet) -> None:
     async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
         assert (await a.ask("register", "cook", "b")).problem == "`b` is no agent of board pi1 but of pi2"
         assert (await a.ask("register", "")).problem.startswith("expected the name of a service")
 
 
-@async_test
 async def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_port: Callable[[], int]) -> None:
     other = Fleet(tmp_path / "other", free_port)
     other.link = fleet.link
@@ -255,7 +245,6 @@ async def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, 
         await until(lambda: pi2.notes() == (), "they do not see each other any more")
 
 
-@async_test
 async def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,7 +270,6 @@ async def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
         assert sorted(pi1.services.homes()) == ["a", "b", "c", "kid", "twin"]
 
 
-@async_test
 async def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet: Fleet) -> None:
     async with fleet.board("pi1") as pi1, fleet.agent("pi2", "pi1") as other:
         names = {"kid": ("cook", "", "x" * 1001), "*": (), "": (), "a>b": (), "a/b": ()}
@@ -294,7 +282,6 @@ async def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet:
         assert pi1.services.others["pi2"].agents == {"kid": ("cook",)}
 
 
-@async_test
 async def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(directory_module, "MAX_RECORD_BYTES", 2_000)
     async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
@@ -306,7 +293,6 @@ async def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkey
         assert (await a.ask("register", "y" * 1_000)).problem == ""
 
 
-@async_test
 async def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -321,7 +307,6 @@ async def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
         assert pi1.services.homes().get("planner") == "pi1"
 
 
-@async_test
 async def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -337,7 +322,6 @@ async def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_
         await until(lambda: pi2.services.homes().get("kid") is None, "pi2 hears that kid has left")
 
 
-@async_test
 async def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_this_board_has_not_heard_of_it(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import AbstractAsyncContextManager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from schemas.mission.model import Mission, read_mission
 from schemas.wire.records import Message, Refusal
 from schemas.wire.terms import Atom, Structure, Term
 from tests.commd.old_comm import OldCommNode, PostOffice
-from tests.support.buses import run_by, under_way, until
+from tests.support.buses import under_way, until
 
 MISSION = """
 mission: mixed
@@ -67,40 +67,36 @@ def opened(field: Field) -> AbstractAsyncContextManager[Gateway]:
     return open_gateway(mission, mission.gateway)
 
 
-def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) -> None:
-    """Run `body(field)` while the gateway is open, bounded in wall seconds."""
-
-    async def everything() -> None:
-        async with (
-            asyncio.timeout(240),
-            nodes(f"127.0.0.1:{port}") as field,
-            opened(field) as field.gateway,
-            under_way(field.gateway.run(field.post)),
-        ):
-            await body(field)
-
-    asyncio.run(everything())
+@pytest.fixture
+def limits() -> dict[str, float]:
+    """Limits of the gateway: what a test gives as `with_limits`."""
+    return {}
 
 
-def field_test_with(**limits: float) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
-    """Return the decorator of tests in the field of a gateway that has these limits."""
-
-    def run(body: Any, free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch) -> None:
-        for name, value in limits.items():
-            monkeypatch.setattr(f"commd.gateway.gateway.{name}", value)
-        in_the_field(free_port(), body)
-
-    return run_by(run, "field", needs=("free_port", "monkeypatch"))
+def with_limits(**limits: float) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("limits", [limits], ids=["limits"])
 
 
-field_test = field_test_with()
+@pytest.fixture
+@asynccontextmanager
+async def field(
+    free_port: Callable[[], int], limits: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> AsyncIterator[Field]:
+    """The field of a gateway that is open."""
+    for name, value in limits.items():
+        monkeypatch.setattr(f"commd.gateway.gateway.{name}", value)
+    async with (
+        nodes(f"127.0.0.1:{free_port()}") as field,
+        opened(field) as field.gateway,
+        under_way(field.gateway.run(field.post)),
+    ):
+        yield field
 
 
 def message(content: Term, receiver: str = "old1", identity: str = "m1", **more: Any) -> Message:
     return Message(id=identity, sender="uav", performative="tell", receiver=receiver, content=content, **more)
 
 
-@field_test
 async def test_what_an_old_node_sends_is_mail(field: Field) -> None:
     field.say("<mid1,old1,tell,uav,victim_in_need(1,-27.603683,-48.518052)>")
     field.say("<mid2->m7,old1,achieve,ugv,go>\n")
@@ -117,7 +113,6 @@ async def test_what_an_old_node_sends_is_mail(field: Field) -> None:
     ]
 
 
-@field_test
 async def test_mail_reaches_an_old_node_as_it_reads_it(field: Field) -> None:
     batch = (message(Structure("at", (1, Atom("north")))), message("a, b", identity="m2", in_reply_to="mid1"))
     receipt = await field.post.deliver["old1"](batch)
@@ -128,14 +123,12 @@ async def test_mail_reaches_an_old_node_as_it_reads_it(field: Field) -> None:
     assert field.gateway.counters["gateway_out"] == 2
 
 
-@field_test
 async def test_the_receiver_null_is_everybody_else(field: Field) -> None:
     field.say("<mid1,old1,tell,null,ready>")
     await until(lambda: len(field.post.taken) == 3, "all have it")
     assert [one.receiver for one in field.post.taken] == ["uav", "ugv", "old2"]
 
 
-@field_test
 async def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(field: Field) -> None:
     room = module.MAX_DATAGRAM - len('<m1,uav,tell,old1,"">')
     batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
@@ -148,7 +141,6 @@ async def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(f
     assert [len(text) for text in field.one.heard] == [1024, len('<m3,uav,tell,old1,"last">')]
 
 
-@field_test
 async def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(field: Field) -> None:
     receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
     refusal = receipt.refused[0]
@@ -156,7 +148,6 @@ async def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(f
     assert refusal.text.startswith("cannot be written as a datagram: id: expected a text without blanks")
 
 
-@field_test
 async def test_a_node_hears_that_its_message_will_not_arrive(field: Field) -> None:
     field.post.full.add("ugv")
     field.say("<mid1,old1,tell,Nobody,ready(1)>")
@@ -169,7 +160,6 @@ async def test_a_node_hears_that_its_message_will_not_arrive(field: Field) -> No
     assert field.gateway.counters["gateway_refused"] == 2
 
 
-@field_test
 async def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
     field: Field, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -189,7 +179,6 @@ async def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_onc
     ]
 
 
-@field_test
 async def test_a_repeated_datagram_is_one_message_and_an_id_used_anew_is_another(field: Field) -> None:
     for _ in range(3):
         field.say("<mid1,old1,tell,uav,a>")
@@ -219,7 +208,7 @@ def test_a_host_that_floods_is_held_to_the_rate_of_its_nodes() -> None:
     assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * module.RATE
 
 
-@field_test_with(BURST=2.0, RATE=0.0)
+@with_limits(BURST=2.0, RATE=0.0)
 async def test_what_exceeds_the_rate_is_dropped_unread_and_counted(field: Field) -> None:
     for number in range(10):
         field.say(f"<m{number},old1,tell,uav,{number}>")
@@ -228,7 +217,7 @@ async def test_what_exceeds_the_rate_is_dropped_unread_and_counted(field: Field)
     assert field.gateway.health().drops == 8
 
 
-@field_test_with(QUEUE=5, BATCH=1)
+@with_limits(QUEUE=5, BATCH=1)
 async def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
     field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -250,7 +239,6 @@ async def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
     await until(lambda: len(field.post.taken) == 7, "what was dropped may be said again")
 
 
-@field_test
 async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
     field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,7 +256,7 @@ async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
     await until(lambda: len(field.post.taken) == 1, "the next one is taken")
 
 
-@field_test_with(DISK_RETRY=0.05)
+@with_limits(DISK_RETRY=0.05)
 async def test_what_a_full_disk_does_not_take_waits_until_it_does(
     field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -288,7 +276,7 @@ async def test_what_a_full_disk_does_not_take_waits_until_it_does(
     assert failures == -1
 
 
-@field_test_with(SEEK_EVERY=0.1)
+@with_limits(SEEK_EVERY=0.1)
 async def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     field: Field, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -303,7 +291,6 @@ async def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     await until(lambda: len(field.one.heard) == 1, "it is sent then")
 
 
-@field_test
 async def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(field: Field) -> None:
     with pytest.raises(Findings) as raised:
         async with opened(field):

@@ -16,7 +16,7 @@ from schemas.mission.model import Mission, Radio, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Header, Perception
 from schemas.wire.terms import Number, Term
-from tests.support.buses import FLEET, Connect, bus_test, subscribed, under_way, until
+from tests.support.buses import FLEET, Connect, subscribed, under_way, until
 
 HOME = (-27.604033, -48.518363)
 MISSION = """
@@ -101,7 +101,6 @@ def told(*parameters: Term) -> Perception:
     return Perception(header=Header(seq=1, boot="b"), name="global_pos", parameters=parameters)
 
 
-@bus_test
 async def test_agents_hear_each_other_by_where_their_simulated_robots_are(connect: Connect) -> None:
     async with on_air(connect, mission()) as (air, bridge):
         assert await air.carries("scout", "rescuer", 100)
@@ -117,7 +116,6 @@ async def test_agents_hear_each_other_by_where_their_simulated_robots_are(connec
         assert air.counters == {"radio_sent": 4, "radio_out_of_range": 2, "radio_lost": 0}
 
 
-@bus_test
 async def test_the_position_of_a_robot_that_stands_still_is_asked_for(connect: Connect) -> None:
     bridge = await connect("uav2", "bridged")
     key = keys.percept(FLEET, "rescuer", "global_pos")
@@ -130,7 +128,6 @@ async def test_the_position_of_a_robot_that_stands_still_is_asked_for(connect: C
         await until(lambda: not air._model.in_range("uav1", "uav2"), "the robot's position is known")
 
 
-@bus_test
 async def test_a_degraded_air_is_said_at_the_start(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     text = MISSION.replace("{range: 300m}", "{range: 300m, loss: 0.1, delay: 20ms, bandwidth: 250000}")
     async with on_air(connect, mission(text)):

@@ -18,7 +18,7 @@ from commd.mail.message import StoredMessage, stored
 from commd.mail.store import Store, open_store
 from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 
 Carry = Callable[[str, Sequence[StoredMessage]], Awaitable[Receipt | NotTaken]]
 
@@ -68,7 +68,6 @@ async def lanes_of(
             await delivery_queues.end()
 
 
-@async_test
 async def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
 
@@ -83,7 +82,6 @@ async def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_
         assert tries["c>b"] <= 6
 
 
-@async_test
 async def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what_is_new(tmp_path: Path) -> None:
     pauses: dict[int, list[float]] = {1: [], 2: []}
 
@@ -100,7 +98,6 @@ async def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_afte
     assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
 
-@async_test
 async def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_others_trying(
     tmp_path: Path,
 ) -> None:
@@ -120,7 +117,6 @@ async def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves
         await until(lambda: not tally.lines, "the other one is tried again")
 
 
-@async_test
 async def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp_path: Path) -> None:
     hanging: set[str] = set()
     got: list[str] = []
@@ -138,7 +134,6 @@ async def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_othe
         assert len(hanging) == OF_ONE
 
 
-@async_test
 async def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
     got: list[str] = []
 
@@ -153,7 +148,6 @@ async def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(
         assert sorted(got) == sorted(lines)
 
 
-@async_test
 async def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return Receipt(taken=0, refused={0: Refusal(code="c" * 1000, text="t" * 1_000_000)})
@@ -166,7 +160,6 @@ async def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "wrong", [Receipt(taken=1, refused={9: Refusal(code="x")}), Receipt(taken=1, later={-1: Refusal(code="x")})]
 )
-@async_test
 async def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 

@@ -18,7 +18,7 @@ from schemas.wire.records import Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.mail.test_service import Losing
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, Connect, served, until
 
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
@@ -33,7 +33,6 @@ def notice(receiver: str, content: object, code: str, detail: str = "") -> Struc
     return Structure("undelivered", (Atom(receiver), Atom("tell"), content, code), annotations)  # type: ignore[arg-type]
 
 
-@bus_test
 async def test_a_receiver_that_nobody_knows_is_refused_at_once(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
@@ -46,7 +45,6 @@ async def test_a_receiver_that_nobody_knows_is_refused_at_once(connect: Connect,
         assert (await listed(sender, "pi1")).dead == (), "the sender knows: it holds the message itself"
 
 
-@bus_test
 async def test_a_message_of_more_than_a_megabyte_is_refused_and_one_of_a_megabyte_arrives(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -65,7 +63,6 @@ async def test_a_message_of_more_than_a_megabyte_is_refused_and_one_of_a_megabyt
         assert first.counters["turned_away"] == 1
 
 
-@bus_test
 async def test_a_full_mailbox_takes_the_newest_later_and_keeps_the_order(connect: Connect, tmp_path: Path) -> None:
     homes = {"a": "pi1", "b": "pi1", "c": "pi1"}
     async with board(connect, "pi1", tmp_path, homes=homes, rules=MailRules(mailbox=5)) as mail_service:
@@ -82,7 +79,6 @@ async def test_a_full_mailbox_takes_the_newest_later_and_keeps_the_order(connect
         await until(lambda: receiver.contents == [1, 2, 3, 4, 5, 6, 7], "the others arrive too")
 
 
-@bus_test
 async def test_mail_for_a_full_mailbox_of_another_board_waits_at_its_own(connect: Connect, tmp_path: Path) -> None:
     async with (
         board(connect, "pi1", tmp_path) as first,
@@ -96,7 +92,6 @@ async def test_mail_for_a_full_mailbox_of_another_board_waits_at_its_own(connect
         await until(lambda: receiver.contents == list(range(1, 9)), "all arrive in order")
 
 
-@bus_test
 async def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -120,7 +115,6 @@ async def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once
         assert first.counters_now["expired"] == 2
 
 
-@bus_test
 async def test_a_message_expires_at_the_receivers_board_too_and_the_notice_comes_back(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -136,7 +130,6 @@ async def test_a_message_expires_at_the_receivers_board_too_and_the_notice_comes
         await until(lambda: second.waiting == 0, "nothing waits any more, the notice was the last")
 
 
-@bus_test
 async def test_the_missions_time_to_live_is_for_messages_that_bring_none(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     rules = MailRules(ttl=5.0)  # type: ignore[arg-type]
@@ -150,7 +143,6 @@ async def test_the_missions_time_to_live_is_for_messages_that_bring_none(connect
         await until(lambda: receiver.contents == [2], "the other one arrives")
 
 
-@bus_test
 async def test_what_may_have_arrived_in_time_is_asked_for_before_it_is_given_up(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,7 +162,6 @@ async def test_what_may_have_arrived_in_time_is_asked_for_before_it_is_given_up(
         assert receiver.contents == [1]
 
 
-@bus_test
 async def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whatever_becomes_of_the_answer(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -186,7 +177,6 @@ async def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whate
         assert {(queue.sender, queue.receiver) for queue in told.queues} == {("a", "b"), ("mail", "a")}
 
 
-@bus_test
 async def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_as_unknown(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -205,7 +195,6 @@ async def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_a
         assert told.got[0].content == notice("b", 1, "unknown")
 
 
-@bus_test
 async def test_what_a_receiver_refuses_becomes_a_dead_letter_and_the_sender_is_told(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -224,7 +213,6 @@ async def test_what_a_receiver_refuses_becomes_a_dead_letter_and_the_sender_is_t
         ]
 
 
-@bus_test
 async def test_what_a_receiver_will_never_read_is_given_up_and_what_stands_behind_it_arrives(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,7 +248,6 @@ def message_as(number: int, like: Message) -> Message:
     )
 
 
-@bus_test
 async def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         a, b = await connect("a"), await connect("b")
@@ -275,7 +262,6 @@ async def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(connect
         assert mail_service.counters_now["given_up"] == 2
 
 
-@bus_test
 async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_given_up(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -312,7 +298,6 @@ async def _answers(bus: Bus, key: str) -> int:
     return len([one async for one in bus.query(key, Mail(), Receipt, 60)])
 
 
-@bus_test
 async def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     homes = {"a": "pi1", "b": "pi2", "c": "pi1"}
@@ -333,7 +318,6 @@ async def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(connect: 
         assert mail_service.health().counters["waiting"] == 3
 
 
-@bus_test
 async def test_the_age_of_what_waits_goes_on_over_a_restart(connect: Connect, tmp_path: Path) -> None:
     now, sender = Time(), await connect("a")
     async with board(connect, "pi1", tmp_path, now=now):
@@ -346,7 +330,6 @@ async def test_the_age_of_what_waits_goes_on_over_a_restart(connect: Connect, tm
         assert [queue.oldest for queue in (await listed(sender, "pi1")).queues] == [25.0]
 
 
-@bus_test
 async def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -368,7 +351,6 @@ async def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
         assert batches == [3, 3], "a batch for another board is small"
 
 
-@bus_test
 async def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_while(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -384,7 +366,6 @@ async def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_
         await until(lambda: mail_service.waiting == 0, "nothing waits for ever")
 
 
-@bus_test
 async def test_notices_of_the_board_itself_find_room_in_a_full_mailbox(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mail_service:
         await post(await connect("a"), message(1))
@@ -393,7 +374,6 @@ async def test_notices_of_the_board_itself_find_room_in_a_full_mailbox(connect: 
         assert await mail_service.take([message(2)]) == Receipt(later={0: Refusal(code="mailbox_full")})
 
 
-@bus_test
 async def test_a_message_that_a_program_has_in_hand_when_its_time_ends_is_not_told_to_have_expired(
     connect: Connect, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import TWO_BOARDS, Receiver, Time, ask, board, listed, message, post
-from tests.support.buses import FLEET, Connect, bus_test, served, until
+from tests.support.buses import FLEET, Connect, served, until
 
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
@@ -42,7 +42,6 @@ async def sent(mail_service: MailService, count: int) -> None:
 
 
 @pytest.mark.parametrize("homes", [ONE_BOARD, TWO_BOARDS], ids=["of one board", "between boards"])
-@bus_test
 async def test_messages_arrive_once_and_in_order(connect: Connect, tmp_path: Path, homes: dict[str, str]) -> None:
     async with two_boards(connect, tmp_path, homes=homes) as (first, second):
         sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
@@ -54,7 +53,6 @@ async def test_messages_arrive_once_and_in_order(connect: Connect, tmp_path: Pat
             await sent(one, 1000)
 
 
-@bus_test
 async def test_a_message_arrives_as_it_was_sent(connect: Connect, tmp_path: Path) -> None:
     async with two_boards(connect, tmp_path):
         sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
@@ -64,7 +62,6 @@ async def test_a_message_arrives_as_it_was_sent(connect: Connect, tmp_path: Path
         assert receiver.got == [one]
 
 
-@bus_test
 async def test_a_batch_that_is_posted_again_because_its_answer_was_lost_is_taken_and_not_delivered_again(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -80,7 +77,6 @@ async def test_a_batch_that_is_posted_again_because_its_answer_was_lost_is_taken
         assert mail_service.counters["duplicates"] == 3
 
 
-@bus_test
 async def test_a_sender_that_begins_anew_has_numbers_of_its_own(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD):
         sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
@@ -103,7 +99,6 @@ class Losing:
         return self.fates.pop(0) if self.fates else True
 
 
-@bus_test
 async def test_what_the_other_board_took_before_its_answer_was_lost_is_sent_again_and_known_there(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -118,7 +113,6 @@ async def test_what_the_other_board_took_before_its_answer_was_lost_is_sent_agai
         assert first.counters_now["unanswered"] == 1
 
 
-@bus_test
 async def test_an_agent_that_took_a_batch_and_died_before_its_answer_gets_the_same_numbers_again(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -139,7 +133,6 @@ def never(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.mail.delivery.RETRY_MOST", 3600.0)
 
 
-@bus_test
 async def test_mail_for_an_agent_that_is_away_waits_and_goes_at_once_when_it_comes(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -172,7 +165,6 @@ class _Quiet:
         query.reply(Receipt(taken=len(query.record.messages)))  # type: ignore[attr-defined]
 
 
-@bus_test
 async def test_mail_for_a_board_that_is_away_waits_and_goes_at_once_when_it_comes_back(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,7 +185,6 @@ async def test_mail_for_a_board_that_is_away_waits_and_goes_at_once_when_it_come
             assert [one.content for one in receiver.got if one.sender == name] == list(range(1, number + 1))
 
 
-@bus_test
 async def test_a_board_that_ended_between_any_two_steps_goes_on_where_it_was(connect: Connect, tmp_path: Path) -> None:
     a = await connect("a")
     async with board(connect, "pi1", tmp_path):
@@ -213,7 +204,6 @@ async def test_a_board_that_ended_between_any_two_steps_goes_on_where_it_was(con
         assert receiver.contents == [1, 2, 3, 4]
 
 
-@bus_test
 async def test_mail_is_delivered_in_batches_of_bounded_length_and_size(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD):
         sender = await connect("a")
@@ -225,7 +215,6 @@ async def test_mail_is_delivered_in_batches_of_bounded_length_and_size(connect: 
         assert [len(batch) for batch in receiver.batches] == [500, 302, 2, 1, 1]
 
 
-@bus_test
 async def test_receivers_that_hang_keep_no_other_waiting(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -247,7 +236,6 @@ async def test_receivers_that_hang_keep_no_other_waiting(
         assert sum(len(one.batches) for one in hanging) < 200
 
 
-@bus_test
 async def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(connect: Connect, tmp_path: Path) -> None:
     got: list[Message] = []
     answers = [None, Receipt(later={0: Refusal(code="not yet")}), Receipt(taken=1)]
@@ -265,7 +253,6 @@ async def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(con
         assert [one.content for one in got] == [[1, "x"]]
 
 
-@bus_test
 async def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_it(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -286,7 +273,6 @@ def put_by_hand(bus: Bus, key: str, text: str) -> None:
     bus._session.get(key, zenoh.handlers.DefaultHandler(), payload=text.encode(), target=zenoh.QueryTarget.ALL)
 
 
-@bus_test
 async def test_a_message_that_is_typed_by_hand_is_numbered_and_delivered(connect: Connect, tmp_path: Path) -> None:
     async with two_boards(connect, tmp_path) as (first, second):
         operator, receiver = await connect("operator"), Receiver(await connect("b"), "b")
@@ -302,7 +288,6 @@ async def test_a_message_that_is_typed_by_hand_is_numbered_and_delivered(connect
         await sent(second, 2)
 
 
-@bus_test
 async def test_what_is_no_mail_is_answered_in_words_and_has_no_effect(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path) as mail_service:
         a, b = await connect("a"), await connect("b")
@@ -331,7 +316,6 @@ async def _ask_raw(bus: Bus, key: str, payload: bytes) -> str:
     return " ".join(one.err.payload.to_bytes().decode() if one.err else "a record" for one in replies)
 
 
-@bus_test
 async def test_an_agent_that_has_moved_to_another_board_gets_there_what_waited_for_it(
     connect: Connect, tmp_path: Path
 ) -> None:
@@ -345,7 +329,6 @@ async def test_an_agent_that_has_moved_to_another_board_gets_there_what_waited_f
         await until(lambda: b.contents == c.contents == [1], "both get their mail")
 
 
-@bus_test
 async def test_the_time_that_a_message_has_left_goes_with_it(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     async with two_boards(connect, tmp_path, now=now, rules=MailRules(ttl=500.0)) as (_, second):  # type: ignore[arg-type]
@@ -360,7 +343,6 @@ async def test_the_time_that_a_message_has_left_goes_with_it(connect: Connect, t
         assert receiver.got[0].header == Header(seq=1, boot="life1", source="a", stamp=receiver.got[0].header.stamp)
 
 
-@bus_test
 async def test_a_board_that_makes_up_names_is_remembered_by_so_many_and_the_others_go_on(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -8,11 +8,10 @@ import sqlite3
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Coroutine, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractAsyncContextManager, suppress
 from pathlib import Path
 from sqlite3 import Connection
-from typing import Any
 
 import pytest
 
@@ -20,7 +19,7 @@ from commd.mail import queries
 from commd.mail import store as store_module
 from commd.mail.store import QUEUE, Store, StoreFailed, open_store
 from schemas.files.findings import Findings
-from tests.support.buses import async_test, in_a_loop, run_by, until
+from tests.support.buses import until
 
 
 @pytest.fixture
@@ -28,15 +27,9 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "fleet" / "pi1.mail"
 
 
-def with_a_store(body: Callable[[Store], Coroutine[Any, Any, None]], path: Path) -> None:
-    async def everything() -> None:
-        async with open_store(path) as store:
-            await body(store)
-
-    in_a_loop(everything)
-
-
-store_test = run_by(with_a_store, "store", needs=("path",))
+@pytest.fixture
+def store(path: Path) -> AbstractAsyncContextManager[Store]:
+    return open_store(path)
 
 
 def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
@@ -72,7 +65,6 @@ def keep_and_die(path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(path)], timeout=90).returncode == -9
 
 
-@async_test
 async def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
     keep_and_die(path)
     async with open_store(path) as store:
@@ -80,21 +72,18 @@ async def test_what_was_written_is_there_when_the_process_was_killed_at_once(pat
 
 
 @pytest.mark.parametrize(("synchronous", "number"), [("full", 2), ("normal", 1)])
-@async_test
 async def test_the_file_is_written_as_the_mission_says(path: Path, synchronous: str, number: int) -> None:
     async with open_store(path, synchronous) as store:
         assert await store.write(lambda db: db.execute("PRAGMA synchronous").fetchone()) == (number,)
         assert await store.write(lambda db: db.execute("PRAGMA journal_mode").fetchone()) == ("wal",)
 
 
-@store_test
 async def test_what_waits_at_the_same_time_shares_a_commit(store: Store) -> None:
     await asyncio.gather(*(store.write(keep(f"n{number:03}")) for number in range(200)))
     assert len(await store.read(kept)) == 200
     assert store.counters["commits"] <= 3
 
 
-@store_test
 async def test_a_transaction_that_fails_undoes_nothing_but_itself(store: Store) -> None:
     def fails(db: Connection) -> None:
         keep("bad")(db)
@@ -110,7 +99,6 @@ async def test_a_transaction_that_fails_undoes_nothing_but_itself(store: Store) 
     assert not store.note, "a defect is nothing that is wrong with the disk"
 
 
-@store_test
 async def test_the_event_loop_goes_on_while_the_disk_is_slow(store: Store) -> None:
     slow, began = threading.Event(), threading.Event()
     writing = asyncio.create_task(store.write(lambda db: began.set() or slow.wait(20)))
@@ -121,7 +109,6 @@ async def test_the_event_loop_goes_on_while_the_disk_is_slow(store: Store) -> No
     assert await reading
 
 
-@store_test
 async def test_more_transactions_than_may_wait_are_turned_away_at_once(store: Store) -> None:
     slow, began = threading.Event(), threading.Event()
 
@@ -139,7 +126,6 @@ async def test_more_transactions_than_may_wait_are_turned_away_at_once(store: St
     await asyncio.gather(first, *waiting)
 
 
-@store_test
 async def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
     store: Store, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -177,7 +163,6 @@ def fill_up(folder: Path, name: str) -> None:
             filler.write(bytes(4096))
 
 
-@async_test
 async def test_what_was_said_to_have_failed_is_not_written_after_all(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,7 +188,6 @@ async def test_what_was_said_to_have_failed_is_not_written_after_all(
         assert list(await store.read(kept)) == ["b"]
 
 
-@async_test
 async def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_there_is_room(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -227,7 +211,6 @@ async def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail
     assert caplog.text.count("mail_store_failing") == 1
 
 
-@async_test
 async def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for number in (1, 2):
         rewrite(path, lambda _: os.urandom(8192))
@@ -241,7 +224,6 @@ async def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, capl
         assert f"set_aside={aside}: what it kept is lost, a new file is made" in caplog.text
 
 
-@async_test
 async def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Path) -> None:
     """SQLite quotes the damaged schema in its message, which Python then cannot decode."""
     async with open_store(path) as store:
@@ -252,7 +234,6 @@ async def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Pat
         assert list(store.file.set_aside) == ["pi1.mail.corrupt-1"]
 
 
-@async_test
 async def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
     async with open_store(path) as store:
         for number in range(50):
@@ -262,7 +243,6 @@ async def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> N
         assert list(store.file.set_aside) == ["pi1.mail.corrupt-1"]
 
 
-@store_test
 async def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(store: Store, path: Path) -> None:
     for number in range(200):
         await store.write(keep(f"n{number:03}", bytes(3000)))
@@ -288,7 +268,6 @@ async def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(store: S
     assert "n000" not in await read()
 
 
-@store_test
 async def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
     store: Store, path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -315,7 +294,6 @@ async def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
     assert store.note == ""
 
 
-@store_test
 async def test_a_disk_that_was_away_for_a_while_is_used_again(store: Store) -> None:
     def fails(db: Connection) -> None:
         error = sqlite3.OperationalError("disk I/O error")
@@ -333,7 +311,6 @@ async def test_a_disk_that_was_away_for_a_while_is_used_again(store: Store) -> N
     assert list(await store.read(kept)) == ["after", "before"]
 
 
-@async_test
 async def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     faults = [KeyError("a defect")]
 
@@ -354,7 +331,6 @@ async def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, capl
     assert "defect in argosy: writing" in caplog.text
 
 
-@async_test
 async def test_a_file_of_an_older_version_becomes_one_of_this_version(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -376,7 +352,6 @@ async def test_a_file_of_an_older_version_becomes_one_of_this_version(
             assert await store.read(lambda db: db.execute("PRAGMA user_version").fetchone()) == (len(steps),)
 
 
-@async_test
 async def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -395,7 +370,6 @@ async def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
         assert ("further",) not in tables
 
 
-@async_test
 async def test_a_file_belongs_to_one_process(path: Path) -> None:
     async with open_store(path):
         with pytest.raises(Findings, match=r"another commd stores its mail in this file: give each its own --state"):
@@ -405,7 +379,6 @@ async def test_a_file_belongs_to_one_process(path: Path) -> None:
         await store.write(keep("a"))
 
 
-@async_test
 async def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> None:
     (tmp_path / "fleet").write_text("a file where the folder should be")
     with pytest.raises(Findings, match=r"cannot store mail in this file: .*File exists"):
@@ -413,7 +386,6 @@ async def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> No
             pytest.fail("there is no place for it")
 
 
-@async_test
 async def test_a_closed_file_takes_nothing_and_says_so(path: Path) -> None:
     async with open_store(path) as store:
         pass

@@ -9,7 +9,7 @@ import pytest
 
 from commd.process.local_runs import announced, local_runs, router_of, starting
 from schemas.files.findings import Findings
-from tests.support.buses import FLEET, Connect, async_test, bus_test
+from tests.support.buses import FLEET, Connect
 from tests.support.ports import free_port
 
 USUAL = "tcp/127.0.0.1:7447"
@@ -22,7 +22,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / f"argosy-{os.getuid()}"
 
 
-@async_test
 async def test_a_run_is_found_by_its_fleet_or_as_the_only_one_while_it_lasts() -> None:
     usual = f"tcp/127.0.0.1:{free_port()}"
     assert await router_of("", usual) == usual
@@ -32,7 +31,6 @@ async def test_a_run_is_found_by_its_fleet_or_as_the_only_one_while_it_lasts() -
     assert local_runs() == []
 
 
-@async_test
 async def test_of_several_runs_none_is_guessed(monkeypatch: pytest.MonkeyPatch) -> None:
     with announced("sar", "tcp/127.0.0.1:7450"):
         monkeypatch.setattr("os.getpid", lambda: 1)
@@ -42,7 +40,6 @@ async def test_of_several_runs_none_is_guessed(monkeypatch: pytest.MonkeyPatch) 
                 await router_of("", USUAL)
 
 
-@bus_test
 async def test_a_simulation_does_not_hide_daemons_that_no_run_has_started(connect: Connect, endpoint: str) -> None:
     with announced(FLEET, "tcp/127.0.0.1:7450"):
         assert await router_of(FLEET, endpoint) == "tcp/127.0.0.1:7450", "nobody of the fleet is at the router"

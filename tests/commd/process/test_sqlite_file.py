@@ -14,7 +14,6 @@ from agentd.mind.persistence.rows import MindRows
 from agentd.persistence.checkpoint import AgentRows, Checkpoint
 from commd.mail.store import open_store
 from commd.process.sqlite_file import PageChecksums, log_damage
-from tests.support.buses import async_test
 
 HITS = 15
 
@@ -76,7 +75,6 @@ def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: P
 
 
 @pytest.mark.parametrize("seed", range(HITS))
-@async_test
 async def test_a_bit_of_a_mail_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "pi1.mail"
 

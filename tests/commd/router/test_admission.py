@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import re
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import cast
 
@@ -20,7 +20,7 @@ from commd.router import admission as module
 from commd.router.admission import ALLOWANCE, FORGED, Admission, open_admission
 from commd.router.relay import counted_as
 from schemas.mission.model import read_mission
-from tests.support.buses import run_by, until
+from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
 
 HELLO = bytes((22, 3, 1, 0, 4, 1, 0, 0, 0))
@@ -105,15 +105,9 @@ def _listens(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def run(free_port: Port, body: Callable[[Front], Awaitable[None]]) -> None:
-    async def all_of_it() -> None:
-        async with front(free_port()) as made:
-            await body(made)
-
-    asyncio.run(asyncio.wait_for(all_of_it(), 240))
-
-
-front_test = run_by(lambda body, free_port: run(free_port, body), "made", needs=("free_port",))
+@pytest.fixture
+def made(free_port: Port) -> AbstractAsyncContextManager[Front]:
+    return front(free_port())
 
 
 async def closed(streams: Streams) -> bytes:
@@ -124,7 +118,6 @@ async def closed(streams: Streams) -> bytes:
         return b""
 
 
-@front_test
 async def test_what_a_session_says_is_passed_on_both_ways_and_takes_nothing_of_the_allowance(made: Front) -> None:
     for _ in range(3 * int(ALLOWANCE)):
         (reader, writer), (there_reader, there_writer) = await made.session("pi2")
@@ -134,40 +127,35 @@ async def test_what_a_session_says_is_passed_on_both_ways_and_takes_nothing_of_t
         assert await reader.readexactly(8) == b"and back"
 
 
-def test_who_says_no_client_hello_never_reaches_the_router(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_who_says_no_client_hello_never_reaches_the_router(
+    free_port: Port, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "HELLO", 0.2)
-
-    async def body(made: Front) -> None:
+    async with front(free_port()) as made:
         silent, other = await made.dial(b""), await made.dial(b"GET / HTTP/1.1")
         assert (await closed(silent), await closed(other)) == (b"", b"")
         assert made.reached == []
         await until(lambda: made.admission.health().counters["unheard"] == 1, "the silent one is counted")
 
-    run(free_port, body)
 
-
-def test_of_too_many_that_say_nothing_the_oldest_goes_and_who_says_hello_comes_in(
+async def test_of_too_many_that_say_nothing_the_oldest_goes_and_who_says_hello_comes_in(
     free_port: Port, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "UNHEARD", 8)
-
-    async def body(made: Front) -> None:
+    async with front(free_port()) as made:
         silent = [await made.dial(b"") for _ in range(20)]
         await made.session("ops")
         assert await closed(silent[0]) == b""
         assert not silent[-1][0].at_eof()
 
-    run(free_port, body)
 
-
-def test_an_address_whose_handshakes_fail_is_told_to_wait_and_the_diagnosis_says_so(
+async def test_an_address_whose_handshakes_fail_is_told_to_wait_and_the_diagnosis_says_so(
     free_port: Port, fleet_keys: FleetKeys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tls = fleet_keys.make("pi2")
     for figure in ("KNOWN_ALLOWANCE", "KNOWN_REFILL", "REFILL"):
         monkeypatch.setattr(module, figure, 0.0)
-
-    async def body(made: Front) -> None:
+    async with front(free_port()) as made:
         made.hangs_up = True
         said = [await closed(await made.dial()) for _ in range(2 * int(ALLOWANCE))]
         assert said[0] == b""
@@ -176,22 +164,19 @@ def test_an_address_whose_handshakes_fail_is_told_to_wait_and_the_diagnosis_says
         words = await asyncio.to_thread(attempt, f"tls/127.0.0.1:{made.port}", tls)
         assert words.startswith("it takes no more handshakes from this address for some seconds")
 
-    run(free_port, body)
-
 
 @pytest.mark.parametrize(
     ("address", "forged", "shares"),
     [("127.0.0.1", False, True), ("127.0.0.1", True, False), (STRANGER, False, False)],
     ids=["known", "known, and came with another's id", "unknown"],
 )
-def test_known_addresses_share_an_allowance_beyond_their_own(
+async def test_known_addresses_share_an_allowance_beyond_their_own(
     free_port: Port, monkeypatch: pytest.MonkeyPatch, address: str, forged: bool, shares: bool
 ) -> None:
     monkeypatch.setattr(module, "REFILL", 0.0)
     monkeypatch.setattr(module, "KNOWN_ALLOWANCE", 20.0)
     monkeypatch.setattr(module, "KNOWN_REFILL", 0.0)
-
-    async def body(made: Front) -> None:
+    async with front(free_port()) as made:
         if forged:
             false, _ = await made.session("eye", session_id("pi2"))
             await closed(false)
@@ -201,11 +186,8 @@ def test_known_addresses_share_an_allowance_beyond_their_own(
         own = 0 if forged else ALLOWANCE
         assert len(made.reached) - before == own + (20 if shares else 0)
 
-    run(free_port, body)
-
 
 @pytest.mark.parametrize(("owner", "whose"), [("pi2", "of `pi2`"), ("", "of this board's daemons")])
-@front_test
 async def test_who_comes_with_another_machines_id_is_cut_off_and_told(made: Front, owner: str, whose: str) -> None:
     own, _ = await made.session("eye", session_id("eye"))
     false, _ = await made.session("eye", session_id(owner))
@@ -218,7 +200,6 @@ async def test_who_comes_with_another_machines_id_is_cut_off_and_told(made: Fron
 
 
 @pytest.mark.parametrize(("name", "comes_again"), [("eye", False), ("ops", True)])
-@front_test
 async def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more_for_a_while(
     made: Front, name: str, comes_again: bool
 ) -> None:
@@ -235,7 +216,6 @@ async def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more
         assert await closed(again) == b""
 
 
-@front_test
 async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(
     made: Front, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,10 +229,11 @@ async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(
     writer.close()
 
 
-def test_one_certificate_has_so_many_sessions_and_no_more(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_one_certificate_has_so_many_sessions_and_no_more(
+    free_port: Port, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "MOST_SESSIONS", 2)
-
-    async def body(made: Front) -> None:
+    async with front(free_port()) as made:
         two = [await made.session("eye") for _ in range(2)]
         third, _ = await made.session("eye")
         assert await closed(third) == b""
@@ -262,10 +243,7 @@ def test_one_certificate_has_so_many_sessions_and_no_more(free_port: Port, monke
         writer.write(b"in")
         assert await there.readexactly(2) == b"in"
 
-    run(free_port, body)
 
-
-@front_test
 async def test_another_program_at_the_boards_address_is_an_error(made: Front) -> None:
     other = Admission([f"tls/127.0.0.1:{made.port}"], read_mission(MISSION, Path("m.yaml")))
     with pytest.raises(BusClosed, match="Address already in use: is another router running there"):

@@ -24,7 +24,7 @@ from commd.router.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, SCAN, U
 from schemas.wire import keys
 from schemas.wire.records import Receipt
 from tests.attacks.world import NAME, TEXT, World, ask
-from tests.support.buses import FLEET, async_test, session, under_way, until
+from tests.support.buses import FLEET, session, under_way, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 from tests.support.relay import Relay
@@ -97,7 +97,6 @@ async def boards() -> AsyncIterator[Fleet]:
         yield fleet
 
 
-@async_test
 async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link_watchdog, "LOOK", 0.05)
     monkeypatch.setattr(link_watchdog, "PATIENCE", 0.3)
@@ -194,7 +193,6 @@ def test_a_connection_that_zenoh_holds_without_a_link_is_closed() -> None:
         assert not another.is_closed()
 
 
-@async_test
 async def test_a_router_that_is_slow_or_no_board_keeps_its_link() -> None:
     port = free_port()
     foreign = session_config("router", f"tcp/127.0.0.1:{free_port()}", "zenohd", connect=[f"tcp/127.0.0.1:{port}"])
@@ -216,7 +214,6 @@ async def test_a_router_that_is_slow_or_no_board_keeps_its_link() -> None:
             assert not watchdog.counters
 
 
-@async_test
 async def test_a_link_that_is_no_tcp_connection_is_not_judged(tmp_path: Path) -> None:
     place = f"unixsock-stream/{tmp_path}/a.sock"
     async with (

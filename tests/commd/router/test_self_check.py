@@ -17,7 +17,7 @@ from commd.router import self_check
 from commd.router.self_check import FILLER, SelfCheck, measure, measure_all, room
 from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup
-from tests.support.buses import FLEET, Connect, async_test, bus_test, served, session, until
+from tests.support.buses import FLEET, Connect, served, session, until
 from tests.support.ports import free_port
 
 AHEAD = 3600.0
@@ -48,7 +48,6 @@ async def answered(bus: Bus, board: str) -> bool:
     return True
 
 
-@async_test
 async def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,7 +96,6 @@ def test_a_link_that_loses_some_round_trips_and_the_filler_says_so(monkeypatch: 
     assert report.problem == f"{FILLER} bytes: no answer within 4 s"
 
 
-@bus_test
 async def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_beyond_the_bound(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -113,7 +111,6 @@ async def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited
     assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
 
 
-@bus_test
 async def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(
     connect: Connect, tmp_path: Path
 ) -> None:

@@ -19,7 +19,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.bridged.radio import Speaker
-from tests.support.buses import async_test
 from tests.support.forked import Forked, run
 from tests.support.ports import free_port
 from tests.support.promises import kept
@@ -149,7 +148,6 @@ def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
     assert kept(lambda: abs(asyncio.run(speed()) - 20), 5)
 
 
-@async_test
 async def test_a_rebooted_copter_speaks_from_another_port() -> None:
     ear = Speaker(system=255, component=190)
     with closing(ear), copter(f"udpout:127.0.0.1:{ear.port}", "--speed", "10"):

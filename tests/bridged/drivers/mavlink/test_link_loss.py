@@ -18,7 +18,7 @@ from bridged.drivers.mavlink.vehicle.readings import LinkState
 from schemas.manifest.loader import read_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -91,7 +91,6 @@ def states(ride: Ride) -> list[object]:
     return [one.fields["state"] for one in ride.readings if one.source == "LINK" and one.fields is not None]
 
 
-@async_test
 async def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_is_found_under_its_name(
     tmp_path: Path,
 ) -> None:
@@ -128,7 +127,6 @@ async def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_aga
         os.close(far)
 
 
-@async_test
 async def test_a_tcp_vehicle_that_reboots_is_link_down_and_up() -> None:
     port, connected = free_port(), asyncio.Queue[asyncio.StreamWriter]()
 
@@ -169,7 +167,6 @@ def socket_of(link: Link) -> UdpSocket:
     return found
 
 
-@async_test
 async def test_a_udp_link_whose_network_went_is_opened_again_with_a_socket_of_the_new_one() -> None:
     vehicle = Speaker()
     link, told = await opened(f"udpout:127.0.0.1:{vehicle.port}")
@@ -187,7 +184,6 @@ async def test_a_udp_link_whose_network_went_is_opened_again_with_a_socket_of_th
     vehicle.close()
 
 
-@async_test
 async def test_a_listening_link_outlives_one_way_that_is_closed_and_is_opened_again_without_its_address() -> None:
     port = free_port()
     link, told = await opened(f"udpin:127.0.0.1:{port}")
@@ -203,7 +199,6 @@ async def test_a_listening_link_outlives_one_way_that_is_closed_and_is_opened_ag
     vehicle.close()
 
 
-@async_test
 async def test_attempts_to_open_a_link_come_less_often_while_it_does_not_hold() -> None:
     link, _ = await opened(f"udpout:127.0.0.1:{free_port()}")
     loop, moments = asyncio.get_running_loop(), list[float]()

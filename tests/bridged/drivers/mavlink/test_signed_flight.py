@@ -10,7 +10,7 @@ import pytest
 from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, Timestamps, key_of, now_10us
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.bridged.radio import BEAT, COPTER, Speaker, riding
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -46,7 +46,6 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
         asyncio.run(asyncio.wait_for(body(port), 240))
 
 
-@async_test
 async def test_a_vehicle_whose_clock_is_an_hour_behind_is_told_the_time_by_a_signature_and_then_taken(
     tmp_path: Path,
 ) -> None:

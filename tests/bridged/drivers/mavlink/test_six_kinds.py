@@ -13,7 +13,6 @@ from bridged.simulation.vehicle.vehicle import Vehicle
 from schemas.manifest.loader import load_manifest
 from tests.bridged.bridge.test_safety_orders import passing
 from tests.bridged.sky import HOME, MISSION, Sky, end_of
-from tests.support.buses import async_test
 
 NORTH = (-27.6000, -48.5184)
 """450 m north of home."""
@@ -77,7 +76,6 @@ def test_an_operators_order_is_confirmed_under_way(tmp_path: Path, vehicle: str,
 
 
 @pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
-@async_test
 async def test_a_lost_agents_vehicle_holds_and_returns(tmp_path: Path, vehicle: str, autopilot: str) -> None:
     sky = sky_of(tmp_path, vehicle, autopilot)
     under_way(sky, vehicle)

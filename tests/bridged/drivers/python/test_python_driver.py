@@ -8,6 +8,7 @@ import textwrap
 import threading
 import time
 from collections.abc import Callable, Generator
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,7 @@ from schemas.wire.records import Note
 from tests.bridged.plugins import install
 from tests.bridged.sky import end_of
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
-from tests.support.buses import async_test, lends, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.processes import running
 
@@ -132,11 +133,9 @@ def robot(*entries: str, orders: str = "") -> str:
     return "\n".join(['[robot]\ndriver = "python"', orders, *map(textwrap.dedent, entries)])
 
 
-tools_test = lends(
-    "workshop",
-    by=lambda gpio, tmp_path: in_the_workshop(Workshop(tmp_path, checked(TOOLS))),
-    needs=("gpio", "tmp_path"),
-)
+@pytest.fixture
+def workshop(gpio: None, tmp_path: Path) -> AbstractAsyncContextManager[Workshop]:
+    return in_the_workshop(Workshop(tmp_path, checked(TOOLS)))
 
 
 def driver_of(workshop: Workshop) -> PythonDriver:
@@ -145,7 +144,6 @@ def driver_of(workshop: Workshop) -> PythonDriver:
     return driver
 
 
-@tools_test
 async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(workshop: Workshop) -> None:
     await workshop.perceives("range", 150)
     await workshop.perceives("where", 2.5, True)
@@ -170,7 +168,6 @@ async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(
         (10.5, "failed", "enough"),
     ],
 )
-@tools_test
 async def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
     workshop: Workshop, gpio: Callable[[], dict[str, object]], height: float, state: str, reason: str
 ) -> None:
@@ -179,7 +176,6 @@ async def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
     assert (await workshop.do("drop", 1)).state == "succeeded"
 
 
-@tools_test
 async def test_fields_give_an_argument_its_constant_and_orders_are_actions(
     workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
@@ -190,7 +186,6 @@ async def test_fields_give_an_argument_its_constant_and_orders_are_actions(
     assert gpio()["led"] == (False, 17)
 
 
-@tools_test
 async def test_a_generator_tells_its_progress_and_returns_its_result(
     workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
@@ -203,7 +198,6 @@ async def test_a_generator_tells_its_progress_and_returns_its_result(
     assert gpio()["closed"] == [60, 3]
 
 
-@tools_test
 async def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
     workshop: Workshop, gpio: Callable[[], dict[str, object]]
 ) -> None:
@@ -219,7 +213,6 @@ async def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_ag
     assert workshop.bridge.health().counters["calls_late"] == 1
 
 
-@async_test
 async def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_breaks(
     gpio: Callable[[], dict[str, object]], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -238,7 +231,6 @@ async def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it
 
 
 @pytest.mark.usefixtures("gpio")
-@async_test
 async def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -251,7 +243,6 @@ async def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
 
 
 @pytest.mark.usefixtures("gpio")
-@async_test
 async def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
     manifest = checked(robot('[percepts.much]\nsource = "gpio.flood"\nargs = ["data"]\nrate = 100'))
     async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
@@ -263,7 +254,6 @@ async def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("gpio")
-@async_test
 async def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tmp_path: Path) -> None:
     manifest = checked(
         robot(
@@ -286,7 +276,6 @@ async def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_ot
 
 
 @pytest.mark.usefixtures("gpio")
-@async_test
 async def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_path: Path) -> None:
     manifest = checked(robot('[actions.wait]\ncall = "gpio.stuck"\ndeadline = "200ms"\nmotion = false'))
     async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
@@ -379,7 +368,6 @@ TWIN = "__all__ = ['read']\ndef read(): return 'twin'\n"
 READS = '[percepts.a]\nsource = "probe.read"\nargs = ["data"]\nrate = 20'
 
 
-@async_test
 async def test_a_simulated_robot_has_the_functions_of_the_twin_and_needs_no_hardware(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -401,7 +389,6 @@ def test_a_plug_in_without_a_twin_is_told_when_it_is_to_be_simulated(
         Workshop(tmp_path, checked(robot(READS)), simulated=True)
 
 
-@tools_test
 async def test_another_manifest_is_taken_over_without_losing_a_percept(workshop: Workshop) -> None:
     await workshop.perceives("range", 150)
     other = TOOLS.replace("rate = 50\nttl", "rate = 100\nttl").replace("[percepts.where]", "[percepts.position]")
@@ -430,7 +417,6 @@ def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
     assert "importing my_stuck, which `stuck` names" in caplog.text
 
 
-@async_test
 async def test_the_thread_of_a_function_that_is_named_no_more_ends(
     gpio: Callable[[], dict[str, object]], tmp_path: Path
 ) -> None:

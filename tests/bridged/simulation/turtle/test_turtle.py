@@ -19,8 +19,8 @@ from schemas.mission.model import load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import ActionStatus, Cancel, Outcome, StopOrder
 from tests.bridged.sky import end_of
-from tests.bridged.studio import MISSIONS, Studio, in_the_studio, studio_test
-from tests.support.buses import async_test, served, subscribed, until
+from tests.bridged.studio import MISSIONS, Studio, in_the_studio
+from tests.support.buses import served, subscribed, until
 from tests.support.notes import identities
 from tests.support.processes import running
 
@@ -107,7 +107,6 @@ def test_it_is_not_teleported_out_of_its_field() -> None:
     assert turtle == Turtle()
 
 
-@studio_test
 async def test_an_agent_drives_it_and_perceives_where_it_is(studio: Studio) -> None:
     await until(lambda: bool(studio.values("pose")), "the pose is perceived")
     x, y, _ = studio.values("pose")
@@ -127,7 +126,6 @@ async def test_an_agent_drives_it_and_perceives_where_it_is(studio: Studio) -> N
     assert (studio.turtle.x, studio.turtle.pen) == (FIELD / 2, Pen())
 
 
-@studio_test
 async def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(studio: Studio) -> None:
     async def order(what: str) -> Outcome | None:
         stop, ask = keys.stop(studio.bus.fleet, "turtle"), StopOrder(order=what)  # type: ignore[arg-type]
@@ -147,7 +145,6 @@ async def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(stud
     await until(lambda: studio.turtle.linear[0] == 2, "it moves again")
 
 
-@studio_test
 async def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(studio: Studio) -> None:
     await until(lambda: bool(studio.values("pose")), "the pose is perceived")
     assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
@@ -184,7 +181,6 @@ topic = "halt"
 """
 
 
-@async_test
 async def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_agent_is_lost(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -217,7 +213,6 @@ async def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_i
         asked.clear()
 
 
-@async_test
 async def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -> None:
     async with in_the_studio(endpoint, tmp_path, mission=load_mission(MISSIONS / "paper_turtle.yaml")) as studio:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
@@ -226,7 +221,6 @@ async def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: P
         await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
 
 
-@async_test
 async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_on(
     endpoint: str, tmp_path: Path
 ) -> None:
@@ -244,7 +238,6 @@ async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_an
         assert studio.turtle.pen.width == 4
 
 
-@async_test
 async def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(
     endpoint: str, tmp_path: Path
 ) -> None:

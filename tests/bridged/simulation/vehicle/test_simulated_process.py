@@ -10,10 +10,9 @@ import pytest
 
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.bridged.radio import Speaker
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 
 
-@async_test
 async def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees_it() -> None:
     bridge, pilot = Speaker(system=255, component=190), Speaker(system=255, component=190)
     links = [f"udpout:127.0.0.1:{one.port}" for one in (bridge, pilot)]
@@ -28,7 +27,6 @@ async def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees
 
 
 @pytest.mark.parametrize(("vehicle", "autopilot", "type_"), [("rover", "ardupilot", 10), ("plane", "px4", 1)])
-@async_test
 async def test_any_kind_may_be_a_process_and_is_armed(vehicle: str, autopilot: str, type_: int) -> None:
     bridge = Speaker(system=255, component=190)
     link = f"udpout:127.0.0.1:{bridge.port}"

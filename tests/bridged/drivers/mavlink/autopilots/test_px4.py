@@ -21,7 +21,6 @@ from bridged.simulation.vehicle.vehicle import Vehicle
 from tests.bridged.bridge.test_pause import pause, resume
 from tests.bridged.bridge.test_safety_orders import leaving, passing
 from tests.bridged.sky import GOAL, HOME, MISSION, Message, Sky
-from tests.support.buses import async_test
 
 MANUAL, ALTCTL, POSCTL, AUTO = 1, 2, 3, 4
 TAKEOFF, LOITER, MISSION_MODE, RTL, LAND = 2, 3, 4, 5, 6
@@ -281,7 +280,6 @@ def test_a_takeoff_that_others_end_has_failed(sky: Sky) -> None:
     assert mode(sky) == "HOLD"
 
 
-@async_test
 async def test_what_an_operator_pauses_goes_on(tmp_path: Path) -> None:
     sky = px4(tmp_path)
     sky.armed()
@@ -408,7 +406,6 @@ def test_what_an_agent_asks_before_the_heartbeat_that_shows_a_failsafe_does_not_
     sky.forward(lambda: mode(sky) == "RTL", "the way home", 8)
 
 
-@async_test
 async def test_a_pause_before_the_heartbeat_that_shows_a_failsafe_does_not_end_it_and_the_next_does(
     tmp_path: Path,
 ) -> None:
@@ -497,7 +494,6 @@ def test_what_it_only_warns_of_leaves_it_to_its_agents(tmp_path: Path) -> None:
     sky.done("return_to_launch")
 
 
-@async_test
 async def test_what_it_only_warns_of_keeps_no_order_from_it(tmp_path: Path) -> None:
     sky = warned(px4(tmp_path / "lost").flying(20))
     sky.bridge.orders.agent_lost("uav", "killed", (Step("hold", 3.0), Step("rtl")))

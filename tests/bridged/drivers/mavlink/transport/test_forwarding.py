@@ -15,7 +15,7 @@ from bridged.drivers.mavlink.transport.forwarding import target_of
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from tests.bridged.radio import BEAT, STATION_BEAT, Speaker, place, riding, spoken_as
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -32,7 +32,6 @@ def command(system: int, number: int = 176, mode: float = 6.0) -> dialect.MAVLin
     return dialect.MAVLink_command_long_message(system, 1, number, 0, 1.0, mode, 0, 0, 0, 0, 0)
 
 
-@async_test
 async def test_a_station_gets_every_packet_of_the_vehicle_as_it_came_and_none_of_ours() -> None:
     port, station = free_port(), Speaker(system=255, component=230)
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
@@ -51,7 +50,6 @@ async def test_a_station_gets_every_packet_of_the_vehicle_as_it_came_and_none_of
         assert ride.driver.counters()["forwarded"] == 5
 
 
-@async_test
 async def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() -> None:
     port, station = free_port(), Speaker(system=255, component=230)
     forward = f"'udpout:127.0.0.1:{station.port}'"
@@ -73,7 +71,6 @@ async def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() 
         await until(lambda: counters.astray == 1, "a command for nobody is counted")
 
 
-@async_test
 async def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() -> None:
     """A station that sends everything on to our own link, or back to us, makes a circle: it is cut at once."""
     port, station = free_port(), Speaker(system=255, component=230)
@@ -92,7 +89,6 @@ async def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() ->
         assert len(station.raw) == 2
 
 
-@async_test
 async def test_a_camera_of_the_vehicle_at_another_address_is_seen_and_takes_nothing_from_the_autopilot() -> None:
     port, station = free_port(), Speaker(system=255, component=230)
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")):
@@ -109,7 +105,6 @@ async def test_a_camera_of_the_vehicle_at_another_address_is_seen_and_takes_noth
         await until(lambda: bool(vehicle.kinds(255, 230)), "the autopilot hears the station")
 
 
-@async_test
 async def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_packets_from_there_are_told() -> None:
     port, forward = free_port(), free_port()
     async with riding(link(port, f"'udpin:127.0.0.1:{forward}'")) as [ride]:
@@ -131,7 +126,6 @@ async def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_p
         await until(lambda: ride.driver.counters()["forward_astray"] == 1, "and what goes nowhere")
 
 
-@async_test
 async def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a_link_loss() -> None:
     port, station = free_port(), Speaker()
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
@@ -148,7 +142,6 @@ async def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a
         await until(seen, "it is seen at its new port")
 
 
-@async_test
 async def test_a_station_may_call_at_a_port_of_ours_by_udp_and_by_tcp() -> None:
     port, udp, tcp = free_port(), free_port(), free_port()
     forward = f"['udpin:127.0.0.1:{udp}', 'tcpin:127.0.0.1:{tcp}']"
@@ -170,7 +163,6 @@ async def test_a_station_may_call_at_a_port_of_ours_by_udp_and_by_tcp() -> None:
         writer.close()
 
 
-@async_test
 async def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets_only() -> None:
     port, nobody, deaf = free_port(), free_port(), free_port()
     forward = f"['udpout:127.0.0.1:{nobody}', 'tcp:127.0.0.1:{free_port()}', 'tcpin:127.0.0.1:{deaf}']"
@@ -194,7 +186,6 @@ async def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets
         asleep.close()
 
 
-@async_test
 async def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_keeps_none_of_ours_waiting() -> None:
     """The vehicle reads some kilobytes a second by TCP; a station sends it a hundred."""
     slow, port = socket.socket(), free_port()
@@ -235,7 +226,6 @@ async def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_ke
     slow.close()
 
 
-@async_test
 async def test_a_port_for_stations_that_is_taken_is_a_note_and_no_end_of_the_flight() -> None:
     port, taken = free_port(), Speaker()
     async with riding(link(port, f"'udpin:127.0.0.1:{taken.port}'")) as [ride]:
@@ -247,7 +237,6 @@ async def test_a_port_for_stations_that_is_taken_is_a_note_and_no_end_of_the_fli
         await until(lambda: ride.driver.heard, "the vehicle is heard all the same")
 
 
-@async_test
 async def test_a_station_that_speaks_under_our_ids_is_told() -> None:
     port, station = free_port(), Speaker(system=255, component=190)
     fields = link(port, f"'udpout:127.0.0.1:{station.port}'") + ", failsafe: {gcs: bridge}"
@@ -260,7 +249,6 @@ async def test_a_station_that_speaks_under_our_ids_is_told() -> None:
         await until(lambda: said in identities(ride.driver.notes()), "the note")
 
 
-@async_test
 async def test_vehicles_of_two_links_go_to_one_station_unless_they_have_one_id() -> None:
     ports, station = [free_port() for _ in range(3)], Speaker(system=255, component=230)
     forward = f"'udpout:127.0.0.1:{station.port}'"
@@ -279,7 +267,6 @@ async def test_vehicles_of_two_links_go_to_one_station_unless_they_have_one_id()
         await until(lambda: len(station.listen()) == 3, "the other one is still seen")
 
 
-@async_test
 async def test_a_mode_that_a_station_sets_is_an_override_here() -> None:
     port, station = free_port(), Speaker(system=255, component=230)
     async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
@@ -303,7 +290,6 @@ async def fly_until(
     await until(said, what)
 
 
-@async_test
 async def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_its_own(tmp_path: Path) -> None:
     phrase, key = tmp_path / "phrase", key_of(b"argo")
     phrase.write_text("argo\n")
@@ -328,7 +314,6 @@ async def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_i
     assert int((tmp_path / f"udpin_127.0.0.1_{port}.signing").read_text()) > 0
 
 
-@async_test
 async def test_two_robots_with_their_own_passphrases_share_one_row_of_timestamps(tmp_path: Path) -> None:
     """On the air a vehicle hears what is said to the other one, and takes nothing older than what it heard last."""
     keys = {1: key_of(b"argo"), 2: key_of(b"gold")}
@@ -359,7 +344,6 @@ def target_system(message: dialect.MAVLink_message) -> int:
     return int(getattr(message, "target_system", 0))
 
 
-@async_test
 async def test_no_bytes_from_either_side_end_a_link_that_is_forwarded() -> None:
     chance = Random(7)
     known = sorted(dialect.mavlink_map)

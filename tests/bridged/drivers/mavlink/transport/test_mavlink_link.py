@@ -19,7 +19,7 @@ from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCount
 from bridged.drivers.mavlink.transport.link import MAX_PEERS, Link, LinkError, open_link
 from commd.common.wakeup_coalescing import CoalescingLoop
 from tests.support.amount import some_of
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.ports import free_port
 
 LARGEST_BUFFER = int(Path("/proc/sys/net/core/rmem_max").read_text())
@@ -195,7 +195,6 @@ def test_a_field_out_of_range_is_a_value_error_with_the_message_name() -> None:
         Encoder(1, 1).pack(dialect.MAVLink_heartbeat_message(999, 3, 0, 0, 0, 3))
 
 
-@async_test
 async def test_a_listening_link_answers_each_system_where_it_was_heard() -> None:
     station, one, two = Ear(), Ear(), Ear()
     port = free_port()
@@ -222,7 +221,6 @@ async def test_a_listening_link_answers_each_system_where_it_was_heard() -> None
         await link.close()
 
 
-@async_test
 async def test_a_port_that_is_taken_is_one_clear_error() -> None:
     ear = Ear()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -236,7 +234,6 @@ async def test_a_port_that_is_taken_is_one_clear_error() -> None:
         await ear.open("serial:/dev/no_such_device:57600", 255)
 
 
-@async_test
 async def test_a_tcp_link_waits_for_its_peer_and_comes_back_after_a_drop() -> None:
     station, vehicle = Ear(), Ear()
     port = free_port()
@@ -260,7 +257,6 @@ async def test_a_tcp_link_waits_for_its_peer_and_comes_back_after_a_drop() -> No
     await listening.close()
 
 
-@async_test
 async def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed() -> None:
     far, near = pty.openpty()
     name = os.ttyname(near)
@@ -280,7 +276,6 @@ async def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed()
     await line.close()
 
 
-@async_test
 async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
     port = free_port()
     vehicle = Ear()
@@ -296,7 +291,6 @@ async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
     await listening.close()
 
 
-@async_test
 async def test_silent_connections_take_no_place_from_one_that_speaks_and_are_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -318,7 +312,6 @@ async def test_silent_connections_take_no_place_from_one_that_speaks_and_are_clo
     await listening.close()
 
 
-@async_test
 async def test_an_error_in_the_handler_does_not_end_the_link() -> None:
     port, seen, complaints = free_port(), [], []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
@@ -337,7 +330,6 @@ async def test_an_error_in_the_handler_does_not_end_the_link() -> None:
     await calling.close()
 
 
-@async_test
 async def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_where_it_speaks() -> None:
     station, port = Ear(), free_port()
     listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
@@ -397,7 +389,6 @@ def test_a_quiet_link_is_read_as_it_sends_and_a_busy_one_in_passes(monkeypatch: 
         runner.run(talk())
 
 
-@async_test
 async def test_what_waits_to_be_read_has_more_room_the_more_vehicles_speak_and_no_more_for_one() -> None:
     rooms = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
@@ -419,7 +410,6 @@ async def test_what_waits_to_be_read_has_more_room_the_more_vehicles_speak_and_n
     assert rooms[1] >= min(most, 2 * 200 * ROOM_EACH)
 
 
-@async_test
 async def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:
     station, vehicle, port = Ear(), Ear(), free_port()
     listening = await station.open(f"udpin:127.0.0.1:{port}", 255)

@@ -19,7 +19,7 @@ from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY
 from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -28,7 +28,6 @@ def link(port: int, system: int, more: str = "") -> str:
     return f"link: 'udpin:127.0.0.1:{port}', sysid: {system}{more}"
 
 
-@async_test
 async def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_under_its_own_ids() -> None:
     port = free_port()
     bridge_is_station, own_component = ", failsafe: {gcs: bridge}", ", ids: {component: 77}"
@@ -48,7 +47,6 @@ async def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_u
             assert all(later == (earlier + 1) % 256 for earlier, later in pairwise(numbers))
 
 
-@async_test
 async def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_of_ids() -> None:
     air = Speaker(system=1)
     fields = [f"link: 'udpout:127.0.0.1:{air.port}', sysid: {system}" for system in (1, 2)]
@@ -63,7 +61,6 @@ async def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_o
         assert numbers == list(range(len(numbers)))
 
 
-@async_test
 async def test_a_vehicle_that_connects_again_is_commanded_before_its_next_heartbeat() -> None:
     port, encoder = free_port(), Encoder(1, 1)
     async with riding(f"link: 'tcpin:127.0.0.1:{port}', sysid: 1") as [ride]:
@@ -83,7 +80,6 @@ async def test_a_vehicle_that_connects_again_is_commanded_before_its_next_heartb
         again.close()
 
 
-@async_test
 async def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are() -> None:
     port = free_port()
     async with riding(*(link(port, system) for system in (1, 2, 3))) as rides:
@@ -97,7 +93,6 @@ async def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are(
         assert not any(ride.readings for ride in rides)
 
 
-@async_test
 async def test_a_robot_that_leaves_keeps_the_link_open_for_the_others_and_the_last_one_frees_the_port() -> None:
     port = free_port()
     async with riding(link(port, 1), link(port, 2)) as (first, second):
@@ -110,7 +105,6 @@ async def test_a_robot_that_leaves_keeps_the_link_open_for_the_others_and_the_la
             probe.bind(("127.0.0.1", port))
 
 
-@async_test
 async def test_what_fails_in_one_robot_is_reported_and_the_others_go_on() -> None:
     port, complaints = free_port(), []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
@@ -128,7 +122,6 @@ async def test_what_fails_in_one_robot_is_reported_and_the_others_go_on() -> Non
         assert not clumsy.running.done()
 
 
-@async_test
 async def test_two_robots_of_one_system_at_one_link_are_one_too_many() -> None:
     port = free_port()
     async with riding(link(port, 1), link(port, 1)) as (first, second):
@@ -137,7 +130,6 @@ async def test_two_robots_of_one_system_at_one_link_are_one_too_many() -> None:
         assert not first.running.done()
 
 
-@async_test
 async def test_a_link_that_cannot_be_opened_is_an_error_for_each_of_its_robots() -> None:
     with socket.socket(type=socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -155,7 +147,6 @@ TURNED = read_manifest(
 
 
 @pytest.mark.parametrize(("manifest", "reads"), [(COPTER, False), (TURNED, True)])
-@async_test
 async def test_messages_that_no_percept_is_made_of_are_counted_and_not_decoded(manifest: Any, reads: bool) -> None:
     port, attitude = free_port(), dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
     async with riding(link(port, 1), manifest=manifest) as [ride]:

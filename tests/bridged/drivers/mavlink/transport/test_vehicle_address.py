@@ -15,7 +15,7 @@ from bridged.drivers.mavlink.transport.vehicle_address import BACK_WITHIN, Vehic
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from schemas.manifest.loader import load_manifest
 from tests.bridged.radio import Speaker, place, riding
-from tests.support.buses import async_test, until
+from tests.support.buses import until
 from tests.support.ports import free_port
 
 MANIFEST = load_manifest("copter")
@@ -123,7 +123,6 @@ def test_ever_new_ports_fill_neither_the_log_nor_the_memory(caplog: pytest.LogCa
     assert len(sender.address._heard) <= 8
 
 
-@async_test
 async def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_vehicle_for_the_agent() -> None:
     """What an assessment did: telemetry of the vehicle's ids from elsewhere, and `goto` succeeded at once."""
     port = free_port()
@@ -152,7 +151,6 @@ async def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_
         await until(lambda: state.positions == 2, "the vehicle goes on")
 
 
-@async_test
 async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_companions_are_not_meant() -> None:
     port = free_port()
     async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
@@ -171,7 +169,6 @@ async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_co
         assert refusal.reason.startswith("two vehicles are system 1, at udp:127.0.0.1")
 
 
-@async_test
 async def test_a_camera_at_an_address_of_its_own_is_spoken_to_there() -> None:
     port = free_port()
     async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
@@ -189,7 +186,6 @@ async def test_a_camera_at_an_address_of_its_own_is_spoken_to_there() -> None:
         assert marks(camera) == [1.0]
 
 
-@async_test
 async def test_what_another_address_says_in_a_cameras_name_is_no_picture_and_no_command_goes_there() -> None:
     port, camera_beat = free_port(), dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3)
     async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
