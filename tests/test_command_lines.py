@@ -53,9 +53,7 @@ def test_a_speed_that_none_can_keep_is_refused(
 
 
 @pytest.mark.parametrize("program", [argosy, agentd, bridged, commd])
-def test_without_a_command_the_usage_is_told(
-    program: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_command_tells_the_usage(program: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         program([])
     assert ended.value.code == 2

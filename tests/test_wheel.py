@@ -100,9 +100,7 @@ def test_the_wheel_carries_each_file_of_the_packages_and_no_test(wheel: Path) ->
     assert {name.split("/")[0] for name in held} == set(PACKAGES)
 
 
-def test_the_installed_wheel_flies_the_mission(
-    installed: Installed, endpoint: str, free_port: Callable[[], int]
-) -> None:
+def test_the_installed_wheel_flies_a_mission(installed: Installed, endpoint: str, free_port: Callable[[], int]) -> None:
     shipped = installed.shipped("missions", "single_uav.yaml")
     text = shipped.read_text().replace(":14550", f":{free_port()}")
     mission = installed.work / "mine.yaml"
@@ -212,9 +210,7 @@ def _holds(marker: Marker | None, board: dict[str, str]) -> bool:
         (("--wheel", "argosy-9-py3-none-any.whl"), "argosy-9-py3-none-any.whl: No such file"),
     ],
 )
-def test_a_wheelhouse_that_cannot_be_made_is_refused_in_words(
-    tmp_path: Path, arguments: tuple[str, ...], told: str
-) -> None:
+def test_an_impossible_wheelhouse_is_refused_in_words(tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:
     command = [sys.executable, "-m", "argosy", "wheelhouse", *arguments, "--out", str(tmp_path / "house")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode in (1, 2)

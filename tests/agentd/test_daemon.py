@@ -112,9 +112,7 @@ def test_decisions_are_kept_for_observers_unless_none_are_asked_for(tmp_path: Pa
 
 
 @pytest.mark.parametrize("delay", [0, 200])
-def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(
-    tmp_path: Path, endpoint: str, delay: int
-) -> None:
+def test_a_program_that_stops_the_team_ends_the_daemon_with_its_code(tmp_path: Path, endpoint: str, delay: int) -> None:
     program = "+jag_shutting_down(T) <- .print(told(T)).\n"
     path = mission(tmp_path, wait=f"!g.\n+!g <- .wait(100); .stopMAS({delay},3).\n{program}")
     with daemons(path, endpoint, "b") as (agent,):

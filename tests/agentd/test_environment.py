@@ -345,9 +345,7 @@ def test_a_class_that_cannot_be_used_is_reported_without_a_traceback(folder: Pat
     assert "Traceback" not in done.stderr
 
 
-def test_a_module_that_fails_in_what_it_imports_itself_names_that(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_module_that_fails_in_its_own_imports_names_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "needs_more.py").write_text("import no_such_library\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -425,9 +425,7 @@ def _make_harness(folder: Path, names: tuple[str, ...]) -> None:
         (folder / name).write_text("+!assert_equals(_, _) <- .fail.")
 
 
-def test_an_included_file_that_is_not_found_is_reported_with_the_option_that_names_its_folder(
-    run, tmp_path: Path
-) -> None:
+def test_a_missing_included_file_is_reported_with_the_option_that_names_its_folder(run, tmp_path: Path) -> None:
     ran = run('{ include("tester_agent.asl") }\n{ include("bob.asl") }\n@t[test] +!t <- !force_pass.', name="t/t.asl")
     assert ran.code == 2
     assert "give its folder by --include-path FOLDER" in ran.err

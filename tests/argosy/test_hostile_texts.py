@@ -68,9 +68,7 @@ def test_no_command_lets_what_a_fleet_says_command_the_terminal(mission: Path, e
 
 
 @pytest.mark.parametrize("kind", ["commands", "markup"])
-def test_what_a_fleet_said_is_text_in_a_recordings_contents_and_figure(
-    tmp_path: Path, endpoint: str, kind: str
-) -> None:
+def test_what_a_fleet_said_is_text_in_recordings_and_figures(tmp_path: Path, endpoint: str, kind: str) -> None:
     file, figure = tmp_path / "a.mcap", tmp_path / "a.svg"
     with saying(endpoint, kind):
         _argosy("record", "--router", endpoint, "--max-time", "6s", "-o", str(file))

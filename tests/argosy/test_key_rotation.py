@@ -210,9 +210,7 @@ MISUSED: dict[str, tuple[tuple[str, ...], str]] = {
 
 
 @pytest.mark.parametrize("what", MISUSED)
-def test_keys_that_are_misused_are_refused_in_words(
-    fleet: Secured, capsys: pytest.CaptureFixture[str], what: str
-) -> None:
+def test_misused_keys_are_refused_in_words(fleet: Secured, capsys: pytest.CaptureFixture[str], what: str) -> None:
     options, words = MISUSED[what]
     given = [str(fleet.keys("ops")) if option == "KEYS" else option for option in options]
     assert argosy(["stop", "land", *given]) in (1, 2)

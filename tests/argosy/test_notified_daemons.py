@@ -63,9 +63,7 @@ def ready(manager: NotifySocket) -> None:
     manager.until(lambda: manager.fields("READY") == ["1"], "READY=1 comes, once")
 
 
-def test_commd_is_ready_when_its_router_answers_and_its_token_is_up(
-    mission: str, manager: NotifySocket, endpoint: str
-) -> None:
+def test_commd_is_ready_with_its_router_and_its_token(mission: str, manager: NotifySocket, endpoint: str) -> None:
     environment = manager.environment(watchdog=WATCHDOG)
     with running("commd", "serve", mission, "--router", endpoint, environment=environment) as commd:
         ready(manager)

@@ -18,9 +18,7 @@ def daemons(endpoint: str) -> str:
     return forked.run(["argosy", "status", "--plain", "--router", endpoint]).stdout
 
 
-def test_a_mission_paused_in_flight_goes_on_to_its_place_and_is_done(
-    start: Start, single_uav: Path, endpoint: str
-) -> None:
+def test_a_mission_paused_in_flight_goes_on_and_is_done(start: Start, single_uav: Path, endpoint: str) -> None:
     running = start(single_uav, "--speed", "5", real_daemons=True)
     running.until("uav: goto(-27.603683,-48.518052,40)")
     assert stop("pause", endpoint) == (0, "uav1: pause confirmed (the vehicle is in BRAKE)\n")

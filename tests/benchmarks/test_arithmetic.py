@@ -95,9 +95,7 @@ def test_ratios_of_reasoners_are_taken_between_neighbours() -> None:
     ("now", "met", "decided"),
     [([104.0, 90.0, 104.9], True, True), ([106.0, 107.0, 120.0], False, True), ([100.0, 106.0, 120.0], False, False)],
 )
-def test_a_cost_may_be_five_per_cent_more_than_in_an_earlier_revision(
-    now: list[float], met: bool, decided: bool
-) -> None:
+def test_a_cost_may_be_five_per_cent_more_than_in_a_revision_before(now: list[float], met: bool, decided: bool) -> None:
     figures = Compared(probes={"mail": {"a (ms)": Costs([100.0] * 3, now), "b (MB)": Costs([10.0] * 3, [9.0] * 3)}})
     (goal,) = compared_goals(figures)
     assert (goal.met, goal.decided) == (met, decided)
@@ -142,9 +140,7 @@ def _flown(cpu: float, rss: float) -> Flown:
     ],
     ids=["below", "above in memory", "one pair, close", "one pair, far", "above in cpu", "both sides", "each above"],
 )
-def test_a_goal_of_usage_is_decided_by_pairs_that_agree(
-    agents: list[Flown], board: tuple[bool, bool], agent: bool
-) -> None:
+def test_pairs_that_agree_decide_a_goal_of_usage(agents: list[Flown], board: tuple[bool, bool], agent: bool) -> None:
     programs = [_flown(1, 100) for _ in agents]
     figures = Figures([usage_of(SINGLE, 10.0, "agentspeak", agents), usage_of(SINGLE, 10.0, "python", programs)])
     of_board, of_agent = goals(figures)

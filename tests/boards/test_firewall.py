@@ -112,9 +112,7 @@ def board(tmp_path: Path, nft: None) -> tuple[Board, Path]:
     return made, tmp_path / "out"
 
 
-def test_who_connects_too_often_is_limited_and_boards_and_others_are_not(
-    network: Network, board: tuple[Board, Path]
-) -> None:
+def test_who_connects_too_often_is_limited_boards_and_others_not(network: Network, board: tuple[Board, Path]) -> None:
     rules = str(board[1] / rules_path(board[0])[1:])
     for check in (["-c"], [], []):  # a second time: it takes the place of the first
         _on(network, "pi1", "nft", *check, "-f", rules)

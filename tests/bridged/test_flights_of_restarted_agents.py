@@ -17,9 +17,7 @@ FLIER = """\
 """
 
 
-def test_an_agent_that_is_back_at_once_joins_its_flight_and_one_that_is_late_gets_its_robot_back(
-    tmp_path: Path,
-) -> None:
+def test_an_agent_back_immediately_joins_its_flight_and_a_late_one_gets_its_robot_back(tmp_path: Path) -> None:
     field = Field(tmp_path, FLIER, "")
     mission = tmp_path / "m.yaml"
     mission.write_text(mission.read_text() + '    on_agent_loss: ["hold 600s", rtl]\n')
@@ -57,9 +55,7 @@ def test_the_robot_of_an_agent_that_an_edited_mission_has_no_more_is_brought_to_
             again.until(lambda text: "rtl (agent uav is lost: rtl): succeeded" in text, "the copter returns")
 
 
-def test_the_robot_of_a_restarted_agent_that_by_an_edited_mission_has_no_robot_is_brought_to_safety(
-    tmp_path: Path,
-) -> None:
+def test_the_robot_of_a_restarted_agent_that_now_has_no_robot_is_brought_to_safety(tmp_path: Path) -> None:
     field = Field(tmp_path, FLIER, "!nothing. +!nothing.", failsafe=0)
     mission = Path(field.mission)
     with field.router, field.copter, running(*field.bridge) as bridge:

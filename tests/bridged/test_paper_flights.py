@@ -75,9 +75,7 @@ def test_a_truth_value_is_what_its_text_says(sky: Sky, argument: Term, armed: bo
         ("set_mode", (Variable("Mode"),), "no mode 'Mode'; this vehicle has"),
     ],
 )
-def test_what_an_argument_cannot_be_is_refused_in_words(
-    sky: Sky, name: str, arguments: tuple[Term, ...], reason: str
-) -> None:
+def test_wrong_arguments_are_refused_in_words(sky: Sky, name: str, arguments: tuple[Term, ...], reason: str) -> None:
     status = sky.do(name, *arguments)
     assert status.state == "refused"
     assert status.reason.startswith(reason)

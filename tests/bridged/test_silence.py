@@ -34,18 +34,14 @@ def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(sky: Sky) -> None
     assert re.fullmatch(r"not armed when last heard \d+ s ago", found.text)
 
 
-def test_a_vehicle_lost_while_armed_is_left_as_armed_when_last_heard(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_vehicle_lost_while_armed_is_left_as_last_heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
     found = left(silent(Sky(tmp_path).flying(), 20))
     assert (found.state, found.order) == ("unconfirmed", None)
     assert re.match(r"armed when last heard (19|20|21) s ago, and it has not confirmed rtl: ", found.text), found
 
 
-def test_a_normal_start_warns_of_no_missing_heartbeat_and_a_vehicle_that_stays_away_is_a_warning(
-    tmp_path: Path,
-) -> None:
+def test_a_normal_start_warns_of_no_missing_heartbeat_and_an_absent_vehicle_is_a_warning(tmp_path: Path) -> None:
     sky = silent(Sky(tmp_path, speed=5), 2.5 * 5)
     assert sky.driver.notes() == []
     sky.wait(1.0 * 5)
@@ -73,9 +69,7 @@ def test_silence_is_told_in_the_wall_seconds_of_the_manifest(tmp_path: Path) -> 
     assert going[-1].reason == "link lost: no heartbeat for 5.0 s"
 
 
-def test_the_log_says_when_the_vehicle_is_heard_lost_and_heard_again(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_log_says_when_a_vehicle_is_heard_lost_and_back(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "mavlink")
     sky = silent(Sky(tmp_path).flying(), 10)
     sky.we_hear = lambda message: True

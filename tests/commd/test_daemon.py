@@ -96,9 +96,7 @@ UNTELLABLE: dict[str, Health] = {
 
 
 @pytest.mark.parametrize("what", UNTELLABLE)
-async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(
-    connect: Connect, what: str
-) -> None:
+async def test_a_daemon_whose_health_others_cannot_read_still_says_that_it_lives(connect: Connect, what: str) -> None:
     heard = await health_of(connect, lambda: UNTELLABLE[what])
     assert heard[0].pid == os.getpid()
     assert [note.code for note in heard[0].notes] == ["health_unsendable"]

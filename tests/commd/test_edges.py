@@ -121,9 +121,7 @@ async def test_a_program_that_was_away_gets_each_message_once_and_a_full_mailbox
                 assert left == [2, 3, 4, "late"]
 
 
-async def test_a_program_that_nobody_named_joins_is_sent_to_and_leaves(
-    endpoint: str, tmp_path: Path, mission: Path
-) -> None:
+async def test_an_unnamed_program_joins_is_sent_to_and_leaves(endpoint: str, tmp_path: Path, mission: Path) -> None:
     with commd(mission, tmp_path, endpoint) as daemon:
         await asyncio.to_thread(daemon.says, "router board=local")
         async with join("planner", mission=mission, router=endpoint) as me:
@@ -219,9 +217,7 @@ radio: {range: 300m}
 """
 
 
-async def test_mail_waits_while_the_robots_are_out_of_range(
-    endpoint: str, tmp_path: Path, free_port: Callable[[], int]
-) -> None:
+async def test_mail_waits_for_robots_out_of_range(endpoint: str, tmp_path: Path, free_port: Callable[[], int]) -> None:
     async with near_and_distant(APART, endpoint, tmp_path, free_port, ", as the mission declares: range 300m") as (
         near,
         distant,

@@ -33,9 +33,7 @@ def crossed(content: Any) -> Any:
 
 @pytest.mark.parametrize("decisions", [50, 0], ids=["", "without decisions"])
 @pytest.mark.parametrize("case", CASES)
-def test_a_mind_that_lives_again_does_the_same(
-    case: str, decisions: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mind_again_does_the_same(case: str, decisions: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     lives: list[Traced] = []
     clones: set[int] = set()

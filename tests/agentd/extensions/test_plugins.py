@@ -199,9 +199,7 @@ def test_a_package_cannot_replace_the_standard_library(ran) -> None:
     assert done.stdout == "[bob] heard\n"
 
 
-def test_programs_that_use_no_names_of_packages_do_not_look_for_any(
-    command: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_programs_that_name_no_packages_do_not_look_for_any(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     def looked(**_: object) -> None:
         raise AssertionError("entry points were looked for")
 

@@ -105,9 +105,7 @@ async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
     await until(lambda: desk.told("b") == [2, 1], "the other one leaves when it is kept")
 
 
-async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_immediately_when_it_comes(
-    connect: Connect,
-) -> None:
+async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_when_it_comes(connect: Connect) -> None:
     outbox, _ = an_outbox(await connect("a"))
     send(outbox, 1)
     keep(outbox)
@@ -411,9 +409,7 @@ async def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it
     assert reader.fed == list(range(500))
 
 
-async def test_the_last_numberings_of_a_sender_are_remembered(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_last_numberings_of_senders_are_remembered(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.client.receive_once.NUMBERINGS", 8)
 
     reader = await a_reader(connect)

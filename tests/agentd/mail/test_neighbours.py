@@ -103,9 +103,7 @@ async def test_what_a_neighbour_has_not_taken_is_on_disk_and_comes_again_once_an
     assert pair.desk.taken == []
 
 
-async def test_what_does_not_fit_goes_by_commd_and_nothing_overtakes_it(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_does_not_fit_goes_by_commd_in_order(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.MOST", 2)
     await pair.begin(b_begins=False)
     go(pair.a, 5)
@@ -153,9 +151,7 @@ async def test_a_message_of_an_atomic_plan_is_given_to_a_neighbour_when_the_plan
     assert seen == [True]
 
 
-async def test_an_agent_that_is_not_kept_has_mail_like_the_others_and_what_follows_waits_for_the_disk(
-    pair: Pair,
-) -> None:
+async def test_an_agent_that_is_not_kept_has_mail_like_others_and_what_follows_waits_for_the_disk(pair: Pair) -> None:
     desk = await a_desk(pair.board.connect, "b")
     await pair.begin(b="+!kqml_received(S, tell, N, _) <- .print(N); .send(c, tell, N).\n", kept="a")
     pair.daemon.disk.open.clear()

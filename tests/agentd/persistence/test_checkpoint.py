@@ -111,9 +111,7 @@ def test_the_last_number_taken_never_falls(path: Path) -> None:
     assert stored.absorbed == {("ann", "n"): 5}
 
 
-def test_of_each_sender_the_last_numberings_that_were_used_are_remembered(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_each_sender_the_last_used_numberings_are_remembered(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpoint.NUMBERINGS", 8)
     checkpoint = Checkpoint.open(path)
     for number in range(12):
@@ -181,9 +179,7 @@ while True:
 """
 
 
-def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had_announced_is_missing(
-    path: Path,
-) -> None:
+def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_announced_is_missing(path: Path) -> None:
     for lines in (1, 7, 30):
         process = subprocess.Popen([sys.executable, "-c", _SAVER, str(path)], stdout=subprocess.PIPE, text=True)
         try:

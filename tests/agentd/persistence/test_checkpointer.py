@@ -60,9 +60,7 @@ async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(board: 
     assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
 
 
-async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
-    board: Board,
-) -> None:
+async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_outlives_a_death(board: Board) -> None:
     program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
     backfill = await board.connect("board", "commd")
     agent = await a_life(board, program, backfill)

@@ -57,9 +57,7 @@ next(0). expected(0).
 
 
 @pytest.mark.parametrize("seed", [1, 2] if THOROUGH else [1])
-def test_no_message_is_lost_doubled_or_out_of_order_while_daemons_are_killed(
-    tmp_path: Path, endpoint: str, seed: int
-) -> None:
+def test_no_message_is_lost_doubled_or_out_of_order_under_kills(tmp_path: Path, endpoint: str, seed: int) -> None:
     chance, count, kills = random.Random(seed), 5000, 8
     text = ONE.format(more=', beliefs: ["peer(b)"]').replace("b.asl", 'a.asl, beliefs: ["peer(a)"]')
     with a_fleet(tmp_path, endpoint, text, a=STREAM.replace("COUNT", str(count))) as fleet:
@@ -169,9 +167,7 @@ def test_an_agent_that_is_back_goes_on_and_never_begins_again(tmp_path: Path, en
         end(third)
 
 
-def test_a_goal_of_the_mission_file_takes_the_place_of_what_the_agent_had_in_mind(
-    tmp_path: Path, endpoint: str
-) -> None:
+def test_a_goal_of_the_mission_file_replaces_what_the_agent_had_in_mind(tmp_path: Path, endpoint: str) -> None:
     text = ONE.format(more=', on_restart: "goal(recover(home))"')
     with a_fleet(tmp_path, endpoint, text, a=LIVES, b=ASKS) as fleet:
         until_kept(fleet).kill()

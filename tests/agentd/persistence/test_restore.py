@@ -48,9 +48,7 @@ def keep(folder: Path, *agents: str) -> None:
     checkpoint.close()
 
 
-def test_agents_that_go_to_other_daemons_and_back_keep_their_state_and_nothing_of_it_stays_behind(
-    tmp_path: Path,
-) -> None:
+def test_agents_that_go_to_other_daemons_and_back_keep_their_state_and_none_stays_behind(tmp_path: Path) -> None:
     keep(tmp_path, "a", "b", "c")
     alone, states = opened(tmp_path, "b")
     assert ranks(states) == {"b": [2]}
@@ -83,9 +81,7 @@ def test_the_state_of_an_agent_that_another_daemon_has_open_is_not_taken(
     found.close()
 
 
-def test_a_move_that_was_cut_short_is_repeated_from_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_move_cut_short_is_repeated_from_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep(tmp_path, "a", "b")
 
     def full(*_: object, **__: object) -> None:

@@ -332,9 +332,7 @@ async def test_a_plan_that_is_dropped_immediately_does_not_join_what_still_runs(
 
 
 @pytest.mark.parametrize("dropped", [False, True])
-async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_reported_once_and_not_done_again(
-    dropped: bool,
-) -> None:
+async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_done_again(dropped: bool) -> None:
     hands = Hands()
     alone = Alone(hands)
     assert await alone.action_client.take_up([LEFT]) == []
@@ -364,9 +362,7 @@ def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() ->
         to_wire(nested(150))
 
 
-def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_it_is_too_large(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.language.terms.to_ast.MOST_NODES", 1000)
     part = atom("x")
     for _ in range(60):

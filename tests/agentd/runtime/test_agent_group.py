@@ -200,9 +200,7 @@ def test_what_is_saved_is_there_whole_can_be_read_again_and_is_bounded(tmp_path:
         files.save("c.asl", "x" * (MOST_SAVED + 1))
 
 
-def test_the_state_is_where_it_was_asked_for_or_where_systemd_or_the_user_keep_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_state_is_where_it_was_asked_for_or_systemd_or_the_user_keep_it(monkeypatch: pytest.MonkeyPatch) -> None:
     assert state_folder("/srv/x", "sar") == Path("/srv/x/sar")
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/argosy:/var/lib/other")
     assert state_folder(None, "sar") == Path("/var/lib/argosy/sar")

@@ -329,9 +329,7 @@ async def test_only_the_agent_whose_trace_has_a_subscriber_learns_of_it_and_of_i
     assert told == [("a", "inputs", True), ("a", "inputs", False)]
 
 
-async def test_a_subscriber_to_the_traces_of_all_is_seen_by_each_agent_also_by_one_that_comes_later(
-    connect: Connect,
-) -> None:
+async def test_a_subscriber_to_all_traces_is_seen_by_each_agent_also_by_one_that_comes_later(connect: Connect) -> None:
     daemon, observer = await connect("a", "agentd"), await connect("observer", "argosy")
     told: list[Told] = []
     subscribers = TraceSubscribers(daemon)

@@ -117,9 +117,7 @@ def test_findings_come_as_json_too(mission: Path, capsys: pytest.CaptureFixture[
     assert (found["line"], found["column"], found["severity"]) == (12, 1, "error")
 
 
-def test_robots_that_share_a_link_are_right_where_they_can_meet(
-    mission: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_robots_that_share_a_link_pass_where_they_can_meet(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = MISSION.partition("robots:\n")[2].partition("done:")[0]
     edit(mission, "done:", f"{robot.replace('uav1', 'uav2')}    sysid: 2\ndone:")
     assert findings(mission) == []

@@ -56,9 +56,7 @@ def said(folder: Path, step: str) -> list[tuple[int, str, str]]:
         ('upload_plan("plans/bad.plan")', "plans/bad.plan: expected a plan of QGroundControl"),
     ],
 )
-def test_a_plan_file_that_the_bridge_would_refuse_is_an_error_where_it_is_named(
-    folder: Path, step: str, text: str
-) -> None:
+def test_a_plan_file_the_bridge_would_refuse_is_an_error_where_it_is_named(folder: Path, step: str, text: str) -> None:
     (folder / "plans" / "high.plan").write_text(plan(simple(16, 0, 0, 0, None, *NEAR, 31)))
     (folder / "plans" / "terrain.plan").write_text(plan(simple(16, 0, 0, 0, None, *NEAR, 5, frame=10)))
     (folder / "plans" / "bad.plan").write_text("home")

@@ -44,9 +44,7 @@ def test_without_a_router_it_fails_soon_and_says_where_it_looked(
 
 
 @pytest.mark.parametrize("command", [*READ, "why uav --mission MISSION"])
-def test_a_mission_that_cannot_be_read_is_bad_input(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unreadable_mission_is_bad_input(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     none = str(tmp_path / "none.yaml")
     assert main(command.replace("MISSION", none).split()) == 2
     out, err = capsys.readouterr()

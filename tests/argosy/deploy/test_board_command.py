@@ -181,9 +181,7 @@ def test_a_part_that_ends_although_nobody_told_it_to_has_failed(name: str, caplo
     assert f"{name} has failed, the board ends: it ended by itself" in caplog.text
 
 
-def test_a_part_that_does_not_end_is_told_and_left(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_endless_part_is_told_and_left(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     async def stubborn(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
         unit.ready("stubborn")
         await asyncio.sleep(1000)

@@ -154,9 +154,7 @@ def test_a_board_without_robots_has_no_bridge(tmp_path: Path) -> None:
         ("tcp:autopilot.local:5760", []),
     ],
 )
-def test_the_bridge_alone_gets_the_devices_and_addresses_of_its_robots(
-    tmp_path: Path, link: str, expected: list[str]
-) -> None:
+def test_the_bridge_alone_gets_its_robots_devices_and_addresses(tmp_path: Path, link: str, expected: list[str]) -> None:
     write(Board(mission(tmp_path, link=link), "pi1"), tmp_path / "out")
     assert added(tmp_path / "out", "bridged") == expected
     assert added(tmp_path / "out", "agentd") == added(tmp_path / "out", "commd") == []
@@ -225,9 +223,7 @@ def test_what_a_board_cannot_run_is_refused_in_words_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
-def test_passphrases_are_installed_where_the_bridge_reads_them_by_a_command_that_does_nothing_else(
-    tmp_path: Path,
-) -> None:
+def test_passphrases_are_installed_where_the_bridge_reads_them_by_a_command_of_their_own(tmp_path: Path) -> None:
     for number, (named, here, there) in enumerate(
         [
             ("a b; touch x", "a b; touch x", "/etc/argosy/survey/a b; touch x"),
@@ -242,9 +238,7 @@ def test_passphrases_are_installed_where_the_bridge_reads_them_by_a_command_that
 
 
 @pytest.mark.parametrize("name", ["it's.yaml", "a\nb.yaml", "a\\b.yaml", "50%i.yaml", " a.yaml"])
-def test_a_file_name_that_units_cannot_say_is_refused(
-    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_name_that_units_cannot_say_is_refused(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     mission(tmp_path)
     (tmp_path / "survey.yaml").rename(tmp_path / name)
     assert main(["units", str(tmp_path / name), "--board", "pi1", "--out", str(tmp_path / "out")]) == 2

@@ -173,9 +173,7 @@ def test_versions_that_differ_are_named_and_another_major_one_is_an_error(facts:
         ({"pi1": 0.0, "pi2": -7200.0}, "error", "is 2 h ahead of pi2"),
     ],
 )
-def test_clocks_are_compared_as_far_as_round_trips_allow(
-    facts: Facts, ahead: dict[str, float], level: str, told: str
-) -> None:
+def test_clocks_are_compared_as_round_trips_allow(facts: Facts, ahead: dict[str, float], level: str, told: str) -> None:
     seen = {board: LinkReport(board=board, round_trip=0.01, ahead=one) for board, one in ahead.items()}
     assert told in only(clocks(replace(facts, from_here=seen)), level).text
 
@@ -231,9 +229,7 @@ def test_a_board_that_does_not_answer_is_an_error(facts: Facts) -> None:
         (1000, 100, "warning", "uav: 10.0 of 110 packets/s on"),
     ],
 )
-def test_links_to_vehicles_are_judged_by_what_comes(
-    facts: Facts, messages: float, bad: float, level: str, told: str
-) -> None:
+def test_links_are_judged_by_what_comes(facts: Facts, messages: float, bad: float, level: str, told: str) -> None:
     before = row("uav", "bridged", "pi2", uptime=90.0, counters={"messages": 50.0, "bad_checksums": 5.0})
     after = row("uav", "bridged", "pi2", counters={"messages": 50.0 + messages, "bad_checksums": 5.0 + bad})
     assert told in only(vehicles(replace(facts, earlier=[before], rows=[after])), level).text

@@ -178,9 +178,7 @@ async def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_ch
     assert told["queues"][0]["messages"] == 3
 
 
-def test_a_mail_file_whose_table_computes_without_end_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mail_file_whose_table_never_ends_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "pi2.mail"
     with closing(sqlite3.connect(path)) as db:
         migrate(db, MIGRATIONS)

@@ -68,9 +68,7 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
         yield ["--router", endpoint]
 
 
-def test_the_running_manifest_is_read_changed_and_written_as_a_file(
-    there: list[str], tmp_path: Path, capsys: Captured
-) -> None:
+def test_a_running_manifest_is_read_changed_and_saved(there: list[str], tmp_path: Path, capsys: Captured) -> None:
     assert main(["manifest", "get", "turtle1", *there]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["version"], told["manifest"]) == (1, document(load_manifest("turtle")))

@@ -225,9 +225,7 @@ def test_without_the_mission_each_agent_that_perceives_is_a_robot_of_its_own(tmp
     assert list(scene.robots) == ["rescuer", "scout"]
 
 
-def test_a_recording_that_was_cut_off_is_plotted_as_far_as_it_goes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_cut_off_is_plotted_as_far_as_it_goes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Fleet(tmp_path / "cut.mcap")
     fly(fleet)
     assert main(["plot", str(fleet.cut_off())]) == 0

@@ -251,9 +251,7 @@ def test_the_ends_of_links_that_this_machine_binds_are_known() -> None:
         (["uav1", "uav7", "ground"], {"uav1"}, ["uav7", "ground"]),
     ],
 )
-def test_real_robots_are_named_by_themselves_by_their_agent_or_all(
-    named: list[str], real: set[str], unknown: list[str]
-) -> None:
+def test_real_robots_are_named_by_name_by_agent_or_all(named: list[str], real: set[str], unknown: list[str]) -> None:
     assert real_robots(mission(), named) == (frozenset(real), unknown)
 
 

@@ -306,9 +306,7 @@ def test_a_life_that_ended_before_the_file_was_cut_off_agrees(recorded: Recorded
     assert err.startswith("warning: ")
 
 
-def test_a_file_that_was_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(
-    recorded: Recorded, replayed: Replay
-) -> None:
+def test_a_file_cut_off_is_proved_as_far_as_it_goes_and_does_not_agree(recorded: Recorded, replayed: Replay) -> None:
     cut = cut_off(recorded, lambda life: life.whole and not life.ended)
     code, out, err = replayed("buyer", path=cut)
     assert code == 1
@@ -363,9 +361,7 @@ def test_one_of_several_fleets_has_to_be_named(recorded: Recorded, replayed: Rep
     assert "there are no inputs of buyer of fleet third in it" in err
 
 
-def test_it_is_said_which_file_an_edited_one_of_another_name_takes_the_place_of(
-    recorded: Recorded, replayed: Replay
-) -> None:
+def test_it_is_said_which_file_an_edited_one_of_another_name_replaces(recorded: Recorded, replayed: Replay) -> None:
     def with_an_include(batch: MindInputs) -> MindInputs:
         if batch.initial is None:
             return batch

@@ -59,9 +59,7 @@ def test_a_daemon_killed_in_flight_fails_the_mission_and_the_vehicle_comes_home(
     assert re.search(r"uav1 +RTL, disarmed, -?0\.\d m above home", out), out
 
 
-def test_a_bridge_killed_while_it_brings_its_vehicle_home_is_started_again_for_that(
-    start: Start, single_uav: Path
-) -> None:
+def test_a_bridge_killed_while_it_brings_its_vehicle_home_is_restarted_for_that(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "5", real_daemons=True)
     running.until("uav: takeoff(5) succeeded")
     running.process.send_signal(signal.SIGINT)
@@ -99,9 +97,7 @@ def test_a_bridge_that_stands_still_for_less_than_the_grace_does_not_end_a_missi
     assert re.search(r"uav1 +RTL, disarmed", out)
 
 
-def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ctrl_c_again_leaves_it_there(
-    start: Start, single_uav: Path
-) -> None:
+def test_ctrl_c_in_flight_brings_the_vehicle_home_and_again_leaves_it_there(start: Start, single_uav: Path) -> None:
     running = start(single_uav, "--speed", "5", real_daemons=True)
     running.until("uav: takeoff(5) succeeded")
     running.process.send_signal(signal.SIGINT)

@@ -66,9 +66,7 @@ def test_the_grace_does_not_run_while_an_operator_has_paused_a_robot(monkeypatch
     assert (ending, wall) == (FAILED, 110.0)
 
 
-def test_a_paused_run_ends_by_ctrl_c_and_when_nobody_is_there_to_let_its_robot_go_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_paused_run_ends_by_ctrl_c_and_when_nobody_can_let_its_robot_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = failing()
     recording.percept("paused", Atom("operator"))
     assert outcome(recording, monkeypatch, {})[1] == 500.25

@@ -88,9 +88,7 @@ def test_a_mission_that_does_not_check(refused: Refused, single_uav: Path) -> No
 
 
 @pytest.mark.parametrize("named", [True, False])
-def test_a_real_robot_without_a_terminal_to_ask_at_and_without_yes(
-    refused: Refused, single_uav: Path, named: bool
-) -> None:
+def test_a_real_robot_without_a_terminal_and_without_yes(refused: Refused, single_uav: Path, named: bool) -> None:
     if not named:  # real in any case
         edit(single_uav, r"^.*(?:simulate|speed):.*\n", "")
     why = "this would arm and fly the real vehicle uav1; there is no terminal to ask at: confirm by --yes"

@@ -116,9 +116,7 @@ def test_the_report_has_a_recording_of_the_whole_run(done: Done) -> None:
     assert f"  recording  {path}: {validated(path)} messages in " in (done.report / "summary.txt").read_text()
 
 
-def test_a_simulator_killed_in_flight_ends_the_run_within_5_s_as_its_vehicle_is_no_more(
-    start: Start, single_uav: Path
-) -> None:
+def test_a_simulator_killed_in_flight_ends_the_run_within_5_s_with_its_vehicle(start: Start, single_uav: Path) -> None:
     def ending() -> float:
         running = start(single_uav, "--speed", "2")
         running.until("uav1: armed")
@@ -174,9 +172,7 @@ def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, sing
 
 
 @pytest.mark.parametrize("hurried", [False, True])
-def test_a_mission_that_is_done_has_failed_if_its_vehicle_is_left_armed(
-    start: Start, single_uav: Path, hurried: bool
-) -> None:
+def test_a_done_mission_has_failed_if_its_vehicle_is_left_armed(start: Start, single_uav: Path, hurried: bool) -> None:
     if not hurried:
         single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
     running = start(single_uav, "--speed", "1", fault="done-aloft")
@@ -249,9 +245,7 @@ def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT])
-def test_ctrl_c_or_ctrl_backslash_while_it_starts_leaves_nothing_behind(
-    start: Start, single_uav: Path, number: int
-) -> None:
+def test_ctrl_c_or_ctrl_backslash_at_its_start_leaves_nothing(start: Start, single_uav: Path, number: int) -> None:
     running = start(single_uav)
     running.until("commd: started")
     running.process.send_signal(number)

@@ -110,9 +110,7 @@ def test_a_simulator_that_dies_ends_the_command_and_is_named(field: Path, free_p
         first.says("error: simulator uav1 was killed by SIGKILL")
 
 
-def test_a_board_without_robots_has_no_bridge_and_a_fleet_is_asked_which_board_this_is(
-    field: Path, endpoint: str
-) -> None:
+def test_a_board_without_robots_has_no_bridge_and_a_fleet_is_asked_which_it_is(field: Path, endpoint: str) -> None:
     field.write_text(field.read_text().replace("pi2: {address: 127.0.0.3}", "pi2: {address: 127.0.0.3}, pi3: {}"))
     for arguments, problem in {
         ("--board", "pi3"): "board `pi3` has no robots",

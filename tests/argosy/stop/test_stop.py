@@ -89,9 +89,7 @@ def test_options_of_an_emergency_command_may_stand_anywhere(endpoint: str, capsy
         (["hold", "--router", "nonsense"], "Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`"),
     ],
 )
-def test_what_is_missing_or_wrong_in_the_command_is_said(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_command_is_told(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["stop", *arguments])
     assert ended.value.code == 2
@@ -142,9 +140,7 @@ def test_the_router_that_a_mission_names_is_taken_whatever_else_of_its_fleet_run
     assert orders == [("uav1", "rtl")]
 
 
-def test_a_robot_of_the_mission_is_never_left_out(
-    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_robot_of_the_mission_is_left_out(endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission = tmp_path / "m.yaml"
     robots = "robots: {uav1: {manifest: turtle, prefix: a}, uav2: {manifest: turtle, prefix: b}}\n"
     agents = "agents: {a: {program: a.asl, robot: uav1}}\n"

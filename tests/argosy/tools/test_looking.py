@@ -133,9 +133,7 @@ def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
         (["hz", "--window", "soon"], "Expected a duration such as `5s`, `500ms` or `15min`, got `soon`"),
     ],
 )
-def test_what_is_wrong_in_the_command_is_said(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_command_is_said(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
@@ -326,9 +324,7 @@ def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, e
 
 
 @pytest.mark.parametrize("text", ["**/altitude", "*/**/altitude", "argosy/**", "**", "uav", "uav/percept/*", None])
-async def test_a_record_is_heard_once_however_many_expressions_match_its_key(
-    connect: Connect, text: str | None
-) -> None:
+async def test_a_record_is_heard_once_though_many_expressions_match_its_key(connect: Connect, text: str | None) -> None:
     speaker, listener = await connect("uav1"), await connect("x")
     ears = BusTap(listener, key_expressions(text, "test"))
     ours, theirs = keys.percept("test", "uav", "altitude"), "uav/percept/altitude"

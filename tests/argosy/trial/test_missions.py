@@ -88,9 +88,7 @@ def test_a_mission_is_done_by_what_a_robot_reports_when_its_program_never_says_s
         ("paper_turtle", "walker: cmd_vel(1.5", "agentd"),
     ],
 )
-def test_a_shipped_mission_is_done_although_a_daemon_is_killed(
-    fly: Fly, at: At, mission: str, when: str, daemon: str
-) -> None:
+def test_a_shipped_mission_is_done_though_a_daemon_dies(fly: Fly, at: At, mission: str, when: str, daemon: str) -> None:
     outcome = fly(mission, 1, Kill(at=at(mission, when) + 0.05, daemon=daemon))
     assert any(KILLED in line for line in outcome.journal)
     assert outcome.success, outcome.why

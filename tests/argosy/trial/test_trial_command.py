@@ -226,9 +226,7 @@ def test_missions_with_other_edges_are_refused_at_their_line(
     assert printed.startswith(f"{path}:{len(mission.splitlines()) + 1}:")
 
 
-def test_simulated_vehicles_that_need_no_link_are_tried_without_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulated_vehicles_are_tried_without_a_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = "{manifest: copter, simulate: {home: [-27.604033, -48.518363, 21.0]}}"
     path = tmp_path / "m.yaml"
     path.write_text(
@@ -242,9 +240,7 @@ def test_simulated_vehicles_that_need_no_link_are_tried_without_one(
     assert capsys.readouterr().out.startswith(f"{path}: 1 of 1 runs succeed")
 
 
-def test_too_few_successes_are_exit_code_1_with_the_seed_to_replay(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_too_few_successes_are_code_1_with_a_seed_to_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     faults = tmp_path / "faults.yaml"
     faults.write_text(
         "- {kind: vehicle, robot: uav1, fault: prearm=Compass not calibrated}\n- {kind: kill, at: 1, daemon: commd}\n"

@@ -182,9 +182,7 @@ async def test_an_order_that_comes_late_or_from_a_clock_that_is_not_ours_is_refu
         assert (uav1.orders, scout.ordered) == ([], [])
 
 
-async def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_order_cut_off_is_not_waited_for_by_its_pages(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     async def fails(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
         raise OSError("the session went")
 

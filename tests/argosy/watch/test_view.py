@@ -295,9 +295,7 @@ async def test_left_and_right_go_to_the_next_agent(app: WatchApp, pilot: Pilot[N
 
 
 @shown(flying, (80, 30))
-async def test_a_filter_shows_what_has_its_words_and_says_how_much_it_leaves_out(
-    app: WatchApp, pilot: Pilot[None]
-) -> None:
+async def test_a_filter_shows_what_has_its_words_and_says_what_it_leaves_out(app: WatchApp, pilot: Pilot[None]) -> None:
     await press(app, pilot, "tab", "slash", *"hello", "enter")
     await until(app, pilot, "left out")
     await until(app, pilot, "vehicle connected", shown=False)
@@ -488,9 +486,7 @@ async def test_the_view_ends_without_an_error_however_long_that_takes(
 
 
 @shown(flying)
-async def test_letters_that_follow_the_slash_in_the_same_moment_are_the_filters(
-    app: WatchApp, pilot: Pilot[None]
-) -> None:
+async def test_letters_that_follow_the_slash_immediately_are_the_filters(app: WatchApp, pilot: Pilot[None]) -> None:
     driver = app._driver
     assert driver is not None
     for key in ("tab", "slash", *"qhello"):

@@ -97,9 +97,7 @@ def test_an_agent_that_remembers_no_decisions_says_so(tmp_path: Path, endpoint: 
         (["uav", "go("], 2, "argosy why: error: `go(`: expected the name of a goal"),
     ],
 )
-def test_what_keeps_it_from_being_explained_is_said(
-    endpoint: str, arguments: list[str], code: int, problem: str
-) -> None:
+def test_what_prevents_an_explanation_is_said(endpoint: str, arguments: list[str], code: int, problem: str) -> None:
     got, text, error = why(endpoint, *arguments)
     assert (got, text) == (code, "")
     assert problem in error

@@ -75,9 +75,7 @@ def test_what_is_not_in_a_recording_is_said(
 
 
 @pytest.mark.parametrize(("at", "place"), [(None, 2), (3.0, 1), (6.0, 2)])
-def test_of_an_agent_that_was_started_again_the_start_that_is_asked_about_is_named(
-    at: float | None, place: int
-) -> None:
+def test_of_a_restarted_agent_the_start_that_is_asked_about_is_named(at: float | None, place: int) -> None:
     starts = (0.5, 5.0)
     minds = [Mock(batches=[Mock(initial=Mock(start=start))]) for start in starts]
     recording = Mock(**{"names_of.return_value": [("", "uav")], "minds.return_value": minds})

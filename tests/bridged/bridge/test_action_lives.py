@@ -89,9 +89,7 @@ def test_an_effect_without_acknowledgement_is_a_success(sky: Sky, number: int, n
 
 
 @pytest.mark.parametrize("heartbeats", [0, 1])
-def test_a_change_that_is_acknowledged_before_a_silence_is_judged_by_the_heartbeats_after_it(
-    sky: Sky, heartbeats: int
-) -> None:
+def test_a_change_acknowledged_before_a_silence_is_judged_by_the_heartbeats_after_it(sky: Sky, heartbeats: int) -> None:
     sky.do("set_mode", "GUIDED")
     arming = sky.begin("arm_motors", True)
     sky.forward(lambda: sky.vehicle.autopilot.armed, "the motors turn")
@@ -258,9 +256,7 @@ def test_a_retry_of_an_id_that_the_bridge_never_saw_is_refused(sky: Sky) -> None
 @pytest.mark.parametrize(
     ("by", "how"), [({"id": ""}, ", by hand"), ({"header": Header(source="operator")}, ", by hand"), ({}, "")]
 )
-def test_an_action_that_is_superseded_says_by_what_and_whether_by_hand(
-    sky: Sky, by: dict[str, object], how: str
-) -> None:
+def test_a_superseded_action_says_by_what_and_whether_by_hand(sky: Sky, by: dict[str, object], how: str) -> None:
     sky.flying()
     going = sky.begin("goto", *GOAL)
     sky.wait(1)
@@ -431,9 +427,7 @@ def test_an_order_does_not_take_a_vehicle_whose_pilot_the_agents_do_not_perceive
     assert sky.vehicle.autopilot.mode is Mode.LOITER
 
 
-def test_a_pilot_who_takes_a_vehicle_after_its_bridge_was_restarted_in_flight_is_perceived(
-    sky: Sky, tmp_path: Path
-) -> None:
+def test_a_pilot_who_takes_a_vehicle_from_a_bridge_restarted_in_flight_is_perceived(sky: Sky, tmp_path: Path) -> None:
     again = Sky(tmp_path, vehicle=sky.flying().vehicle, clock=sky.clock)
     again.forward(lambda: again.belief("state") == ("GUIDED", True, True), "the vehicle", 3)
     again.pilot_sets(Mode.LOITER)

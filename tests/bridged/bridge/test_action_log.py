@@ -315,9 +315,7 @@ def test_a_file_that_cannot_be_read_is_told(life: Life, monkeypatch: pytest.Monk
     assert codes(action_log) == ["ledger_damaged"]
 
 
-def test_a_sync_that_fails_is_said(
-    life: Life, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_failed_sync_is_said(life: Life, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     action_log = life()
     monkeypatch.setattr("bridged.bridge.action_log.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
     action_log.begin(begun("a:1"))

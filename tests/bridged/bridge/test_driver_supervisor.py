@@ -352,9 +352,7 @@ def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_bein
     assert "leaving bench: unknown because of a defect" in caplog.text
 
 
-def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_missed_meanwhile(
-    tmp_path: Path,
-) -> None:
+def test_a_driver_that_looks_at_its_robot_and_opens_its_link_slowly_is_not_missed(tmp_path: Path) -> None:
     class Slow:
         """As the MAVLink driver: a look before the link is opened tells that it is down."""
 
@@ -498,9 +496,7 @@ async def test_a_driver_that_performs_without_an_execution_fails_the_action(
         (Outcome("failed", 17), "failed", "the driver's reason is no text: 17"),  # type: ignore[arg-type]
     ],
 )
-async def test_an_end_that_is_none_fails_the_action(
-    sonar: Any, tmp_path: Path, outcome: Any, state: str, reason: str
-) -> None:
+async def test_a_wrong_end_fails_the_action(sonar: Any, tmp_path: Path, outcome: Any, state: str, reason: str) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(ALONE))) as workshop:
 
         def perform(self: Any, name: str, entry: object, arguments: object) -> Execution:

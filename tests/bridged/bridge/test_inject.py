@@ -57,9 +57,7 @@ def test_who_cancels_without_a_name_is_not_the_agent_whatever_that_is_called(tmp
     assert server.cancel("hand", "hand:b:1", "hand", inject=False).reason == "no action hand:b:1 of hand"
 
 
-async def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_without_inject_an_action_by_hand_is_refused_by_the_fields_name(endpoint: str, tmp_path: Path) -> None:
     async with serving(endpoint, tmp_path) as (field, bus), field.client("operator") as person:
         told: list[ActionStatus] = []
         bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))

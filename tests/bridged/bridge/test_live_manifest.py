@@ -118,9 +118,7 @@ def test_fields_elements_and_whole_entries_change_and_the_version_counts() -> No
         (ManifestChange(set={"a b": 1}), ["`a b`: expected a path such as `percepts.altitude.rate`"]),
     ],
 )
-def test_a_change_with_anything_wrong_is_refused_with_all_of_it(
-    change: ManifestChange, problems: list[str] | None
-) -> None:
+def test_a_change_with_anything_wrong_is_refused_whole(change: ManifestChange, problems: list[str] | None) -> None:
     live = Live()
     told = live.running.change(change)
     if problems is None:

@@ -451,9 +451,7 @@ changes = st.builds(
 
 
 @given(st.lists(changes, max_size=30), st.sets(st.integers(0, 29)))
-def test_whatever_is_lost_a_repair_makes_both_ends_equal_and_the_mind_with_them(
-    sequence: list[Any], lost: set[int]
-) -> None:
+def test_whatever_is_lost_a_repair_makes_both_ends_and_the_mind_equal(sequence: list[Any], lost: set[int]) -> None:
     theirs, ours, mind = PerceptSet(), PerceptSet(), set[tuple[str, tuple[int, int]]]()
     for index, (name, value, update, keyed) in enumerate(sequence):
         header = Header(seq=index + 1, boot="b")

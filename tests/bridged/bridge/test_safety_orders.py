@@ -270,9 +270,7 @@ async def test_the_operators_order_outlives_a_bridge_that_is_killed_until_releas
     assert last.begin("set_mode", "GUIDED", id="uav:t:92")[-1].state == "accepted"
 
 
-async def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed_is_given_again(
-    sky: Sky, tmp_path: Path
-) -> None:
+async def test_an_order_that_was_not_done_when_the_bridge_was_killed_is_given_again(sky: Sky, tmp_path: Path) -> None:
     sky.hears_us = lambda message: False
     asked = asyncio.ensure_future(sky.bridge.orders.operator("land"))
     await passing(sky, 1)
@@ -311,9 +309,7 @@ async def test_what_the_operator_orders_while_the_vehicle_cannot_be_heard_is_giv
     assert mode_of(sky) == mode
 
 
-async def test_a_robot_that_cannot_be_heard_to_continue_is_paused_when_it_is(
-    sky: Sky, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_robot_not_heard_to_continue_is_paused_when_it_is(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     await silent(sky, monkeypatch)
     await sky.bridge.orders.pause()
     outcome = await sky.bridge.orders.resume()
@@ -413,9 +409,7 @@ async def test_an_order_from_before_the_machine_was_started_stands_until_release
     assert again.bridge.action_server.blocked
 
 
-async def test_a_pause_from_before_the_machine_was_started_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_pause_from_before_the_machine_started_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)
     await ordered(sky, "pause")
@@ -536,9 +530,7 @@ def test_a_way_home_or_down_that_takes_longer_than_its_deadline_goes_on(sky: Sky
 
 
 @pytest.mark.parametrize(("before", "order", "mode"), [("rtl", "hold", "BRAKE"), ("pilot", "land", "LAND")])
-async def test_the_operators_order_goes_through_against_any_mode(
-    sky: Sky, before: str, order: Order, mode: str
-) -> None:
+async def test_the_operators_order_goes_through_in_any_mode(sky: Sky, before: str, order: Order, mode: str) -> None:
     if before == "pilot":
         take_over(sky)
     else:
@@ -600,9 +592,7 @@ def test_a_bridge_that_cannot_read_who_had_the_robot_lets_its_first_agent_answer
     assert flying.bridge.lease.answers == "other"
 
 
-def test_a_vehicle_that_a_bridge_without_state_finds_in_use_has_an_agent_that_answers_for_it(
-    sky: Sky, tmp_path: Path
-) -> None:
+def test_a_vehicle_a_bridge_without_state_finds_in_use_has_an_agent_to_answer_for_it(sky: Sky, tmp_path: Path) -> None:
     found = Sky(tmp_path / "wiped", vehicle=sky.vehicle, clock=sky.clock)
     found.bridge.lease.present = {"other"}
     found.wait(2)
@@ -719,9 +709,7 @@ async def test_an_action_for_another_robot_of_its_agent_is_left_to_that_ones_bri
         assert [call.args[0].state for call in query.reply.call_args_list] == [state] * (state is not None)
 
 
-def test_a_manifest_that_a_driver_fails_to_take_is_not_in_effect_anywhere(
-    sky: Sky, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_manifest_that_a_driver_fails_to_take_is_nowhere_in_effect(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     driver, live = sky.bridge.driver, sky.bridge.live
     orders = driver.orders
     monkeypatch.setattr(sky.driver, "adopt", Mock(side_effect=[KeyError("rate"), None]))

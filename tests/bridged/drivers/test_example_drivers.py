@@ -51,9 +51,7 @@ async def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_
         await workshop.perceives("temperature", 43)
 
 
-async def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(
-    lamp: Manifest, tmp_path: Path
-) -> None:
+async def test_a_real_lamp_is_called_at_its_link_and_again_when_it_hangs_up(lamp: Manifest, tmp_path: Path) -> None:
     manifest = read_manifest(
         (LAMP / "lamp.toml").read_text().partition("[percepts.temperature]")[0]
         + '[actions.brightness]\nparams = [{name = "percent"}]\ncall = "set"\nmotion = false\n',

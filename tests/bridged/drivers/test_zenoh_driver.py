@@ -52,9 +52,7 @@ def fields(pond: Pond) -> list[object]:
         (msgspec.msgpack.encode({"on": [1.5, "x"]}), "application/msgpack", {"on": [1.5, "x"]}),
     ],
 )
-async def test_a_sample_gives_the_fields_of_its_payload(
-    pond: Pond, payload: bytes, encoding: str, said: object
-) -> None:
+async def test_a_sample_gives_its_payloads_fields(pond: Pond, payload: bytes, encoding: str, said: object) -> None:
     await pond.publish("lamp/state", payload, encoding=encoding)
     await until(lambda: bool(pond.readings), "the sample is read")
     assert fields(pond) == [said]

@@ -227,9 +227,7 @@ def test_every_call_of_the_vocabulary_is_one_that_the_driver_can_do(below: str) 
     assert bare(read_manifest(write_toml(manifest), "m.toml")) == bare(manifest)
 
 
-def test_a_pair_is_converted_into_one_toml_file_that_says_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pair_is_converted_into_one_equivalent_toml_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, file = MISSIONS / "paper_uav", tmp_path / "uav.toml"
     given = [str(folder / "actions_manifest"), str(folder / "perceptions_manifest")]
     with files_no_larger_than(100):

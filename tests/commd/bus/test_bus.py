@@ -186,9 +186,7 @@ async def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_erro
     assert list(errors.values()) == ["under water"]
 
 
-async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_replies_would_come(
-    endpoint: str,
-) -> None:
+async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_of_its_replies(endpoint: str) -> None:
     async with AsyncExitStack() as router, AsyncExitStack() as client:
         await router.enter_async_context(open_bus(endpoint, fleet="test", name="board", daemon="commd", mode="router"))
         bus = await client.enter_async_context(open_bus(endpoint, fleet="test", name="uav", daemon="agentd"))
@@ -295,9 +293,7 @@ async def test_a_router_that_is_not_reached_is_logged_when_it_has_had_time_to_st
     assert caplog.text.count("waiting for the router") == logged
 
 
-async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_flood_is_bounded_and_its_excess_is_counted(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.loop_dispatch.BACKLOG", 100)
     sender, receiver, got = await perceived(connect)
     for _ in range(500):
@@ -318,9 +314,7 @@ async def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
     assert not [one for one in caplog.records if "hangs" in one.message]
 
 
-async def test_what_is_urgent_is_served_while_all_other_queries_wait(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_is_urgent_is_served_while_others_wait(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.queries.QUERIES", 3)
     backfill, server = await connect(), await connect()
     waiting, done = list[Query[Action]](), asyncio.Event()

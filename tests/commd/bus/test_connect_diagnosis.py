@@ -315,9 +315,7 @@ async def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_di
         await until(lambda: one.linked() == {"pi2"}, "pi2 is linked again, and was not started again")
 
 
-async def test_a_certificate_that_is_not_valid_yet_is_good_when_its_time_has_come(
-    fleet: FleetKeys, free_port: Port
-) -> None:
+async def test_a_certificate_that_is_not_valid_yet_is_good_in_its_time(fleet: FleetKeys, free_port: Port) -> None:
     """As when a clock is set late: neither side is started again."""
     at, its = (f"tls/127.0.0.1:{free_port()}" for _ in range(2))
     early = fleet.make("pi2", begins=8, ends=3600)

@@ -32,9 +32,7 @@ def start(fleet: Secured, denied: str) -> Daemon:
     return daemon
 
 
-def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_they_are_noticed_without_a_declaration_and_forgotten_when_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(access_probe, "SETTLING", 0.05)
     monkeypatch.setattr(access_probe, "PATIENCE", 0.3)
     monkeypatch.setattr(access_probe, "LOOK_AGAIN", 0.1)

@@ -83,9 +83,7 @@ def test_each_thing_that_is_wrong_with_keys_is_told_in_words(fleet: FleetKeys, w
     assert "Traceback" not in str(error.value)
 
 
-def test_keys_that_belong_to_another_user_are_to_be_given_to_the_daemon(
-    fleet: FleetKeys, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_keys_of_another_user_are_to_be_given_to_the_daemon(fleet: FleetKeys, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_: Path) -> bytes:
         raise PermissionError(13, "Permission denied")
 

@@ -111,9 +111,7 @@ async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_fo
 
 
 @virtual_bus_test
-async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
-    connect: Connect,
-) -> None:
+async def test_a_bridge_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(connect: Connect) -> None:
     acting = await act(connect, *[[HANG]] * 5, ["succeeded"])
     assert (await acting.perform("land")).state == "succeeded"
     assert acting.asked == [("uav:b:1", 1)] * 6
@@ -212,9 +210,7 @@ async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(conne
 
 
 @virtual_bus_test
-async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
-    connect: Connect,
-) -> None:
+async def test_an_action_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(connect: Connect) -> None:
     acting = await act(connect)
     performing = acting.perform("takeoff")
     await until(lambda: acting.requests.counters["asked_again"] > 0, "the first attempt reached nobody")
@@ -288,9 +284,7 @@ async def test_after_the_close_no_end_is_reported(connect: Connect) -> None:
 
 
 @virtual_bus_test
-async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
-    connect: Connect,
-) -> None:
+async def test_a_bridge_that_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(connect: Connect) -> None:
     acting = await act(connect, [{"state": "accepted", "deadline": 1000.0}, HANG])
     key = keys.health(FLEET, "uav1", "bridged")
     await subscribed(acting.bridge, key)

@@ -116,9 +116,7 @@ async def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: flo
 
 
 @planner_test
-async def test_what_is_sent_is_numbered_per_receiver_and_returned_when_it_is_taken(
-    me: Client, commd: ScriptedCommd
-) -> None:
+async def test_what_is_sent_is_numbered_per_receiver_and_returned_when_taken(me: Client, commd: ScriptedCommd) -> None:
     sent = await me.send("scout", "achieve", parse("survey(north, [1, 2.5])"), ttl=5.0)
     await me.send("rescuer", "tell", "a text")
     await me.send("scout", "tell", Atom("go"), in_reply_to="q1")
@@ -185,9 +183,7 @@ async def test_what_cannot_be_sent_raises_before_it_leaves_and_uses_no_number(me
 
 
 @planner_test
-async def test_a_refused_message_uses_no_number_and_one_that_may_be_there_does(
-    me: Client, commd: ScriptedCommd
-) -> None:
+async def test_a_refused_message_uses_no_number_one_that_may_be_there_does(me: Client, commd: ScriptedCommd) -> None:
     full, refused = (
         Receipt(later={0: Refusal(code="mailbox_full")}),
         Receipt(refused={0: Refusal(code="no such thing")}),
@@ -272,9 +268,7 @@ async def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_a
 
 
 @planner_test
-async def test_a_message_that_a_loop_was_left_with_comes_again_unless_it_was_done(
-    me: Client, commd: ScriptedCommd
-) -> None:
+async def test_a_message_that_a_loop_was_left_with_comes_again_unless_done(me: Client, commd: ScriptedCommd) -> None:
     asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
     async for message in me.messages():
         assert message.content == 1
@@ -355,9 +349,7 @@ def test_numbers_in_a_file_are_known_to_the_next_life(endpoint: str, tmp_path: P
     as_planner(endpoint, second, numbers=file)
 
 
-def test_a_file_of_numbers_that_cannot_be_read_is_set_aside_and_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unreadable_file_of_numbers_is_set_aside_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     file = tmp_path / "planner.numbers"
     file.write_text("{nonsense")
     assert receive_mail.read_numbers(file) == {}

@@ -61,9 +61,7 @@ async def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, 
                 break
 
 
-async def test_what_the_robot_refuses_is_the_status_and_no_exception(
-    endpoint: str, tmp_path: Path, mission: Mission
-) -> None:
+async def test_what_the_robot_refuses_is_a_status_no_exception(endpoint: str, tmp_path: Path, mission: Mission) -> None:
     async with in_the_studio_of(endpoint, tmp_path, mission) as (me, _):
         assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
         status = await me.perform("set_pen", 1, 2, 999, 1, False)

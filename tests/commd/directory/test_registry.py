@@ -120,9 +120,7 @@ def test_a_board_says_nothing_of_agents_that_the_mission_puts_elsewhere(here: Se
     assert here.providers("cook") == ()
 
 
-def test_an_agent_that_joined_two_boards_that_did_not_see_one_another_is_told_of_and_ours_counts(
-    here: Services,
-) -> None:
+def test_an_agent_that_joined_two_boards_that_did_not_see_each_other_is_told_of_and_ours_counts(here: Services) -> None:
     here, _, _ = here.join("kid").heard(says(1, kid=()))
     assert identities(here.doubled()) == [("agent_twice", "kid")]
     assert here.homes()["kid"] == "pi1"

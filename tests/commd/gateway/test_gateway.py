@@ -218,9 +218,7 @@ async def test_what_exceeds_the_rate_is_dropped_unread_and_counted(field: Field)
 
 
 @with_limits(QUEUE=5, BATCH=1)
-async def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
-    field: Field, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_waits_for_mail_is_bounded_its_excess_counted(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
     taking = asyncio.Event()
     take = field.post.take
 
@@ -239,9 +237,7 @@ async def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
     await until(lambda: len(field.post.taken) == 7, "what was dropped may be said again")
 
 
-async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
-    field: Field, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_failed_mail_is_told_to_the_node_and_ends_nothing(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
     take = field.post.take
 
     async def fails_once(messages: Any) -> Any:
@@ -257,9 +253,7 @@ async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
 
 
 @with_limits(DISK_RETRY=0.05)
-async def test_what_a_full_disk_does_not_take_waits_until_it_does(
-    field: Field, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_a_full_disk_does_not_take_waits_for_it(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
     take, failures = field.post.take, 3
 
     async def fails_for_a_while(messages: Any) -> Any:

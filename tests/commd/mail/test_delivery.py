@@ -98,9 +98,7 @@ async def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_afte
     assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
 
-async def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_others_trying(
-    tmp_path: Path,
-) -> None:
+async def test_a_line_that_is_empty_when_it_tries_for_an_absent_peer_leaves_the_others_trying(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
     there = asyncio.Event()
 

@@ -92,9 +92,7 @@ async def test_mail_for_a_full_mailbox_of_another_board_waits_at_its_own(connect
         await until(lambda: receiver.contents == list(range(1, 9)), "all arrive in order")
 
 
-async def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_a_message_whose_time_is_over_is_given_up_and_told_once(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     async with board(connect, "pi1", tmp_path, now=now) as first:
         sender = await connect("a")
@@ -115,9 +113,7 @@ async def test_a_message_whose_time_is_over_is_given_up_and_its_sender_told_once
         assert first.counters_now["expired"] == 2
 
 
-async def test_a_message_expires_at_the_receivers_board_too_and_the_notice_comes_back(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_a_message_expires_at_the_receivers_board_too_and_is_reported(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     async with board(connect, "pi1", tmp_path, now=now), board(connect, "pi2", tmp_path, now=now) as second:
         sender = await connect("a")

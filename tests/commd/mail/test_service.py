@@ -316,9 +316,7 @@ async def _ask_raw(bus: Bus, key: str, payload: bytes) -> str:
     return " ".join(one.err.payload.to_bytes().decode() if one.err else "a record" for one in replies)
 
 
-async def test_an_agent_that_has_moved_to_another_board_gets_there_what_waited_for_it(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_an_agent_that_moved_to_another_board_gets_there_what_waited(connect: Connect, tmp_path: Path) -> None:
     sender = await connect("a")
     async with board(connect, "pi1", tmp_path, homes={"a": "pi1", "b": "pi1", "c": "pi2"}) as mail_service:
         await post(sender, message(1), message(1, receiver="c"))

@@ -163,9 +163,7 @@ def fill_up(folder: Path, name: str) -> None:
             filler.write(bytes(4096))
 
 
-async def test_what_was_said_to_have_failed_is_not_written_after_all(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_is_said_to_have_failed_is_not_written(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.mail.store.PATIENCE", 0.5)
     async with open_store(path) as store:
         slow, began = threading.Event(), threading.Event()
@@ -331,9 +329,7 @@ async def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, capl
     assert "defect in argosy: writing" in caplog.text
 
 
-async def test_a_file_of_an_older_version_becomes_one_of_this_version(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_file_of_an_older_version_becomes_one_of_this(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with open_store(path) as store:
         await store.write(keep("old"))
     steps = (

@@ -84,9 +84,7 @@ def forever():
         ("waits", "behind a link", "in select (FOLDER/python/lib/"),
     ],
 )
-def test_an_aborted_daemon_names_the_function_that_does_not_return(
-    how: str, python: str, said: str, tmp_path: Path
-) -> None:
+def test_an_aborted_daemon_names_the_function_that_hangs(how: str, python: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text(_SLOW)
     command = [sys.executable, "-c", _PROCESS, str(tmp_path / "slow.py"), how]
     variables = dict(os.environ)

@@ -76,9 +76,7 @@ def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, cap
     life.end("whatever")
 
 
-def test_which_life_of_the_machine_it_is_may_be_told_by_the_unit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_unit_may_tell_which_life_of_the_machine_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     note = tmp_path / "pi1.commd.restarts"
     lives = []
     for boot in ("one", "one", "two", "two"):

@@ -14,9 +14,7 @@ from commd import daemon as comm
 from commd.process.state_dir import state_directory, write_output
 
 
-def test_the_state_directory_is_the_one_given_or_systemds_or_the_users(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_state_directory_is_given_or_systemds_or_the_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/argosy:/var/lib/other")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     assert state_directory(tmp_path) == tmp_path

@@ -51,9 +51,7 @@ def test_without_a_service_manager_nothing_happens() -> None:
 
 
 @pytest.mark.parametrize("address", ["/nowhere/at/all", "vsock:2:1234"])
-def test_a_socket_that_cannot_be_reached_is_a_warning_and_not_the_end(
-    address: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unreachable_socket_is_a_warning_and_not_the_end(address: str, caplog: pytest.LogCaptureFixture) -> None:
     Unit({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "1000000"}).member("commd").ready("up")
     assert f"NOTIFY_SOCKET={address}" in caplog.text
     assert "nothing is sent" in caplog.text

@@ -127,9 +127,7 @@ async def test_what_a_session_says_is_passed_on_both_ways_and_takes_nothing_of_t
         assert await reader.readexactly(8) == b"and back"
 
 
-async def test_who_says_no_client_hello_never_reaches_the_router(
-    free_port: Port, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_who_says_no_client_hello_reaches_no_router(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "HELLO", 0.2)
     async with front(free_port()) as made:
         silent, other = await made.dial(b""), await made.dial(b"GET / HTTP/1.1")

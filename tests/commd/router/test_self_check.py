@@ -111,9 +111,7 @@ async def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited
     assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
 
 
-async def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_an_unreadable_or_too_large_question_is_refused_in_words(connect: Connect, tmp_path: Path) -> None:
     SelfCheck(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
     backfill = await connect("asker")
     await served(backfill, keys.checkup(FLEET, "pi1"))

@@ -134,9 +134,7 @@ annotations = st.lists(ground.map(_bare), max_size=4)
 
 @FEW
 @given(annotations, annotations, st.booleans())
-def test_the_annotations_of_the_left_must_be_a_subset_of_those_of_the_right(
-    left: list[Any], right: list[Any], part: bool
-) -> None:
+def test_annotations_of_the_left_must_be_a_subset_of_the_rights(left: list[Any], right: list[Any], part: bool) -> None:
     if part:
         right = [*left, *right]
     few, many = sorted_annots(left), sorted_annots(right)

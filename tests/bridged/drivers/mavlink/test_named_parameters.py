@@ -189,9 +189,7 @@ def test_a_fence_is_known_by_what_it_is_although_no_acknowledgement_comes(tmp_pa
         assert sky.vehicle.autopilot.parameters["FENCE_ENABLE"] == wanted
 
 
-def test_a_fence_whose_bit_is_not_told_is_known_by_its_parameter_although_no_acknowledgement_comes(
-    tmp_path: Path,
-) -> None:
+def test_a_fence_whose_bit_is_not_told_is_known_by_its_parameter_without_an_acknowledgement(tmp_path: Path) -> None:
     sky = Sky(tmp_path, faults=Faults.parse(["mute-acks"]))
     sky.wait(1)
     sky.we_hear = lambda message: message.get_type() != "SYS_STATUS"

@@ -317,9 +317,7 @@ def test_a_plan_is_flown_to_its_end(sky: Sky, tmp_path: Path, monkeypatch: pytes
     assert reached == [1, 2, 3, 4, 2, 3, 4, 6], "it jumps back to THERE once"
 
 
-def test_the_limits_of_the_mission_hold_for_the_items_of_a_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_limits_of_the_mission_hold_for_items_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     sky = Sky(tmp_path, mission=LIMITED)
     sky.forward(lambda: sky.belief("home_pos"), "home")

@@ -110,9 +110,7 @@ def test_what_is_asked_of_a_bridge_that_was_started_again_in_flight_waits_for_th
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_planes_takeoff_that_is_under_way_is_joined_and_goes_on_from_any_height(
-    tmp_path: Path, autopilot: str
-) -> None:
+def test_a_planes_takeoff_under_way_is_joined_and_goes_on_from_any_height(tmp_path: Path, autopilot: str) -> None:
     before = sky_of(tmp_path / "before", "plane", autopilot)
     before.armed()
     before.begin("takeoff", 40)

@@ -380,9 +380,7 @@ async def test_a_simulated_robot_has_the_functions_of_the_twin_and_needs_no_hard
         Workshop(tmp_path, manifest)
 
 
-def test_a_plug_in_without_a_twin_is_told_when_it_is_to_be_simulated(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_plug_in_without_a_twin_is_told_when_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch, tmp_path, {"my_plain": TWIN}, {"argosy.python": {"probe": "my_plain"}})
     told = r"bench\.toml:5: error: percepts\.a\.source: the plug-in `probe` cannot be simulated: no entry point of"
     with pytest.raises(Findings, match=told):

@@ -221,9 +221,7 @@ async def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: P
         await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
 
 
-async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_on(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_a_pen_whose_colour_alone_the_manifest_names_has_width_0_and_is_on(endpoint: str, tmp_path: Path) -> None:
     section = "[set_pen]\nmethod = service\nname = /turtle1/set_pen\nparams_name = r, g, b\n"
     (tmp_path / "actions").write_text(section + section.replace("[set_pen]", "[broad]") + "defaults = width=9\n")
     (tmp_path / "percepts").write_text("[pose]\nname = /turtle1/pose\nargs = x, y, theta\n")
@@ -238,9 +236,7 @@ async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_an
         assert studio.turtle.pen.width == 4
 
 
-async def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_500_samples_a_second_are_read_and_told_at_the_manifests_rate(endpoint: str, tmp_path: Path) -> None:
     seconds, rate = 2, 500
     (tmp_path / "lamp.toml").write_text(LAMP_MANIFEST)
     mission = read_mission(LAMP, tmp_path / "lamp.yaml")

@@ -111,9 +111,7 @@ def test_a_name_has_nothing_of_the_vehicles_text_and_its_end_is_that_of_the_auto
     assert file_name("uav1", entry, dialect.MAV_AUTOPILOT_GENERIC, now) == "uav1-log00007-20260921T141320Z.log"
 
 
-def test_an_armed_vehicle_is_left_alone_and_one_that_is_armed_meanwhile_ends_the_download(
-    sky: Sky, tmp_path: Path
-) -> None:
+def test_an_armed_vehicle_is_left_alone_and_one_armed_meanwhile_ends_the_download(sky: Sky, tmp_path: Path) -> None:
     serve(sky, [random.Random(1).randbytes(50 * WINDOW)])
     sky.armed()
     refused = sky.do("download_log")

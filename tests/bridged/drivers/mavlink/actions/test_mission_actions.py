@@ -421,9 +421,7 @@ def test_a_mission_that_another_station_stored_since_ours_is_the_one_that_is_jud
 
 
 @pytest.mark.parametrize("action", [("upload_mission", [FAR]), ("clear_mission",)])
-def test_a_mission_that_is_flown_is_neither_replaced_nor_cleared(
-    sky: Sky, action: tuple[str, *tuple[Term, ...]]
-) -> None:
+def test_a_mission_in_flight_is_neither_replaced_nor_cleared(sky: Sky, action: tuple[str, *tuple[Term, ...]]) -> None:
     heard = at_item_2(sky)
     final = sky.do(*action)
     assert final.reason == "start_mission is flying the vehicle's mission; cancel it first"
@@ -518,9 +516,7 @@ def test_a_mission_of_which_nothing_is_flown_says_so(sky: Sky) -> None:
 
 
 @pytest.mark.parametrize(("last", "height"), [("rtl", 20.0), ("rtl", 5.0), ("land", 6.0)])
-def test_motors_that_stop_in_the_air_at_the_last_item_are_no_end_of_a_mission(
-    sky: Sky, last: str, height: float
-) -> None:
+def test_motors_that_stop_aloft_at_the_last_item_are_no_end_of_a_mission(sky: Sky, last: str, height: float) -> None:
     heard = started(sky.flying(height), [[*NEAR[:2], height], [last, 0, 0, 0]])
     sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "the last item")
     sky.vehicle.autopilot.disarm(force=True)

@@ -291,9 +291,7 @@ async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
     await listening.close()
 
 
-async def test_silent_connections_take_no_place_from_one_that_speaks_and_are_closed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_silent_connections_take_no_place_from_a_speaker_and_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link_module, "MAX_PEERS", 4)
     port, vehicle = free_port(), Ear()
     listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)

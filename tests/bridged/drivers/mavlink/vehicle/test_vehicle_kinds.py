@@ -64,9 +64,7 @@ def test_every_vehicle_has_a_manifest_that_nothing_is_wrong_with(name: str) -> N
     assert {"state", "link", "override", "global_pos", "home_pos"} <= set(manifest.percepts)
 
 
-def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed_and_obeys_orders_in_its_own_modes(
-    tmp_path: Path,
-) -> None:
+def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed_and_obeys_in_its_own_modes(tmp_path: Path) -> None:
     flown = sky_of(tmp_path / "plane", "plane", "ardupilot").armed()
     flown.done("takeoff", 40)
     sky = Sky(tmp_path / "copter", vehicle=flown.vehicle)

@@ -28,9 +28,7 @@ def cause(sky: Sky) -> object:
     return next((text for _, what, text in told if what == Atom("cause")), None)
 
 
-def test_what_mends_itself_is_told_within_three_seconds_and_waited_for(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_mends_itself_is_told_within_3_s_and_waited_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     sky = flown(tmp_path, "prearm=30:GPS 1: Bad fix")
     with caplog.at_level(logging.WARNING):
         heard = sky.begin("arm_motors", True)
@@ -75,9 +73,7 @@ def test_a_short_fault_of_a_sensor_is_waited_for(tmp_path: Path) -> None:
     sky.done("arm_motors", True)
 
 
-def test_texts_that_answer_an_arming_are_logged_as_its_cause_only(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_texts_that_answer_an_arming_are_logged_as_its_cause(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         Sky(tmp_path).flying(5)
     assert [record.getMessage() for record in caplog.records if "PreArm" in record.getMessage()] == []
