@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -28,3 +29,9 @@ def fly() -> Iterator[Fly]:
             return next(iter(run_all([Request(path, seed, faults, journal=True, until=until)])))
 
         yield once
+
+
+@pytest.fixture(scope="module")
+def undisturbed(fly: Fly) -> Callable[[str], Outcome]:
+    """Return what flies a mission without faults, once for all tests of a module."""
+    return cache(lambda mission: fly(mission, 1))

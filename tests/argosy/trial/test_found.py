@@ -65,12 +65,6 @@ def test_what_a_vehicle_does_is_judged_by_its_state_not_by_what_it_says_in_time(
     assert no_action_failed(outcome)
 
 
-def test_each_vehicle_of_a_shared_link_is_judged_by_its_own_state(fly: Fly) -> None:
-    outcome = fly("three_uavs", 1)
-    assert outcome.success, outcome.why
-    assert outcome.nearest is not None, "of three vehicles"
-
-
 def test_an_agent_whose_restart_meets_a_bridge_that_dies_gives_up_instead_of_doing_nothing(fly: Fly) -> None:
     outcome = fly("single_uav", 278, BoardDown(at=20.0, board="local", seconds=30.2), Kill(at=51.35, daemon="bridged"))
     assert outcome.why.startswith("uav believes mission_failed"), outcome.why

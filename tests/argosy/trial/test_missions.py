@@ -21,16 +21,10 @@ KILLED = "was killed by SIGKILL; it is started again"
 At: TypeAlias = Callable[[str, str], float]
 
 
-@pytest.fixture(scope="module")
-def at(fly: Fly) -> At:
+@pytest.fixture
+def at(undisturbed: Callable[[str], Outcome]) -> At:
     """Return a function that finds when a mission without faults prints a text, in virtual seconds."""
-    flown: dict[str, Outcome] = {}
-
-    def moment(mission: str, text: str) -> float:
-        outcome = flown.setdefault(mission, flown.get(mission) or fly(mission, 1))
-        return float(next(line for line in outcome.journal if text in line).split()[0])
-
-    return moment
+    return lambda mission, text: float(next(one for one in undisturbed(mission).journal if text in one).split()[0])
 
 
 def with_program(mission: str, program: str, folder: Path) -> str:
@@ -46,8 +40,14 @@ def modes(outcome: Outcome, after: str) -> list[str]:
     return re.findall(r"uav1: mode (\w+)", "\n".join(outcome.journal).partition(after)[2])
 
 
-def test_the_paper_flies(fly: Fly) -> None:
-    outcome = fly("paper_uav", 1)
+def test_each_vehicle_of_a_shared_link_is_judged_by_its_own_state(undisturbed: Callable[[str], Outcome]) -> None:
+    outcome = undisturbed("three_uavs")
+    assert outcome.success, outcome.why
+    assert outcome.nearest is not None, "of three vehicles"
+
+
+def test_the_paper_flies(undisturbed: Callable[[str], Outcome]) -> None:
+    outcome = undisturbed("paper_uav")
     assert outcome.success, outcome.why
     for action in ('set_mode("GUIDED")', "arm_motors(True)", "takeoff(5)", "setpoint(-27.603683,-48.518052,61)"):
         assert any(f"uav: {action} succeeded after" in line for line in outcome.journal), action
