@@ -169,7 +169,7 @@ def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str) -> None:
     assert kept(lambda: asyncio.run(asyncio.wait_for(body(), 240)), 3.0)
 
 
-def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
+async def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     returned = threading.Event()
@@ -178,12 +178,9 @@ def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
         returned.wait(60)
         opened.close()
 
-    async def body() -> None:
-        async with open_bus(endpoint, fleet=FLEET, name="b", daemon="commd", mode="router"):
-            monkeypatch.setattr(session, "_close", close)
-            monkeypatch.setattr(session, "CLOSE_PATIENCE", 0.1)
-
-    asyncio.run(body())
+    async with open_bus(endpoint, fleet=FLEET, name="b", daemon="commd", mode="router"):
+        monkeypatch.setattr(session, "_close", close)
+        monkeypatch.setattr(session, "CLOSE_PATIENCE", 0.1)
     returned.set()
     assert "the router hangs: this session ends without notice to it" in caplog.text
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any
 
@@ -43,24 +42,7 @@ async def test_what_is_no_key_is_not_declared(connect: Connect) -> None:
     assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
 
 
-def test_declared_keys_outlive_their_router(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as clients:
-            async with router(endpoint):
-                sender, receiver = [await clients.enter_async_context(client(name)) for name in ("uav", "other")]
-                got = heard(receiver)
-                await tell(sender, got, 0, 5)
-            await until(lambda: not sender.router_up and not receiver.router_up, "the router is gone")
-            for number in range(5):
-                sender.put(KEY, Perception(name="altitude", parameters=(f"lost {number}",)))
-            async with router(endpoint):
-                await until(lambda: sender.router_up and receiver.router_up, "the router is back")
-                await tell(sender, got, 5, 10)
-                late = await clients.enter_async_context(client("late"))
-                of_late = heard(late)
-                await tell(sender, of_late, 10, 15)
-                await until(lambda: got[-5:] == of_late[-5:], "the others hear the same")
-
+async def test_declared_keys_outlive_their_router(endpoint: str) -> None:
     def router(at: str) -> AbstractAsyncContextManager[Bus]:
         return open_bus(at, fleet="test", name="board", daemon="commd", mode="router")
 
@@ -82,4 +64,18 @@ def test_declared_keys_outlive_their_router(endpoint: str) -> None:
             bus.put(KEY, Perception(name="altitude", parameters=(number,)))
         await until(lambda: got[begin - end :] == list(range(begin, end)), "what is put arrives in order")
 
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async with AsyncExitStack() as clients:
+        async with router(endpoint):
+            sender, receiver = [await clients.enter_async_context(client(name)) for name in ("uav", "other")]
+            got = heard(receiver)
+            await tell(sender, got, 0, 5)
+        await until(lambda: not sender.router_up and not receiver.router_up, "the router is gone")
+        for number in range(5):
+            sender.put(KEY, Perception(name="altitude", parameters=(f"lost {number}",)))
+        async with router(endpoint):
+            await until(lambda: sender.router_up and receiver.router_up, "the router is back")
+            await tell(sender, got, 5, 10)
+            late = await clients.enter_async_context(client("late"))
+            of_late = heard(late)
+            await tell(sender, of_late, 10, 15)
+            await until(lambda: got[-5:] == of_late[-5:], "the others hear the same")
