@@ -400,9 +400,7 @@ FOR_JASON = """
 
 
 @pytest.mark.parametrize("there", [(), ("tester_agent.asl", "test_assert.asl", "test_manager.asl")])
-def test_a_program_for_the_harness_of_jason_includes_it_by_its_name_alone(
-    run, tmp_path: Path, there: tuple[str, ...]
-) -> None:
+def test_a_program_for_jasons_harness_includes_it_by_name_alone(run, tmp_path: Path, there: tuple[str, ...]) -> None:
     _make_harness(tmp_path / "inc", there)
     ran = run(FOR_JASON, "--include-path", "inc")
     assert ran.lines == [

@@ -95,9 +95,7 @@ def test_agentd_and_bridged_wait_for_the_router_in_words_and_are_ready_with_it(
             assert manager.fields("STOPPING") == ["1"]
 
 
-def test_the_status_of_bridged_says_that_its_vehicle_is_not_heard(
-    mission: str, manager: NotifySocket, endpoint: str
-) -> None:
+def test_the_status_of_bridged_tells_of_an_unheard_vehicle(mission: str, manager: NotifySocket, endpoint: str) -> None:
     with (
         running("commd", "serve", mission, "--router", endpoint),
         running("bridged", "serve", mission, "--router", endpoint, environment=manager.environment()),
@@ -108,9 +106,7 @@ def test_the_status_of_bridged_says_that_its_vehicle_is_not_heard(
         )
 
 
-def test_a_mind_that_hangs_is_not_fed_for_and_its_process_lives(
-    mission: str, manager: NotifySocket, endpoint: str
-) -> None:
+def test_a_mind_that_hangs_is_not_fed_and_its_process_lives(mission: str, manager: NotifySocket, endpoint: str) -> None:
     with (
         running("commd", "serve", mission, "--router", endpoint),
         running(

@@ -113,9 +113,7 @@ async def test_a_figure_of_one_agent_that_cannot_be_made_or_told_hides_no_other_
     assert told.agents == {"a": AgentHealth(idle=False), "b": AgentHealth(idle=True)}
 
 
-async def test_the_health_of_many_agents_is_bounded_what_is_left_out_is_counted_and_each_agent_is_there(
-    connect: Connect,
-) -> None:
+async def test_the_health_of_many_agents_is_bounded_the_rest_counted_and_each_agent_is_there(connect: Connect) -> None:
     figures = {f"c{number}": 1.0 for number in range(100)}
     agents: Agents = {f"a{n}": lambda: AgentHealth(counters=figures, idle=True) for n in range(300)}
     (told,) = await health_of(connect, Health, agents=agents)
@@ -202,9 +200,7 @@ async def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_sa
     ],
     ids=["a bad mission", "which of several boards it is"],
 )
-def test_what_commd_cannot_serve_ends_it_with_findings(
-    tmp_path: Path, endpoint: str, text: str, said: list[str]
-) -> None:
+def test_what_commd_cannot_serve_is_findings(tmp_path: Path, endpoint: str, text: str, said: list[str]) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(text)
     with running("commd", "serve", str(path), "--router", endpoint) as commd:
@@ -212,9 +208,7 @@ def test_what_commd_cannot_serve_ends_it_with_findings(
         assert commd.lines == [line.replace("PATH", str(path)) for line in said]
 
 
-def test_only_the_board_of_the_gateway_listens_to_its_nodes(
-    tmp_path: Path, endpoint: str, free_port: Callable[[], int]
-) -> None:
+def test_the_gateways_board_alone_listens_to_nodes(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> None:
     address = ("127.0.0.1", free_port())
     gateway = f'gateway: {{board: b, listen: "127.0.0.1:{address[1]}", nodes: {{old: "127.0.0.1:9"}}}}'
     agents = "agents: {u: {program: u.asl, board: a}}"

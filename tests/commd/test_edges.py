@@ -81,9 +81,7 @@ async def test_two_programs_exchange_mail_and_what_one_sends_waits_for_the_other
             assert await take(other, 1) == [answer]
 
 
-async def test_a_program_stays_a_member_while_its_commd_is_killed_and_comes_back(
-    endpoint: str, tmp_path: Path, mission: Path
-) -> None:
+async def test_a_program_stays_a_member_while_commd_is_restarted(endpoint: str, tmp_path: Path, mission: Path) -> None:
     async with contextlib.AsyncExitStack() as stack:
         with commd(mission, tmp_path, endpoint) as first:
             await asyncio.to_thread(first.says, "router board=local")
@@ -135,9 +133,7 @@ async def test_an_unnamed_program_joins_is_sent_to_and_leaves(endpoint: str, tmp
                 await me.send("guest", "tell", "farewell")
 
 
-async def test_an_old_node_and_a_program_talk_across_commd(
-    endpoint: str, tmp_path: Path, free_port: Callable[[], int]
-) -> None:
+async def test_an_old_node_and_a_program_talk(endpoint: str, tmp_path: Path, free_port: Callable[[], int]) -> None:
     node, listen = OldCommNode(), f"127.0.0.1:{free_port()}"
     mission = tmp_path / "mixed.yaml"
     mission.write_text(MIXED.format(listen=listen, node=node.address))

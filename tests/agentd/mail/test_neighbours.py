@@ -69,9 +69,7 @@ async def test_a_message_reaches_its_neighbour_in_order_without_leaving_the_proc
     assert pair.b.host.health().counters["mail_received"] == 200
 
 
-async def test_a_neighbour_has_a_message_before_the_disk_has_it_and_nothing_that_follows_leaves_the_process(
-    pair: Pair,
-) -> None:
+async def test_a_neighbour_has_a_message_before_the_disk_and_nothing_after_it_leaves_the_process(pair: Pair) -> None:
     desk = await a_desk(pair.board.connect, "b")
     await pair.begin(b="+!kqml_received(_, tell, N, _) <- .print(N); .send(c, tell, N).\n")
     await until(lambda: bool(pair.daemon.disk.savings), "they are kept once")
@@ -120,9 +118,7 @@ async def test_what_does_not_fit_goes_by_commd_in_order(pair: Pair, monkeypatch:
     assert len(pair.desk.taken) == 4
 
 
-async def test_a_message_that_commd_may_still_offer_is_not_overtaken_across_a_death(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_message_commd_may_still_offer_is_not_overtaken(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.MOST", 0)
     await pair.begin(b_begins=False)
     go(pair.a, 1)

@@ -76,9 +76,7 @@ async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_outli
     assert again.prints == ["heard(1)", "heard(2)"]
 
 
-async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
-    board: Board, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_what_a_death_kept_from_disk_comes_again_once(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
     backfill = await board.connect("board", "commd")
     agent = await a_life(board, HEARS, backfill)
@@ -197,9 +195,7 @@ async def test_an_atomic_plan_is_kept_whole(board: Board, monkeypatch: pytest.Mo
     assert all(len(values) == 1 for values in seen)
 
 
-async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
-    board: Board, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_unsendable_message_fails_the_plan_of_it(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 3)
     program = """\
 !go.
@@ -255,9 +251,7 @@ async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent
     assert (again.prints, sum(desk.batches)) == ([], 1)
 
 
-def test_a_file_that_is_refused_gives_way_to_agents_that_are_to_start_fresh(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_file_gives_way_to_agents_that_start_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.process.sqlite_file.LOCK_PATIENCE", 0.05)
     made, _ = open_state(tmp_path, "a", ["a"], [], "FULL")
     made.save({"a": AgentRows(life=LifeRow("n", 1, b""))})

@@ -374,9 +374,7 @@ def test_a_term_whose_parts_are_in_it_many_times_is_refused_when_too_large(monke
 
 @pytest.mark.usefixtures("usual_recursion")
 @pytest.mark.parametrize("what", ["deep", "half a character", "defect"])
-async def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
-    what: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_action_that_cannot_be_asked_for_fails_its_plan(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     parameter = nested(150) if what == "deep" else "\ud800"
 
     def broken(_: object) -> None:

@@ -151,9 +151,7 @@ def test_functions_without_a_twin_can_only_be_those_of_the_real_robot(
     assert capsys.readouterr().err == f"error: s1: {why}; fly the real one with --real s1\n"
 
 
-def test_each_of_several_files_gets_one_line_with_its_result(
-    mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_of_several_files_gets_its_line(mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong, missing = tmp_path / "wrong.yaml", tmp_path / "none.yaml"
     wrong.write_text(MISSION.replace("done:", "dome:"))
     assert main(["check", str(mission), str(wrong), str(missing)]) == 2

@@ -84,9 +84,7 @@ def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
             assert all("argosy keys renew" in one.do for one in soon)
 
 
-def test_an_old_list_of_whom_this_machine_believes_is_told_for_what_it_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_old_list_of_whom_a_machine_believes_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = Kept(tmp_path, 400)
     anchors = kept.keys("ops") / "ca.pem"
     old = anchors.read_bytes()
@@ -101,9 +99,7 @@ def test_an_old_list_of_whom_this_machine_believes_is_told_for_what_it_is(
     assert found.do.startswith("if boards were added")
 
 
-def test_a_board_whose_certificate_has_expired_is_there_and_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_board_of_an_expired_certificate_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fleet = FleetKeys(tmp_path)
     tls, at = fleet.make("pi1", ends=-5), free_port()
     text = MISSION.replace("PORT1", str(at)).replace("PORT2", str(free_port()))

@@ -153,9 +153,7 @@ def test_all_problems_of_all_files_are_told_with_exit_code_2(tmp_path: Path, cap
     ]
 
 
-def test_the_two_ini_files_of_the_paper_are_one_manifest(
-    tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_both_ini_files_of_the_paper_are_one(tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
     act, per = "act", "per"
     folder = Path(__file__).parents[3] / "missions" / "paper_uav"
     (tmp_path / act).write_text((folder / "actions_manifest").read_text())

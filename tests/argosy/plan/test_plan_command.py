@@ -10,9 +10,7 @@ from argosy.__main__ import main
 from tests.bridged.drivers.mavlink.test_plan_files import HOME, RALLY, TAKEOFF, THERE, plan
 
 
-def test_the_items_of_a_plan_are_listed_and_what_is_not_taken_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_items_of_a_plan_are_listed_the_rest_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "field.plan"
     path.write_text(plan(TAKEOFF, THERE, HOME, geoFence={"breachReturn": [-27.6, -48.5, 20]}, rallyPoints=RALLY))
     assert main(["plan", "show", str(path)]) == 0

@@ -126,9 +126,7 @@ def words(svg: Path) -> list[str]:
     return re.findall(r"<!-- (.*?) -->", text)
 
 
-def test_a_figure_has_the_track_altitude_modes_actions_and_messages(
-    flown: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_figure_has_track_altitude_modes_actions_messages(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plot", str(flown)]) == 0
     out = flown.with_suffix(".svg")
     assert capsys.readouterr().out == f"{out}: 2 robots, 4 actions, 2 messages, 0.0 s to 30.0 s, 7.13 in wide\n"

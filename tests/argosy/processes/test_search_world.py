@@ -34,9 +34,7 @@ def mission() -> Callable[[str], Mission]:
     return lambda world: read_mission(TEXT + world + "\n", Path("search.yaml"))
 
 
-def test_a_copter_with_a_camera_is_told_of_the_world_and_where_to_tell_what_it_sees(
-    mission: Callable[[str], Mission],
-) -> None:
+def test_a_copter_with_a_camera_is_told_of_the_world_and_whom_to_tell_of_it(mission: Callable[[str], Mission]) -> None:
     told = camera_arguments(mission(WORLD), "uav1", "tcp/127.0.0.1:7447")
     assert told == [
         "--victims=8,3,-27.6038,-48.5193,-27.6029,-48.5173",

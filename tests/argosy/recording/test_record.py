@@ -68,9 +68,7 @@ async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(stu
     assert found.facts.fleet == FLEET
 
 
-async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
-    studio: Studio, capsys: pytest.CaptureFixture[str]
-) -> None:
+async def test_a_killed_recorder_loses_its_last_moment(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
     bus = await studio.connect("uav1", "bridged")
     async with studio.recording() as recorder:
         await subscribed(bus, ALTITUDE)
@@ -257,9 +255,7 @@ async def test_a_recorder_of_nobody_says_so(studio: Studio, free_port: Callable[
     assert ": 0 messages in " in out
 
 
-async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_a_router_that_goes_and_comes_is_noted_and_what_came_is_asked_for(endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     async with AsyncExitStack() as stack:
         router = await stack.enter_async_context(AsyncExitStack())

@@ -162,9 +162,7 @@ async def test_minds_answer_as_they_were_when_the_replay_has_come_so_far(studio:
     assert 45 < view.time < 60
 
 
-async def test_a_mind_of_which_a_batch_is_lost_or_unreadable_is_not_shown_as_it_was_before(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_a_mind_with_a_batch_lost_or_unreadable_is_not_shown_as_before(connect: Connect, tmp_path: Path) -> None:
     eye, player = await connect("eye", "argosy"), await connect("player", "argosy")
     inputs, key = keys.trace(FLEET, "uav", "inputs"), keys.mind(FLEET, "uav")
     given = [heard(inputs, stretch(number), number) for number in range(5)]
@@ -331,9 +329,7 @@ def test_what_is_in_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert (told["fleets"], told["seconds"], told["minds"][0]["missing"]) == ([FLEET], 2.0, [1])
 
 
-def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_inputs_of_another_version_are_not_told_as_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     inputs = heard(keys.trace(FLEET, "uav", "inputs"), stretch(0))
     other = inputs._replace(payload=b'{"number": 1, "steps": "of another version"}')
     for name, messages, told in (

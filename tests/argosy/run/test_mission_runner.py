@@ -111,9 +111,7 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_again_leaves_it_there(star
     assert out.splitlines()[-1] == told
 
 
-def test_two_missions_that_leave_their_links_open_fly_at_once(
-    start: Start, single_uav: Path, free_port: Callable[[], int]
-) -> None:
+def test_two_missions_with_open_links_fly_at_once(start: Start, single_uav: Path, free_port: Callable[[], int]) -> None:
     lines = [line for line in single_uav.read_text().splitlines() if not line.startswith("    link:")]
     single_uav.write_text("\n".join(lines))
     other = f"tcp/127.0.0.1:{free_port()}"

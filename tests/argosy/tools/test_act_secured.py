@@ -60,9 +60,7 @@ def test_an_operator_asks_a_bridge_for_what_its_vehicle_stores_and_an_observer_d
         assert "note: `eye` is an observer in the mission: it may not give orders" in said
 
 
-def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
-    world: World, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_observer_of_telemetry_is_told_it_sees_no_minds(world: World, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["why", "a", "--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("eye"))]) == 1
     why = "a: `eye` is an observer of telemetry by the mission: it may not see this (docs/guides/security.md)"
     assert why in capsys.readouterr().err

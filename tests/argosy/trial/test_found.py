@@ -57,9 +57,7 @@ def test_a_router_that_is_killed_as_its_clients_find_it_back_deafens_none_of_the
     ],
     ids=["arming, then silence", "a target to a vehicle that acknowledges nothing"],
 )
-def test_what_a_vehicle_does_is_judged_by_its_state_not_by_what_it_says_in_time(
-    fly: Fly, seed: int, faults: list[Fault]
-) -> None:
+def test_what_a_vehicle_does_is_judged_by_its_state_not_its_answers(fly: Fly, seed: int, faults: list[Fault]) -> None:
     outcome = fly("single_uav", seed, *faults)
     assert outcome.success, outcome.why
     assert no_action_failed(outcome)

@@ -450,9 +450,7 @@ def test_a_link_that_is_cut_for_less_than_a_lease_delays_and_for_more_loses(
 
 
 @pytest.mark.parametrize(("away", "ended"), [(5.0, LEASE), (1.0, 1.0)])
-def test_other_boards_notice_after_a_lease_that_a_board_has_lost_its_power_or_when_it_is_back(
-    away: float, ended: float
-) -> None:
+def test_others_notice_after_a_lease_that_a_board_lost_its_power_or_when_it_is_back(away: float, ended: float) -> None:
     there = "tcp/127.0.0.1:7448"
 
     async def scenario(stage: Stage) -> list[float]:

@@ -211,9 +211,7 @@ async def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pyte
     assert caplog.text == ""
 
 
-async def test_silent_connections_are_closed_for_new_ones_and_a_page_keeps_its_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_silent_connections_are_closed_for_new_ones_and_pages_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "STRANGERS", 8)
     async with entered() as browser, browser.feed() as feed:
         silent = [await asyncio.open_connection("127.0.0.1", browser.auth.port) for _ in range(20)]

@@ -33,9 +33,7 @@ pytestmark = pytest.mark.usefixtures("browser")
 FINE = Outcome(ok=True)
 
 
-async def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(
-    endpoint: str,
-) -> None:
+async def test_a_hanging_server_is_told_of_and_what_was_ordered_is_refused_when_it_goes_on(endpoint: str) -> None:
     async with AsyncExitStack() as stack:
         ([uav1], _) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
         ui = stack.enter_context(running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", "0"))
@@ -135,9 +133,7 @@ async def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_pause
         assert uav1.orders == ["pause", "continue"]
 
 
-async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_nothing_is_confirmed_with_nobody_known_to_order(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     known = asyncio.Event()
 
     async def nobody(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
@@ -351,9 +347,7 @@ async def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_abov
         assert await seen.page.locator(".row", has_text="failsafe").count() == 0
 
 
-async def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_with(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_the_page_shows_the_mission_that_runs_whatever_it_was_started_with(endpoint: str, tmp_path: Path) -> None:
     async with fleet(endpoint, {"uav1": FINE}), session(endpoint, "local") as board:
         text = "mission: {}\nfleet: sar\nagents: {{scout: {{program: a.asl}}{}}}\ntimeout: {}min\n"
         ours = read_mission(text.format("ours", "", 7), tmp_path / "ours.yaml")

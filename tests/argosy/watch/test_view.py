@@ -345,9 +345,7 @@ async def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_i
 
 
 @shown(Fleet)
-async def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do(
-    app: WatchApp, pilot: Pilot[None], fleet: Fleet
-) -> None:
+async def test_that_nobody_is_there_is_said_then_what_to_do(app: WatchApp, pilot: Pilot[None], fleet: Fleet) -> None:
     await until(app, pilot, "no daemon of fleet sar is on the bus yet, waiting for 0.0 s")
     fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
     fleet.waits(15)
@@ -473,9 +471,7 @@ async def test_a_change_of_size_that_textual_loses_is_followed(app: WatchApp, pi
 
 
 @shown(flying)
-async def test_the_view_ends_without_an_error_however_long_that_takes(
-    app: WatchApp, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_view_ends_without_error_in_whatever_time(app: WatchApp, monkeypatch: pytest.MonkeyPatch) -> None:
     closing = app._close_messages
 
     async def close(wait: bool = True) -> None:

@@ -459,9 +459,7 @@ def test_guided_that_a_ground_station_sets_while_an_agent_flies_home_is_its_own(
 
 
 @pytest.mark.parametrize("action", [("goto", *GOAL), ("return_to_launch",), ("land",), ("arm_motors", False)])
-def test_while_a_pilot_has_the_vehicle_no_action_is_taken_until_the_agent_takes_control(
-    sky: Sky, action: tuple[Any, ...]
-) -> None:
+def test_while_a_pilot_has_the_vehicle_no_action_is_taken_until_a_takeover(sky: Sky, action: tuple[Any, ...]) -> None:
     sky.flying()
     sky.pilot_sets(5)
     sky.forward(lambda: sky.belief("override"), "the pilot's mode", 3)

@@ -109,9 +109,7 @@ def test_the_last_ids_are_known_though_the_clock_was_set_forward(life: Life) -> 
     assert again.held() == ("a", False)
 
 
-def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(
-    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ids_of_over_an_hour_are_forgotten(life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LAST", 1)
     wall, path = Wall(), tmp_path / "uav1.actions"
     action_log = life(wall)
@@ -151,9 +149,7 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
 
 
-def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
-    life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_noted_as_the_file_shrinks_is_kept(life: Life, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
     action_log = life(wall)

@@ -384,9 +384,7 @@ def test_a_driver_that_looks_at_its_robot_and_opens_its_link_slowly_is_not_misse
 
 
 @pytest.mark.parametrize("link", ["udpout:slow.invalid:14550", "tcpin:slow.invalid:5760"])
-async def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
-    link: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_link_of_an_unknown_name_is_given_up_for_now(link: str, monkeypatch: pytest.MonkeyPatch) -> None:
     async def never(*_: object, **__: object) -> None:
         await asyncio.Event().wait()
 
@@ -457,9 +455,7 @@ async def test_a_driver_is_run_again_later_each_time_and_soon_again_once_it_has_
 
 
 @pytest.mark.parametrize("error", [KeyError("alt"), SystemExit(3), KeyboardInterrupt(), asyncio.CancelledError()])
-async def test_a_defect_of_a_robots_only_driver_names_it_with_the_place(
-    sonar: Any, tmp_path: Path, error: BaseException
-) -> None:
+async def test_a_defect_of_the_only_driver_names_it_and_where(sonar: Any, tmp_path: Path, error: BaseException) -> None:
     async def ends() -> None:
         raise error
 
@@ -476,9 +472,7 @@ async def test_a_defect_of_a_robots_only_driver_names_it_with_the_place(
     ("value", "said"),
     [("None", "None"), ("'started'", "'started'"), ("late()", "a coroutine (it is `async def`)")],
 )
-async def test_a_driver_that_performs_without_an_execution_fails_the_action(
-    sonar: Any, tmp_path: Path, value: str, said: str
-) -> None:
+async def test_a_driver_without_execution_fails_the_action(sonar: Any, tmp_path: Path, value: str, said: str) -> None:
     async def late() -> None: ...
 
     async with in_the_workshop(Workshop(tmp_path, checked(ALONE))) as workshop:

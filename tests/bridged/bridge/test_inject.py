@@ -108,9 +108,7 @@ async def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(end
 
 
 @pytest.mark.parametrize("inject", [True, False])
-async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
-    endpoint: str, tmp_path: Path, inject: bool
-) -> None:
+async def test_an_agents_action_is_cancelled_by_hand_where_allowed(endpoint: str, tmp_path: Path, inject: bool) -> None:
     async with (
         serving(endpoint, tmp_path, mission=INJECT if inject else MISSION) as (field, bus),
         field.client("operator") as person,

@@ -382,9 +382,7 @@ async def test_a_restarted_bridge_leaves_a_pilot_what_was_begun_under_the_operat
 
 
 @pytest.mark.parametrize("said", ["hold", "pause"])
-async def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
-    tmp_path: Path, said: Literal["hold", "pause"]
-) -> None:
+async def test_what_the_operator_said_ends_with_an_orderly_end(tmp_path: Path, said: Literal["hold", "pause"]) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)
     orders = sky.bridge.orders

@@ -52,9 +52,7 @@ async def test_what_is_put_arrives_typed_and_in_order(connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
-async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
-    told: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_session_not_opened_in_time_does_not_keep_a_daemon(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.session.OPEN_PATIENCE", 60.0 if told else 0.2)
     monkeypatch.setattr("commd.bus.session.STOP_PATIENCE", 0.2)
     # three seconds: none of these waits so long, and no thread within Zenoh is left to the tests after it

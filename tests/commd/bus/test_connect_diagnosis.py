@@ -165,9 +165,7 @@ async def test_nobody_goes_to_a_board_whose_certificate_is_not_good(
         assert words in await why_not(at, ours)
 
 
-def test_what_else_keeps_a_router_from_being_reached_is_told_in_words(
-    fleet: FleetKeys, tmp_path: Path, free_port: Port
-) -> None:
+def test_what_else_keeps_a_router_out_of_reach_is_told(fleet: FleetKeys, tmp_path: Path, free_port: Port) -> None:
     tls = fleet.make("pi2")
     nobody = f"127.0.0.1:{free_port()}"
     assert attempt(f"tls/{nobody}", tls) == "is commd running? Nobody listens there"
@@ -255,9 +253,7 @@ async def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_
     watching.cancel()
 
 
-async def test_a_watch_over_links_that_fails_says_so_and_goes_on(
-    fleet: FleetKeys, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_failed_watch_of_links_says_so_and_goes_on(fleet: FleetKeys, caplog: pytest.LogCaptureFixture) -> None:
     bus = FewLinks()
     mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
     links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01)

@@ -55,9 +55,7 @@ def test_they_are_noticed_without_a_declaration_and_forgotten_when_back(monkeypa
 
 
 @virtual_test
-async def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_what_could_not_be_known_is_seen_again_a_defect_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = ["denied", None, ValueError("no"), "denied", ""]
     looks: list[str] = []
 

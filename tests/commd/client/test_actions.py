@@ -235,9 +235,7 @@ async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect
 
 
 @virtual_bus_test
-async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
-    connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_action_may_take_as_long_as_its_bridge_says(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
     said = {"deadline": 0.3}
     acting = await act(connect, [{"state": "accepted", **said}, 0.4, {"state": "running", **said}, HANG])

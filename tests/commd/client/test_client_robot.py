@@ -81,9 +81,7 @@ async def test_a_robot_is_held_when_its_program_is_gone(
         await until(lambda: "turtle agent driver is lost" in caplog.text, "the bridge misses the program")
 
 
-async def test_an_action_whose_program_gives_it_up_is_cancelled(
-    connect: Connect, endpoint: str, mission: Mission
-) -> None:
+async def test_an_action_that_is_given_up_is_cancelled(connect: Connect, endpoint: str, mission: Mission) -> None:
     bridge = await connect("turtle", "bridged")
     begun, cancelled = asyncio.Event(), list[str]()
     key, over = keys.action("turtle", "driver", "*"), asyncio.Event()

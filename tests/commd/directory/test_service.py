@@ -245,9 +245,7 @@ async def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, 
         await until(lambda: pi2.notes() == (), "they do not see each other any more")
 
 
-async def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
-    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_an_unreadable_directory_does_not_begin_empty(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(directory_module, "READ_AGAIN", 0.05)
     monkeypatch.setattr(directory_module, "READ_EVERY", 0.05)
     real, failed = Store.read, 0
@@ -293,9 +291,7 @@ async def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkey
         assert (await a.ask("register", "y" * 1_000)).problem == ""
 
 
-async def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
-    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_program_that_stays_keeps_its_name_while_away(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 0.5)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
     async with fleet.board("pi1") as pi1:

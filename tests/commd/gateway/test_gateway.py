@@ -271,9 +271,7 @@ async def test_what_a_full_disk_does_not_take_waits_for_it(field: Field, monkeyp
 
 
 @with_limits(SEEK_EVERY=0.1)
-async def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
-    field: Field, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_node_of_an_unknown_host_keeps_its_mail_waiting(field: Field, caplog: pytest.LogCaptureFixture) -> None:
     node = field.gateway.nodes["old1"]
     address, node.at, node.address = field.one.address, None, "no-such-host.invalid:9000"
     assert await field.post.deliver["old1"]((message(1),)) is None

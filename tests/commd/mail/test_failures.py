@@ -191,9 +191,7 @@ async def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_a
         assert told.got[0].content == notice("b", 1, "unknown")
 
 
-async def test_what_a_receiver_refuses_becomes_a_dead_letter_and_the_sender_is_told(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_what_a_receiver_refuses_is_a_dead_letter_and_its_sender_told(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
         sender, bus = await connect("a"), await connect("b")
         told = Receiver(sender, "a")
@@ -258,9 +256,7 @@ async def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(connect
         assert mail_service.counters_now["given_up"] == 2
 
 
-async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_given_up(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_who_joins_is_served_and_what_waits_when_they_leave_is_given_up(connect: Connect, tmp_path: Path) -> None:
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         sender = await connect("a")
         told = Receiver(sender, "a")

@@ -253,9 +253,7 @@ async def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(con
         assert [one.content for one in got] == [[1, "x"]]
 
 
-async def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_it(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_what_is_taken_in_the_process_shares_a_transaction_with_its_own(connect: Connect, tmp_path: Path) -> None:
     def fails(db: object) -> None:
         raise ValueError("a defect")
 

@@ -348,9 +348,7 @@ async def test_a_file_of_an_older_version_becomes_one_of_this(path: Path, monkey
             assert await store.read(lambda db: db.execute("PRAGMA user_version").fetchone()) == (len(steps),)
 
 
-async def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_failed_migration_leaves_the_file_as_it_was(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with open_store(path) as store:
         await store.write(keep("old"))
     monkeypatch.setattr(

@@ -59,9 +59,7 @@ def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, capl
 
 
 @pytest.mark.parametrize("left", [b"", b"\0" * 40], ids=["nothing", "noughts"])
-def test_a_note_that_a_power_failure_kept_from_the_disk_is_none(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, left: bytes
-) -> None:
+def test_a_note_lost_in_a_power_failure_is_none(tmp_path: Path, caplog: pytest.LogCaptureFixture, left: bytes) -> None:
     note = tmp_path / "pi1.commd.restarts"
     note.write_bytes(left)
     assert RestartCounter(note, "two").restarts == 0

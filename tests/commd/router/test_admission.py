@@ -214,9 +214,7 @@ async def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more
         assert await closed(again) == b""
 
 
-async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(
-    made: Front, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_board_that_pauses_reading_keeps_its_session(made: Front, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "STALLED", 0.1)
     (reader, writer), (_, router) = await made.session("pi2")
     reader._transport.pause_reading()  # type: ignore[attr-defined]
@@ -227,9 +225,7 @@ async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(
     writer.close()
 
 
-async def test_one_certificate_has_so_many_sessions_and_no_more(
-    free_port: Port, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_one_certificate_has_so_many_sessions_no_more(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_SESSIONS", 2)
     async with front(free_port()) as made:
         two = [await made.session("eye") for _ in range(2)]

@@ -48,9 +48,7 @@ async def answered(bus: Bus, board: str) -> bool:
     return True
 
 
-async def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_board_measures_clocks_and_links_when_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SimpleNamespace(time_ns=lambda: time.time_ns() + int(AHEAD * 1e9))
     monkeypatch.setattr(self_check, "time", clock)  # of the board that measures
     async with asyncio.timeout(240), AsyncExitStack() as stack:

@@ -156,9 +156,7 @@ GUARDED = MISSION + "    failsafe: {gcs: bridge}\n    limits: {altitude: 30}\n"
         ("FENCE_ACTION", 0, "limits"),
     ],
 )
-def test_what_the_mission_relies_on_is_not_switched_off_by_a_parameter(
-    tmp_path: Path, name: str, value: float, by: str
-) -> None:
+def test_what_the_mission_needs_is_not_off_by_a_parameter(tmp_path: Path, name: str, value: float, by: str) -> None:
     sky = Sky(tmp_path, mission=GUARDED)
     sky.wait(1)
     final = sky.do("set_param", name, value)

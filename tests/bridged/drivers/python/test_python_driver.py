@@ -186,9 +186,7 @@ async def test_fields_give_an_argument_its_constant_and_orders_are_actions(
     assert gpio()["led"] == (False, 17)
 
 
-async def test_a_generator_tells_its_progress_and_returns_its_result(
-    workshop: Workshop, gpio: Callable[[], dict[str, object]]
-) -> None:
+async def test_a_generator_has_progress_and_a_result(workshop: Workshop, gpio: Callable[[], dict[str, object]]) -> None:
     heard = workshop.begin("climb", 60)
     await until(lambda: any(one.feedback for one in heard), "feedback")
     assert set(next(one.feedback for one in heard if one.feedback)) == {"to_go"}
@@ -231,9 +229,7 @@ async def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it
 
 
 @pytest.mark.usefixtures("gpio")
-async def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_what_a_sensor_raises_is_counted_and_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     manifest = checked(robot('[percepts.echo]\nsource = "gpio.flaky"\nargs = ["data"]\nrate = 100'))
     async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         await workshop.perceives("echo", "ok")
@@ -353,9 +349,7 @@ def test_what_a_manifest_names_and_no_plug_in_offers_is_told_at_its_line_with_wh
     ]
 
 
-def test_a_plug_in_that_cannot_be_imported_is_told_with_its_package(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_an_unimportable_plug_in_is_told_with_its_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch, tmp_path, {"my_sick": "import no_such_library"}, {"argosy.python": {"sick": "my_sick"}})
     assert problems(robot('[percepts.a]\nsource = "sick.read"')) == [
         "bench.toml:5: error: percepts.a.source: the plug-in `sick` of my-robot 1.2 cannot be imported: "

@@ -111,9 +111,7 @@ def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_start
     assert ("mission_broken", "") not in identities(sky.driver.notes())
 
 
-def test_a_bridge_that_was_killed_during_an_upload_starts_no_mission_before_it_knows_what_the_vehicle_holds(
-    tmp_path: Path,
-) -> None:
+def test_a_bridge_killed_during_an_upload_starts_no_mission_before_it_knows_the_vehicles(tmp_path: Path) -> None:
     sky = Sky(tmp_path).armed()
     stored_by_another_station(sky, NEAR)
     sky.hears_us = lambda message: not (message.get_type() == "MISSION_ITEM_INT" and message.seq == 2)
@@ -172,9 +170,7 @@ def test_a_refused_mission_tells_why_in_words(sky: Sky) -> None:
 @pytest.mark.parametrize(
     ("asked", "action"), [("MISSION_COUNT", ("upload_mission", TOUR)), ("MISSION_SET_CURRENT", ("set_mission_item", 3))]
 )
-def test_a_refusal_for_another_ground_station_is_not_taken_for_ours(
-    sky: Sky, asked: str, action: tuple[str, *tuple[Term, ...]]
-) -> None:
+def test_a_refusal_for_another_station_is_not_ours(sky: Sky, asked: str, action: tuple[str, *tuple[Term, ...]]) -> None:
     def refuse_another(message: Message) -> bool:
         if message.get_type() == asked:
             sky.downlink.append(dialect.MAVLink_mission_ack_message(255, 190, dialect.MAV_MISSION_DENIED))

@@ -553,9 +553,7 @@ def test_its_words_reach_a_refusal(sky: Sky) -> None:
 
 
 @pytest.mark.parametrize(("forward", "stopped"), [("", True), ("    forward: udpout:127.0.0.1:9\n", False)])
-def test_its_fast_streams_are_stopped_unless_a_ground_station_hears_them(
-    tmp_path: Path, forward: str, stopped: bool
-) -> None:
+def test_its_fast_streams_stop_unless_a_ground_station_hears_them(tmp_path: Path, forward: str, stopped: bool) -> None:
     sky = px4(tmp_path, forward)
     sky.wait(5)
     asked = {int(one.param1): one.param2 for one in sky.commands(dialect.MAV_CMD_SET_MESSAGE_INTERVAL)}

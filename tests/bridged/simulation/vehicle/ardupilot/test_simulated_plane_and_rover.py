@@ -54,9 +54,7 @@ def test_it_takes_off_in_takeoff_and_circles_ahead(flying: AttendedVehicle) -> N
 @pytest.mark.parametrize(
     ("altitude", "text"), [(90, "Climbing to TKOFF alt then loitering"), (30, "Above TKOFF alt - loitering")]
 )
-def test_in_the_air_takeoff_climbs_to_its_altitude_or_circles_above_it(
-    flying: AttendedVehicle, altitude: int, text: str
-) -> None:
+def test_in_the_air_takeoff_climbs_or_circles_above_it(flying: AttendedVehicle, altitude: int, text: str) -> None:
     flying.wait(20.0)
     high = flying.at.up - flying.autopilot.home_on_chart.up
     mode(flying, PlaneMode.LOITER)

@@ -53,9 +53,7 @@ def test_its_heartbeat_comes_each_second_and_has_main_and_sub_mode(px4: Attended
         (4, 77, REJECTED, Mode.LOITER),
     ],
 )
-def test_on_the_ground_any_mode_that_there_is_can_be_set(
-    px4: AttendedVehicle, main: int, sub: int, result: int, mode: Mode
-) -> None:
+def test_on_the_ground_any_mode_can_be_set(px4: AttendedVehicle, main: int, sub: int, result: int, mode: Mode) -> None:
     assert px4.command(SET_MODE, 1, main, sub) == result
     assert px4.autopilot.mode is mode
     px4.wait(1.2)
