@@ -187,7 +187,6 @@ class Board:
         return hosted
 
     async def close(self) -> None:
-        """End all agents."""
         for hosted in self._hosted:
             await hosted.leave()
         for hosted in self._hosted:

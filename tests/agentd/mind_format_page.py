@@ -38,13 +38,11 @@ _STEADY: Final = {
 
 
 def program() -> str:
-    """The program of the page."""
     found = re.search(r"```asl title=\"scout.asl\"\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     return found[1]
 
 
 def script() -> str:
-    """The page's ten lines of Python."""
     found = re.search(r"```python title=\"mind.py\"\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     return found[1]
 
@@ -104,7 +102,6 @@ async def _raw(bus: Bus, selector: str) -> Any:
 
 
 def shown(mind: Any) -> str:
-    """The example as it stands on the page."""
     return f"```json\n{json.dumps(steady(mind), indent=1, ensure_ascii=False)}\n```\n"
 
 

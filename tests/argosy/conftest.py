@@ -41,12 +41,10 @@ class Running:
 
     @property
     def stdout(self) -> str:
-        """What it printed so far."""
         return self._out.read_text()
 
     @property
     def stderr(self) -> str:
-        """What it complained about so far."""
         return self._err.read_text()
 
     def give_cue(self) -> None:

@@ -38,12 +38,10 @@ class Recording:
         self.status = Status(setup, self.model, journal, Meter(), [], lambda: self.at, phase="running")
 
     def percept(self, name: str, *parameters: Term) -> None:
-        """Play a percept of the agent."""
         told = Perception(header=BRIDGE, name=name, parameters=parameters)
         self.model.percept(keys.percept("single-uav", "uav", name), told)
 
     def percept_gone(self, name: str) -> None:
-        """Play the removal of a percept of the agent."""
         gone = Perception(header=BRIDGE, name=name, update="remove")
         self.model.percept(keys.percept("single-uav", "uav", name), gone)
 
@@ -79,7 +77,6 @@ class Recording:
         self.model.mind("uav", MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=texts))
 
     def health(self, name: str, daemon: str, **fields: object) -> None:
-        """Play the health of a daemon."""
         self.model.health(keys.health("single-uav", name, daemon), Health(daemon=daemon, **fields))  # type: ignore[arg-type]
 
     @property

@@ -48,7 +48,6 @@ async def member(fleet: Secured, board: str, name: str, daemon: str = "agentd") 
 
 
 def keys_command(fleet: Secured, *command: str) -> None:
-    """Run `argosy keys COMMAND MISSION ...`."""
     name, *rest = command
     assert argosy(["keys", name, str(fleet.path), *rest, "--dir", str(fleet.folder / "keys")]) == 0
 

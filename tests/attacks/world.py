@@ -92,7 +92,6 @@ def attack(name: str, tried: str, refused: str) -> Callable[[Callable[[Row, Worl
 
 
 def letter(sender: str, receiver: str, number: int = 1, content: Any = 1) -> Mail:
-    """One message as mail."""
     one = Message(
         id=f"{sender}.{time.time_ns()}.{receiver}.{number}",
         sender=sender,

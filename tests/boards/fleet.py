@@ -119,7 +119,6 @@ class Look:
         threading.Thread(target=self._read, daemon=True).start()
 
     def close(self) -> None:
-        """End the process."""
         self._process.kill()
         self._process.wait(10)
 

@@ -84,7 +84,6 @@ class Course:
 
     @property
     def over(self) -> bool:
-        """Whether all troubles are over."""
         return not self._agenda
 
     def step(self) -> None:

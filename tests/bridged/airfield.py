@@ -51,7 +51,6 @@ class Airfield:
         self._ids = 0
 
     def arguments(self) -> Namespace:
-        """What the command line would say."""
         said = {"speed": self.speed, "link": self.link, "simulated": True}
         return command_line(self.endpoint, self.state, "uav1", **said)
 
@@ -72,13 +71,11 @@ class Airfield:
 
     @asynccontextmanager
     async def router(self) -> AsyncIterator[Bus]:
-        """A router at the endpoint, as commd is."""
         async with self._bus("board", "commd", mode="router") as bus:
             yield bus
 
     @asynccontextmanager
     async def client(self, name: str = "uav") -> AsyncIterator[Bus]:
-        """A client of the bus, as an agent is."""
         async with self._bus(name, "agentd") as bus:
             yield bus
 

@@ -17,7 +17,6 @@ def of_the_uav() -> Manifest:
 
 
 def pair(actions: str = "", percepts: str = "") -> Manifest:
-    """A pair of which nothing is wrong."""
     manifest = translate_pair(actions, "a", percepts, "p")
     assert check_manifest(manifest) == []
     return manifest

@@ -89,7 +89,6 @@ class Desk:
         return heard
 
     def step(self, seconds: float = 0.0) -> None:
-        """Let time pass."""
         self.clock.time += seconds
         self.action_server.step()
 

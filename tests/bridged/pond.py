@@ -68,7 +68,6 @@ class Pond:
         )
 
     def begin(self, name: str, **arguments: Value) -> Execution:
-        """Begin an action."""
         return self.driver.perform(name, self.manifest.actions[name], arguments)
 
     async def do(self, name: str, **arguments: Value) -> Outcome:

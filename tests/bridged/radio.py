@@ -60,7 +60,6 @@ class Speaker:
         return packet
 
     def send(self, packet: bytes) -> None:
-        """Send a datagram."""
         if self._to is None:
             self.listen()
         assert self._to is not None, "nobody has spoken to this end yet"

@@ -79,7 +79,6 @@ async def ask(bus: Bus, key: str, *messages: Message) -> Receipt | str:
 
 
 async def post(bus: Bus, *messages: Message) -> Receipt | str:
-    """Post a batch of one sender at its board."""
     outbox = keys.outbox(FLEET, messages[0].sender)
     await served(bus, outbox)
     return await ask(bus, outbox, *messages)

@@ -40,7 +40,6 @@ class Command:
 
 
 def commands(block: Block) -> list[Command]:
-    """The commands of a block."""
     return list(_console(block) if block.language == "console" else _script(block))
 
 

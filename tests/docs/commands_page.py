@@ -75,7 +75,6 @@ def _leaf(program: str, names: tuple[str, ...]) -> argparse.ArgumentParser:
 
 
 def page() -> str:
-    """The page."""
     parts, program = [_HEAD], ""
     for command in all_commands():
         if command.words[0] != program:

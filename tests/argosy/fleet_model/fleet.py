@@ -21,12 +21,10 @@ class Fleet:
         self.model = FleetModel(lambda: self.at, fleet=FLEET, mission=mission)
 
     def comes(self, name: str, daemon: str, boot: str = "b1") -> Fleet:
-        """A daemon takes its name."""
         self.model.token(keys.alive(FLEET, name, daemon, boot), alive=True)
         return self.told(name, daemon)
 
     def goes(self, name: str, daemon: str, boot: str = "b1") -> Fleet:
-        """A daemon leaves."""
         self.model.token(keys.alive(FLEET, name, daemon, boot), alive=False)
         self.model.tick()
         return self
@@ -38,13 +36,11 @@ class Fleet:
         return self
 
     def percept(self, agent: str, name: str, *parameters: Term, **fields: object) -> Fleet:
-        """An agent perceives something."""
         told = Perception(header=Header(source="bridge"), name=name, parameters=parameters, **fields)  # type: ignore[arg-type]
         self.model.percept(keys.percept(FLEET, agent, name), told)
         return self
 
     def action(self, agent: str, number: int, name: str, state: State, *parameters: Term, **fields: object) -> Fleet:
-        """An action stands so."""
         told = ActionStatus(id=f"{agent}:1:{number}", state=state, name=name, parameters=parameters, **fields)  # type: ignore[arg-type]
         self.model.status(keys.status(FLEET, agent, name), told)
         return self
@@ -74,7 +70,6 @@ class Fleet:
         return self
 
     def mail(self, board: str, *queues: Queue) -> Fleet:
-        """A board tells what waits there."""
         self.model.mailboxes(keys.mailboxes(FLEET, board), Mailboxes(board=board, queues=queues))
         return self
 

@@ -55,7 +55,6 @@ async def argosy(*arguments: str) -> int:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return the files of a folder."""
     return {one.name: one.read_bytes() for one in folder.iterdir()}
 
 

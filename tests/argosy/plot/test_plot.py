@@ -47,7 +47,6 @@ class Fleet:
         self._writer = RecordingWriter(path, facts)
 
     def put(self, key: str, record: Record) -> None:
-        """Record what is put on a key now."""
         self.write(key, codec(type(record)).encode(record), codec(type(record)).encodings["json"])
 
     def write(self, key: str, payload: bytes, encoding: str) -> None:
@@ -55,11 +54,9 @@ class Fleet:
         self._writer.add(Heard(BEGUN + round(self.at / SPEED * 1e9), key, payload, encoding))
 
     def percept(self, agent: str, name: str, *parameters: Term) -> None:
-        """Record a percept."""
         self.put(keys.percept(self.fleet, agent, name), Perception(header=BRIDGE, name=name, parameters=parameters))
 
     def action(self, agent: str, number: int, state: State, name: str, *parameters: Term, reason: str = "") -> None:
-        """Record the status of an action."""
         status = ActionStatus(id=f"{agent}:1:{number}", state=state, name=name, parameters=parameters, reason=reason)
         self.put(keys.status(self.fleet, agent, name), status)
 
@@ -72,7 +69,6 @@ class Fleet:
         self.put(keys.trace(self.fleet, agent, "activity"), record)
 
     def close(self) -> Path:
-        """End the recording."""
         self._writer.close(End("done", BEGUN + round(self.at / SPEED * 1e9)))
         return self.path
 

@@ -58,7 +58,6 @@ robots:
 
 
 def mission(text: str = TWO) -> Mission:
-    """Read a mission that needs no files."""
     return read_mission(text, Path("/missions/two.yaml"))
 
 

@@ -37,7 +37,6 @@ def altitude(number: int, value: float, wire: Wire = "json") -> Heard:
 
 
 def stretch(number: int, boot: str = "b1", agent: str = "uav") -> MindInputs:
-    """A stretch of a mind's inputs."""
     initial = InitialMind(program="a.asl", files={"a.asl": "!go."}) if number == 0 else None
     header = Header(seq=number, stamp=1, boot=boot)
     return MindInputs(header=header, agent=agent, number=number, initial=initial, last=number)

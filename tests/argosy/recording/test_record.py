@@ -36,7 +36,6 @@ INPUTS = keys.trace(FLEET, "uav", "inputs")
 
 
 def altitude(bus: Bus, value: float) -> Perception:
-    """A percept of `bus`."""
     return Perception(header=bus.header("percepts"), name="altitude", parameters=(value,))
 
 

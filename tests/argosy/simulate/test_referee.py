@@ -121,7 +121,6 @@ class Told:
         self.count = 0
 
     def percept(self, name: str, *parameters: Term, agent: str = "rescuer1") -> None:
-        """Put a percept."""
         record = Perception(header=self.bus.header("percepts", agent), name=name, parameters=parameters)
         self.bus.put(keys.percept(FLEET, agent, name), record)
         self.count += agent == "rescuer1" and name == "latch"

@@ -50,11 +50,9 @@ class Trial:
         self.agentd.says("bridge_up robot=uav1")
 
     def start(self, *arguments: str) -> Daemon:
-        """Start a process of the mission's own."""
         return self._stack.enter_context(running(*arguments))
 
     def serve(self, daemon: str) -> Daemon:
-        """Start a daemon."""
         return self.start(daemon, "serve", str(self.path), "--state", self._state)
 
 

@@ -40,7 +40,6 @@ class Stage:
         return open_bus(self.endpoint, fleet=FLEET, name=name, daemon=daemon, mode=mode, **options)
 
     async def start_router(self) -> None:
-        """Start the router."""
         await self._router.enter_async_context(self.session("board", "commd", "router"))
 
     async def stop_router(self) -> None:

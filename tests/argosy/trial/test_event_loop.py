@@ -20,7 +20,6 @@ HERE, THERE = ("127.0.0.1", 14550), ("127.0.0.1", 14551)
 
 @pytest.fixture
 def loop() -> Iterator[VirtualLoop]:
-    """Return a loop, which is closed at the end."""
     made = VirtualLoop()
     yield made
     for task in asyncio.all_tasks(made):
@@ -35,11 +34,9 @@ class Received(asyncio.DatagramProtocol):
         self.got: list[object] = []
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Keep a datagram and its sender."""
         self.got.append((data, addr))
 
     def error_received(self, exc: Exception) -> None:
-        """Keep an error."""
         self.got.append(type(exc).__name__)
 
 

@@ -43,7 +43,6 @@ class Robot:
         self.percept("heading", 90)
 
     def percept(self, name: str, *parameters: Term) -> None:
-        """Tell one percept."""
         told = Perception(header=self.bus.header("percepts"), name=name, parameters=parameters)
         self.bus.put(keys.percepts(FLEET, self.agent), Perceptions(changes=(told,)))
 
@@ -53,12 +52,10 @@ class Robot:
         self.bus.put(keys.health(FLEET, self.name, "bridged"), told)
 
     def gone(self, name: str) -> None:
-        """Take a percept away."""
         told = Perception(header=self.bus.header("percepts"), name=name, update="remove")
         self.bus.put(keys.percepts(FLEET, self.agent), Perceptions(changes=(told,)))
 
     def action(self, number: int, name: str, state: str, *parameters: Term, reason: str = "") -> None:
-        """Tell how an action stands."""
         record = ActionStatus(
             id=f"{self.agent}:1:{number}", state=state, name=name, parameters=parameters, reason=reason
         )  # type: ignore[arg-type]
@@ -98,7 +95,6 @@ class Agent:
 
 @asynccontextmanager
 async def router(endpoint: str) -> AsyncIterator[Bus]:
-    """A router of the fleet."""
     async with open_bus(endpoint, fleet=FLEET, name="board", daemon="commd", mode="router") as bus:
         yield bus
 
@@ -126,7 +122,6 @@ async def fleet(
 
 
 async def _healthy(robots: list[Robot], agents: list[Agent]) -> None:
-    """Let everybody tell that it is well."""
     while True:
         for agent in agents:
             agent.bus.put(keys.health(FLEET, agent.name, "agentd"), Health(daemon="agentd"))

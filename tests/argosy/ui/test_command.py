@@ -24,7 +24,6 @@ from tests.support.processes import Daemon, running
 
 
 def address(daemon: Daemon) -> str:
-    """Return the address that it has printed."""
     daemon.says("open http://")
     found = re.search(r"^open (http://127\.0\.0\.1:\d+/\?token=\S{32})$", daemon.text, re.M)
     assert found, daemon.text

@@ -31,7 +31,6 @@ COLOUR = re.compile(rb"\x1b\[[0-9;]*(3[0-7]|38;[25]|9[0-7])[0-9;]*m")
 
 
 def routed(endpoint: str) -> AbstractContextManager[None]:
-    """A router in a process of its own."""
     return there("-c", ROUTER, endpoint)
 
 

@@ -43,7 +43,6 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> FleetKeys:
 
 @asynccontextmanager
 async def router(free_port: Port, tls: Tls, *, at: str = "", dials: str = "", name: str = "pi1") -> AsyncIterator[Bus]:
-    """The router of a board that listens by TLS."""
     async with open_bus(
         f"tcp/127.0.0.1:{free_port()}",
         fleet="test",

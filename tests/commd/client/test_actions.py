@@ -28,7 +28,6 @@ Step = State | dict[str, Any] | float
 
 
 def request(name: str, parameters: tuple[Term, ...] = (), identity: str = "uav:b:1") -> Action:
-    """Return what an agent asks for."""
     return Action(id=identity, agent="uav", name=name, parameters=parameters)
 
 

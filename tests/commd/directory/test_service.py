@@ -85,7 +85,6 @@ class Agent:
         query.reply(Receipt(taken=len(query.record.messages)))
 
     async def ask(self, do: str, service: str = "", agent: str = "", stays: bool = False) -> BoardServices:
-        """Ask until somebody answers."""
         request = ServiceRequest(agent=agent or self.name, do=do, service=service, stays=stays)  # type: ignore[arg-type]
         async with asyncio.timeout(120):
             while True:

@@ -56,7 +56,6 @@ asyncio.run(main())
 
 
 def rewrite(path: Path, change: Callable[[bytes], bytes]) -> None:
-    """Change what is on disk."""
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(change(path.read_bytes() if path.exists() else b""))
 

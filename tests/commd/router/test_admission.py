@@ -37,7 +37,6 @@ agents: {a: {board: pi1, program: a.asl}}
 
 @pytest.fixture(scope="module")
 def fleet_keys(tmp_path_factory: pytest.TempPathFactory) -> FleetKeys:
-    """A fleet's keys."""
     return FleetKeys(tmp_path_factory.mktemp("keys"))
 
 
