@@ -49,7 +49,7 @@ class AgentInbox(ReceiveOnce):
     """The incoming mail of one agent."""
 
     FULL = Refusal(code="mailbox_full", text="the mailbox of the mind is full")
-    NOT_DONE = Refusal(code="not_absorbed", text="the mind has not absorbed it")
+    NOT_DONE = Refusal(code="not_absorbed", text="the agent has not processed it yet")
 
     def __init__(
         self,
@@ -341,7 +341,7 @@ class MailClient:
             raise MessageRefused(Refusal(code="unreadable", text=f"it cannot be read: {bad}")) from None
         whose, seq, poison = Numbered(message.sender, message.header.boot), message.header.seq, self.poison
         if poison is not None and poison.is_set_aside((*whose, seq), lambda: event_of(self.mind, message, content)):
-            text = "set aside: the receiver's process has died at it several times"
+            text = "set aside: it ended the receiver's process several times"
             raise MessageRefused(Refusal(code="set_aside", text=text))
         mail = Mail(message.sender, message.performative, content, message.id, answered)
         return partial(self.tell, mail, whose, seq)

@@ -105,9 +105,9 @@ class Outbox:
             data = encoded(message, self.wire)
             size += len(data)
             if self._room[receiver] >= MOST_FOR_ONE:
-                raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' wait to leave already")
+                raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' are waiting to be sent")
             if self._bytes + size > MOST_BYTES:
-                waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
+                waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB are waiting to be sent"
                 raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
             new.append(Outgoing(number, receiver, message.header.seq, data))
             if len(new) == 1 < len(receivers):

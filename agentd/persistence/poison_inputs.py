@@ -143,7 +143,7 @@ class PoisonInputs:
         try:
             replace_file(self._path, msgspec.json.encode(self._note), private=False, synced=False)
         except OSError as error:
-            log.warning("what is in hand is not noted: %s: %s", self._path, error.strerror)
+            log.warning("what is being processed cannot be recorded: %s: %s", self._path, error.strerror)
 
 
 def text_of(held: Held) -> str:

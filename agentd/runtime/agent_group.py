@@ -313,9 +313,7 @@ class AgentGroup:
         taken = {*self._mission.robots, *self._mission.boards, *RESERVED}
         for number in range(MOST_TRIES):
             if len(self._made) >= MOST_MADE:
-                raise TeamRequestRefused(
-                    "unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes"
-                )
+                raise TeamRequestRefused("unknown", f"this daemon takes at most {MOST_MADE} agents made at run time")
             name = wanted if number == 0 else f"{wanted}_{number}"
             if name in self.directory.names or name in taken or name in self._made:
                 continue

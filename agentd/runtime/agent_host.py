@@ -209,7 +209,7 @@ class AgentHost:
             poison.poison = None  # else a message brings it, and is refused
         poison.keep(held)
         what = text_of(held)
-        text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {poison.kept})"
+        text = f"set aside, because it ended the process {DEATHS} times: {what} (kept in {poison.kept})"
         self._checkpointer.add_note(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 

@@ -114,10 +114,10 @@ class OperatorControl:
         if self.paused:
             left = max(0.0, self._until - now)
             since = round(now - self._since)
-            text = f"paused by the operator for {since} s; it goes on by itself in {left:.0f} s{self._alone}"
+            text = f"paused by the operator for {since} s; it continues by itself in {left:.0f} s{self._alone}"
             return (Note("mind_paused", text, value=since),)
         if self._over is not None and now < self._over[0] + NOTED_FOR:
-            return (Note("mind_went_on", f"paused by the operator, it went on by itself: {self._over[1]}"),)
+            return (Note("mind_went_on", f"paused by the operator, it continued by itself: {self._over[1]}"),)
         return ()
 
     async def _serve(self, query: Query[MindOrder]) -> None:
@@ -148,8 +148,8 @@ class OperatorControl:
             self.paused, self._since, self._over = True, now, None
             self._until = now + self._longest
             self._log("pause")
-            return Outcome(ok=True, reason=f"it goes on by itself in {self._longest:g} s{self._alone}")
-        left = f"it goes on by itself in {max(0.0, self._until - now):.0f} s"
+            return Outcome(ok=True, reason=f"it continues by itself in {self._longest:g} s{self._alone}")
+        left = f"it continues by itself in {max(0.0, self._until - now):.0f} s"
         return Outcome(ok=True, reason=f"it was paused already, and {left}{self._alone}")
 
     def _resume(self) -> Outcome:
@@ -195,7 +195,7 @@ class OperatorControl:
         theirs = literal.with_annots(told_annots(self._mind, literal, OPERATOR))
         self._runner.feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
         self._log(f"{order.do} {sign}{literal}")
-        return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self.paused else "")
+        return Outcome(ok=True, reason="it is paused: it takes this when it continues" if self.paused else "")
 
     def _no_plan(self, goal: Literal) -> str:
         """Return why a goal would fail; empty if the program has a plan for it."""

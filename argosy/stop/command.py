@@ -26,7 +26,7 @@ HELP = (
     "`hold`, `land` and `rtl` fail every action and refuse new ones until `release`; "
     "`pause` holds the robot and suspends its actions until `continue`"
 )
-UNANSWERED: Final = Outcome(ok=False, reason="its bridge did not answer: it may still do it")
+UNANSWERED: Final = Outcome(ok=False, reason="its bridge did not answer: it may still carry out the order")
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -71,7 +71,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--shrink", action="store_true", help="with --replay: remove the faults that the failure does not need"
     )
     parser.add_argument("--compare", metavar="MISSION", help="run the same seeds on another mission, and compare")
-    parser.add_argument("--min-success", type=SHARE, metavar="P", help="exit with 1 if fewer runs succeed (0 to 1)")
+    parser.add_argument(
+        "--min-success", type=SHARE, metavar="P", help="exit with 1 if a smaller share of runs succeeds (0 to 1)"
+    )
     parser.add_argument(
         "--out",
         type=Path,

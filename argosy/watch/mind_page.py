@@ -68,7 +68,7 @@ def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
     if view is None:
         return [*rows, Row(Text("its mind has not answered yet", WARN))]
     if view.paused_for is not None:
-        rows.append(Row(Text(f"the operator has paused it; it goes on by itself in {span(view.paused_for)}", WARN)))
+        rows.append(Row(Text(f"the operator has paused it; it continues by itself in {span(view.paused_for)}", WARN)))
     rows.append(head(f"intentions {_of(len(view.intentions), view.intentions_left_out)}"))
     for intention in view.intentions:
         rows += _intention(intention, view, glyphs)

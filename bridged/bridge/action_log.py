@@ -146,7 +146,7 @@ class ActionLog:
         if self._failure is not None:
             text = (
                 f"{self.path} cannot be written: {self._failure.strerror}; ids of actions, who has the robot and the"
-                " operator's order are in memory alone, and only ways down are accepted"
+                " operator's order are in memory alone, and only actions that bring the robot down are accepted"
             )
             failing = Note("ledger_failing", text)
         return [note for note in (self._damaged, failing) if note is not None]
@@ -368,7 +368,7 @@ def decoded(line: bytes) -> Entry:
     """Read a line. Raises ValueError for one that is damaged."""
     data, _, check = line.rpartition(b" ")
     if check != b"%08x" % crc32(data):
-        raise ValueError("its checksum is another one")
+        raise ValueError("its checksum is wrong")
     return msgspec.json.decode(data, type=Entry)
 
 

@@ -80,7 +80,9 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     findings: list[Finding] = []
     where = ("robots", name)
     if speed != 1 and robot.simulate is None:
-        findings.append(mission.positions.finding(where, f"speed {speed:g}: only a simulated robot can be hurried"))
+        findings.append(
+            mission.positions.finding(where, f"speed {speed:g}: only a simulated robot can have another speed than 1")
+        )
     steps: dict[str, tuple[Step, ...]] = {}
     for field in STEP_FIELDS:
         try:

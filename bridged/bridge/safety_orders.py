@@ -379,7 +379,7 @@ class SafetyOrders:
         agent, first = self._server.lease.answers, self._alarm is None
         does = f"it is brought to safety ({', '.join(step.order for step in steps)})" if steps else "on_idle is none"
         why = f"agent {agent} is {'lost' if lost else 'there and intends nothing'}"
-        text = f"in the air without anybody in charge: {why}; {does}"
+        text = f"in the air with nobody in charge: {why}; {does}"
         self._alarm = Note(UNATTENDED, text, value=round(seconds, 1))
         if first:
             log.error("robot=%s %s", self._robot, text)

@@ -105,7 +105,7 @@ def _percept(percept: IniPercept, problem: Problem) -> PerceptEntry:
         return on_zenoh
     heard = TOPICS.get(below)
     if heard is None:
-        hint = "is not perceived but done: it belongs into the actions manifest" if below in CALLS else ""
+        hint = "is an action, no percept: it belongs in the actions manifest" if below in CALLS else ""
         problem("name", _unknown(below, hint, TOPICS))
         return on_zenoh
     return replace(
@@ -142,7 +142,7 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
         return _on_zenoh(action)
     taken = CALLS.get(below)
     if taken is None:
-        hint = "is not done but perceived: it belongs into the perceptions manifest" if below in TOPICS else ""
+        hint = "is a percept, no action: it belongs in the perceptions manifest" if below in TOPICS else ""
         problem("name", _unknown(below, hint, CALLS))
         return _on_zenoh(action)
     if action.method != taken.method and not action.wrong:
@@ -159,7 +159,7 @@ def _action(action: IniAction, problem: Problem) -> ActionEntry:
         if action.typed and param.types[0] not in FITS[into.type]:
             problem("params_type", f"`{param.name}` of mavros/{below} is a {into.type}, not a {param.types[0]}")
         if into.field in given:
-            problem("params_name", f"`{param.name}` of mavros/{below} says the same as another field here")
+            problem("params_name", f"`{param.name}` of mavros/{below} means the same as another field here")
         params.append(_parameter(param, into, typed=action.typed))
         if wrong := default_problem(params[-1]):
             problem("defaults", f"`{param.name}` of mavros/{below}: {wrong}")

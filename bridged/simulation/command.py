@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> None:
     """Declare the arguments of `bridged simulate`; only the vehicle that `argv` names is imported."""
     vehicles = parser.add_subparsers(dest="vehicle", metavar="VEHICLE", required=True, help=", ".join(VEHICLES))
     for name, (module, what) in VEHICLES.items():
-        vehicle = vehicles.add_parser(name, help=what, description=f"Be {what}, until SIGTERM or SIGINT.")
+        vehicle = vehicles.add_parser(name, help=what, description=f"Simulate {what}, until SIGTERM or SIGINT.")
         if name in argv[1:2]:
             import_module(module).add_arguments(vehicle)
 

@@ -351,7 +351,7 @@ class Bus(QuerySession):
         self._had_router = True
         away = self._away.end()
         if not self.router_up:
-            log.warning("router lost: what needs it waits")
+            log.warning("router lost: requests wait until it is back")
             self._away.begin()
         elif away is None:
             log.info("router up")

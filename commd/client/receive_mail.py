@@ -39,7 +39,7 @@ LEAVE = 1.0
 class ProgramInbox(ReceiveOnce):
     """The incoming mail of one name; `file`, if there is one, keeps the numbers of the messages that are done with."""
 
-    NOT_DONE = Refusal(code="not_absorbed", text="the program is not done with it")
+    NOT_DONE = Refusal(code="not_absorbed", text="the program has not finished with it")
 
     def __init__(self, bus: Bus, name: str, file: Path | None) -> None:
         self._name, self._file = name, file
@@ -96,7 +96,7 @@ class ProgramInbox(ReceiveOnce):
         """Wait for the first message that is not done with, and return it."""
         while True:
             if reader is not self._reader:
-                raise RuntimeError("another loop reads the messages of this client by now")
+                raise RuntimeError("another event loop reads the messages of this client now")
             while self._waiting and self._waiting[0][1] < asyncio.get_running_loop().time():
                 self._late[_number(self._waiting.popleft()[0])] = None  # commd is answered so, and tells its sender
                 if len(self._late) > ROOM:

@@ -86,7 +86,7 @@ async def hand_to_commd(bus: Bus, sender: str, messages: Sequence[bytes], timeou
     mail = Mail(messages=cast(tuple[Message, ...], tuple(map(msgspec.Raw, messages))))
     receipt = await bus.ask_one(key, mail, Receipt, timeout)
     if not adds_up(receipt, len(messages)):
-        raise QueryFailed(key, f"the receipt of {len(messages)} messages does not add up")
+        raise QueryFailed(key, f"the receipt does not account for all {len(messages)} messages")
     return receipt
 
 
@@ -134,7 +134,7 @@ class Sending:
             async with asyncio.timeout_at(None if until == inf else until):
                 await turn.acquire()
         except TimeoutError:
-            raise NotSent(message, f"commd has not answered for a message before it ({patience:g} s)") from None
+            raise NotSent(message, f"commd has not answered for an earlier message ({patience:g} s)") from None
         try:
             seq, bus = self._numbers[receiver] + 1, self._bus
             header = Header(seq=seq, stamp=time.time_ns(), source=self._name, boot=bus.boot)

@@ -199,7 +199,7 @@ class Directory:
         asks = query.key.removeprefix(keys.services(self._bus.fleet, self._board)).removeprefix("/")
         if asks != query.record.agent and (asks or self._secured):
             own = keys.service_requests(self._bus.fleet, self._board, query.record.agent)
-            raise CannotServe(f"a request of `{query.record.agent}` is asked on {own}")
+            raise CannotServe(f"a request of `{query.record.agent}` is accepted on {own} only")
         try:
             query.reply(await self._fulfil(query.record))
         except Problem as problem:

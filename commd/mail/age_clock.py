@@ -121,8 +121,8 @@ class RollbackWitness:
         if behind <= TOLERANCE:
             return
         text = (
-            f"the mail file of board {self._board} went back in time by {behind:.0f} s, as board {services.board} has "
-            "seen it: mail taken since then is lost here, its old mail is sent again"
+            f"the mail file of board {self._board} is {behind:.0f} s older than board {services.board} has "
+            "seen it: mail accepted since then is lost here, and its old mail is sent again"
         )
         log.error("event=%s board=%s by=%.0fs seen_by=%s: %s", WENT_BACK, self._board, behind, services.board, text)
         self.note = Note(WENT_BACK, text, value=behind)

@@ -316,7 +316,7 @@ class DeliveryQueues:
             answer = Receipt(refused={0: Refusal(code="unreadable", text=answer.why[:200])})
         if isinstance(answer, Receipt) and not adds_up(answer, len(going)):
             self.counters["bad_receipts"] += 1
-            answer = NotTaken(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
+            answer = NotTaken(f"its receipt does not account for all {len(going)}: {answer}"[:200], certain=False)
         if isinstance(answer, NotTaken):
             self.counters["unanswered"] += 1
             queue.sent = known if answer.certain else max(known, last)

@@ -94,7 +94,7 @@ def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:
     with closing(sqlite3.connect(":memory:")) as own:
         migrate(own, MIGRATIONS)
         if _schema(db) != _schema(own):  # a view could compute for ever
-            raise Findings.about(path, "it is no board's mail: its tables are others")
+            raise Findings.about(path, "it is no board's mail: it has other tables")
     clock = MailClock()
     clock.load(db)
     listed = list_mailboxes(db, clock.now(), lambda line: "")

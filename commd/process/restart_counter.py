@@ -59,7 +59,7 @@ class RestartCounter:
         try:
             self._write()
         except OSError as error:
-            log.warning("the end of this process is not noted: %s: %s", self._path, error.strerror)
+            log.warning("the end of this process cannot be recorded: %s: %s", self._path, error.strerror)
 
     def _former(self) -> _Note | None:
         try:

@@ -144,7 +144,7 @@ def migrate(db: sqlite3.Connection, migrations: Sequence[str], application: int 
     (kind,) = db.execute("PRAGMA application_id").fetchone()
     (tables,) = db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     if tables and kind != application:
-        raise corrupt("it is a database of something else")
+        raise corrupt("it is a database of another program")
     if damage:
         raise corrupt(damage)
     for number, script in enumerate(migrations[version:], version + 1):

@@ -245,7 +245,9 @@ class Admission:
 
     def _report_forged(self, name: str, owner: str, address: str) -> None:
         whose = f"of `{owner}`" if owner else "of this board's daemons"
-        text = f"`{name}` at {address} came with the session id {whose}, and was cut off: revoke its keys if it goes on"
+        text = (
+            f"`{name}` at {address} used the session id {whose} and was disconnected: revoke its keys if it continues"
+        )
         self.counters[FORGED] += 1
         about = f"{name} {address} {owner or 'board'}"
         if about not in self._forged or time.monotonic() - self._forged[about][0] >= tls_rejections.LOG_EVERY:

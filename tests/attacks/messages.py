@@ -87,7 +87,7 @@ async def run_time_name(row: Row, world: World) -> None:
         row.expect(await ask(at1, keys.service_requests(NAME, "pi1", "pi1_x"), join, BoardServices) == [], "no answer")
         printed = await ask(at1, keys.services(NAME, "pi1"), join, BoardServices)
         row.expect(
-            printed and "is asked on argosy/three/pi1/services/pi1_x" in str(printed[0]), "reading is not asking"
+            printed and "is accepted on argosy/three/pi1/services/pi1_x" in str(printed[0]), "reading is not asking"
         )
         kid = await ask(
             member, keys.service_requests(NAME, "pi1", "kid"), ServiceRequest(agent="kid", do="join"), BoardServices

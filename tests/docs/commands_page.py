@@ -21,8 +21,8 @@ Every command takes `--help`. Exit codes, unless a command says otherwise: 0 don
 """
 _ABOUT = {
     "argosy": "What the operator uses: runs, checks, watches and stops missions, and prepares boards.",
-    "agentd": "Thinks: runs the agents' programs.",
-    "bridged": "Binds robots by their manifests; is a simulated robot.",
+    "agentd": "Runs the agents' programs.",
+    "bridged": "Connects robots by their manifests; simulates robots.",
     "commd": "A board's Zenoh router and its mail.",
 }
 

@@ -292,7 +292,7 @@ def _tell(mind: MindState, mail: Mail) -> None:
             relevant = mind.plans.relevant("+", "", content.sig)
             believe(mind, None, predicate, relevant, args, told_annots(mind, content, mail.sender))
         elif content is mail.content:
-            raise Failed("no_applicable", "only literals can be told")
+            raise Failed("no_applicable", "only literals can be sent with tell")
 
 
 def _untell(mind: MindState, mail: Mail) -> None:

@@ -86,7 +86,7 @@ def write_terms(terms: Iterable[Any]) -> tuple[bytes, bool]:
     except CannotKeep:
         raise
     except (ValueError, TypeError, OverflowError, msgspec.MsgspecError) as error:  # such as half a surrogate pair
-        raise CannotKeep(f"it has no bytes: {error}") from None
+        raise CannotKeep(f"it cannot be encoded: {error}") from None
 
 
 def read_terms(data: bytes) -> tuple[list[Any], bool]:
@@ -172,7 +172,7 @@ class _Writer:
                 work.append(tail)
             case Collection(kind=kind, content=content):
                 if id(term) in self._around:
-                    raise CannotKeep(f"it is a {kind} that is inside of itself")
+                    raise CannotKeep(f"it is a {kind} that contains itself")
                 self._around.add(id(term))
                 self.changeable = True
                 parts = [x for pair in content.items() for x in pair] if kind == "map" else list(content)

@@ -155,9 +155,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", default="turtle1", help="the first part of its keys (default turtle1)")
     parser.add_argument("--prefix", default="", help="prefix of its keys, as `prefix` of a mission's robot")
     parser.add_argument(
-        "--speed", default=1.0, type=number_in("a factor", 0.1, 100), metavar="X", help="times real time (default 1)"
+        "--speed",
+        default=1.0,
+        type=number_in("a factor", 0.1, 100),
+        metavar="X",
+        help="simulated seconds per wall second (default 1)",
     )
-    parser.add_argument("--draw", type=Path, metavar="FILE", help="write what it has drawn as SVG at the end")
+    parser.add_argument("--draw", type=Path, metavar="FILE", help="write its drawing as SVG at the end")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.0,
         type=number_in("degrees", 0, 360),
         metavar="DEG",
-        help="where its nose points (default 0)",
+        help="its heading in degrees (default 0)",
     )
     parser.add_argument(
         "--sysid",
@@ -64,7 +64,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="its MAVLink system id (default 1)",
     )
     parser.add_argument(
-        "--speed", default=1.0, type=number_in("a factor", 0.1, 100), metavar="X", help="times real time (default 1)"
+        "--speed",
+        default=1.0,
+        type=number_in("a factor", 0.1, 100),
+        metavar="X",
+        help="simulated seconds per wall second (default 1)",
     )
     parser.add_argument(
         "--boot",
@@ -78,23 +82,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         type=_parameter,
         metavar="NAME=VALUE",
-        help="a parameter of the autopilot, such as FS_GCS_ENABLE=1; may be given more than once",
+        help="a parameter of the autopilot, such as FS_GCS_ENABLE=1; repeatable",
     )
     parser.add_argument(
         "--battery-minutes",
         type=number_in("minutes", 0.1, 10_000),
         metavar="M",
-        help="a full battery lasts so long in the air, and its voltage falls; else it stays at 12.6 V, as recorded",
+        help="minutes a full battery lasts in the air, with falling voltage (default: 12.6 V throughout, as recorded)",
     )
     parser.add_argument(
         "--recharge-seconds",
         default=CHARGE_S,
         type=number_in("seconds", 1, 100_000),
         metavar="S",
-        help=f"an empty battery is full after so long at home with the motors off (default {CHARGE_S:g})",
+        help=f"seconds in which an empty battery is charged, at home with the motors off (default {CHARGE_S:g})",
     )
     parser.add_argument(
-        "--servo-log", type=Path, metavar="FILE", help="write what its servo outputs do, where and when: JSON lines"
+        "--servo-log", type=Path, metavar="FILE", help="log of its servo outputs with time and place, as JSON lines"
     )
     parser.add_argument(
         "--victims",
@@ -121,7 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--signing-passphrase-file",
         type=Path,
         metavar="FILE",
-        help="it signs what it sends, and takes only what is signed with the passphrase in the first line of FILE",
+        help="sign its packets, and accept only packets signed with the passphrase in the first line of FILE",
     )
     parser.add_argument(
         "--fault",
@@ -131,7 +135,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what is wrong with it and its links: loss=SHARE, duplicate=SHARE, reorder=SHARE, garbage=SHARE, "
         "mute-acks, lie, cut=AT+SECONDS, reboot=AT, wind=SPEED:FROM[:GUST], gps-loss=AT+SECONDS, "
         "gps-jump=AT+SECONDS:METRES, pilot=AT+SECONDS[:lands], camera=SHARE, prearm=[UNTIL:]TEXT, autopilot=N, seed=N; "
-        "may be given more than once",
+        "repeatable",
     )
 
 

@@ -53,7 +53,7 @@ class RealtimeMonitor:
             self._reported = self.late, self.lost
             self.log(
                 f"late: {self.late} of {self.rounds} rounds by more than {LATE_S:g} s, at worst by {self.worst:.1f} s; "
-                f"{self.lost:.1f} s never happened"
+                f"{self.lost:.1f} s skipped"
             )
 
 

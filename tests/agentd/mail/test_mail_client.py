@@ -220,7 +220,7 @@ async def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or
     outbox, _ = an_outbox(await connect("a"))
     for number in range(10):
         send(outbox, number)
-    with pytest.raises(Unsendable, match="10 messages to 'b' wait to leave already"):
+    with pytest.raises(Unsendable, match="10 messages to 'b' are waiting to be sent"):
         send(outbox, 10, "c", "b")
     assert outbox.numbers["c"] == 0
     with pytest.raises(Unsendable, match="at most 0 MB may") as raised:

@@ -218,7 +218,7 @@ async def test_an_unsendable_message_fails_the_plan_of_it(board: Board, monkeypa
         "2 not_sendable the message cannot be sent: nested deeper than 100",
         "3 receiver_not_found there is no agent 'c' to send to",
         "three",
-        "4 mailbox_full the message cannot be sent: 3 messages to 'b' wait to leave already",
+        "4 mailbox_full the message cannot be sent: 3 messages to 'b' are waiting to be sent",
         agent.prints[5],
         "end",
     ]

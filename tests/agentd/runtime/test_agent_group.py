@@ -96,7 +96,7 @@ def test_what_cannot_be_made_or_ended_fails_with_the_reason(tmp_path: Path, endp
         "[a] 6 unknown Expected a name of letters, digits, `_`, `-` or `.` that starts with a letter (a-z, A-Z), "
         "got `no name`",
         next(line for line in told if line.startswith(f"[a] 7 unknown {folder}/wrong.asl:1:4: error: ")),
-        f"[a] 8 unknown {MOST_MADE} agents made at run time are all that this daemon takes, there are {MOST_MADE + 1}",
+        f"[a] 8 unknown this daemon takes at most {MOST_MADE} agents made at run time, there are {MOST_MADE + 1}",
         "[a] end",
     ]
 

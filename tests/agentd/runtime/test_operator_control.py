@@ -111,7 +111,7 @@ async def test_a_goal_and_a_belief_come_from_the_operator(bob: Desk) -> None:
     assert "told(3)[source(operator)]" in bob.agent.beliefs
     await bob.order("pause")
     given = await bob.order("goal", "say(4)[source(self)]")
-    assert given == Outcome(ok=True, reason="it is paused: it takes it when it goes on")
+    assert given == Outcome(ok=True, reason="it is paused: it takes this when it continues")
     await bob.order("pause")
     assert len(bob.agent.prints) == 3
     await bob.order("resume")
@@ -162,7 +162,7 @@ async def test_an_order_keeps_nobody_waiting(bob: Desk, caplog: pytest.LogCaptur
 async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(board: Board) -> None:
     bob = await desk(board, robot="uav1")
     means = "; until then nobody reacts to percepts of uav1"
-    assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
+    assert await bob.order("pause") == Outcome(ok=True, reason=f"it continues by itself in 60 s{means}")
     [note] = bob.agent.host.health().notes
     assert note.code == "mind_paused"
     assert note.text.endswith(means)
@@ -173,7 +173,7 @@ async def test_pausing_again_does_not_move_the_end(bob: Desk) -> None:
     held, cycle = bob.agent.host._control, bob.agent.host.viewer.view().cycle
     end = held._until
     outcome = await bob.order("pause")
-    assert outcome.reason.startswith("it was paused already, and it goes on by itself in ")
+    assert outcome.reason.startswith("it was paused already, and it continues by itself in ")
     assert held._until == end
     await bob.order("resume")
     await until(lambda: bob.agent.host.viewer.view().cycle > cycle, "it went on")
@@ -217,7 +217,7 @@ async def test_nobody_forgets_a_paused_mind(board: Board, monkeypatch: pytest.Mo
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 0.5)
     bob = await desk(board)
     outcome = await bob.order("pause")
-    assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
+    assert outcome == Outcome(ok=True, reason="it continues by itself in 0.5 s")
     before = count(bob.agent)
     await until(lambda: count(bob.agent) != before, "it goes on by itself")
     (note,) = bob.agent.host.health().notes

@@ -119,10 +119,10 @@ def test_a_vehicle_whose_autopilot_is_not_commanded_is_an_error(facts: Facts) ->
 
 
 def test_a_robot_that_nobody_attends_is_an_error_and_told_once(facts: Facts) -> None:
-    note = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.5)
+    note = Note(code="robot_unattended", text="in the air with nobody in charge", value=12.5)
     said = daemons(replace(facts, rows=[row("uav", "bridged", notes=(Note("other", "other"), note))]))
     found = only(said, "error")
-    assert found.text == "bridged uav: in the air without anybody in charge"
+    assert found.text == "bridged uav: in the air with nobody in charge"
     assert "argosy stop land|rtl" in found.do
     assert only(said, "warning").text == "bridged uav: other"
 

@@ -186,7 +186,7 @@ def test_a_mail_file_whose_table_never_ends_is_refused(tmp_path: Path, capsys: p
         numbers = "WITH RECURSIVE every(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM every)"
         db.executescript(f"DROP TABLE mail; CREATE VIEW mail({columns}) AS {numbers} SELECT {values} FROM every")
     assert main(["mail", "--file", str(path)]) == 2
-    assert capsys.readouterr().err.endswith("it is no board's mail: its tables are others\n")
+    assert capsys.readouterr().err.endswith("it is no board's mail: it has other tables\n")
 
 
 def test_a_file_that_is_no_mail_is_told_and_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

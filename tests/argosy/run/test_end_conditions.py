@@ -114,7 +114,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
     recording = in_flight()
     recording.status.timeout_at = 500.0
     recording.action(1, "goto", "succeeded", -27.603683, -48.518052, 40)
-    alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
+    alarm = Note(code="robot_unattended", text="in the air with nobody in charge", value=12.0)
     recording.health("uav1", "bridged", notes=(alarm,))
     recording.health("uav1", "bridged")
     recording.model.mind("uav", MindView(agent="uav", cycle=7))

@@ -110,7 +110,7 @@ def test_a_robot_that_does_not_confirm_makes_it_fail(endpoint: str, capsys: pyte
     assert sorted(capsys.readouterr().out.splitlines()) == [
         "uav1: land confirmed",
         "uav2: land NOT confirmed (the vehicle did not confirm land within 10 s)",
-        "uav3: land NOT confirmed (its bridge did not answer: it may still do it)",
+        "uav3: land NOT confirmed (its bridge did not answer: it may still carry out the order)",
     ]
 
 

@@ -119,7 +119,7 @@ def test_a_copter_whose_agent_is_back_and_does_nothing_comes_home_once(
 def test_a_vehicle_whose_agent_has_nothing_to_do_is_brought_home_and_the_run_fails(fly: Fly, tmp_path: Path) -> None:
     up = '!up. +!up <- .wait(bridge(up)); set_mode("GUIDED"); arm_motors(true); takeoff(5).'
     outcome = fly(with_program("single_uav", up, tmp_path), 1)
-    assert any("in the air without anybody in charge: agent uav is there" in line for line in outcome.journal)
+    assert any("in the air with nobody in charge: agent uav is there" in line for line in outcome.journal)
     assert modes(outcome, "takeoff(5) succeeded") == ["RTL"]
     why = "uav1 was in the air without an agent in charge and was brought home (on_idle)"
     assert outcome.why == f"{why}; no agent has anything left to do"

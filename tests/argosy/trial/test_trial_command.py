@@ -148,7 +148,11 @@ def test_shrinking_keeps_the_faults_that_a_failure_needs() -> None:
     ("until", "code", "said"),
     [
         ("2", 0, "seed 1: stopped after 2 s, as wanted; digest "),
-        ("80", 1, 'seed 1: failed: uav believes mission_failed("the vehicle refuses to arm until a person mends it'),
+        (
+            "80",
+            1,
+            'seed 1: failed: uav believes mission_failed("the vehicle refuses to arm until a person corrects this',
+        ),
     ],
 )
 def test_a_replay_that_is_stopped_fails_only_by_what_was_wrong_until_then(

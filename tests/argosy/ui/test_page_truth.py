@@ -267,9 +267,9 @@ async def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash:
 
 async def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_other_note(endpoint: str) -> None:
     async with paged(endpoint, "uav1") as ([uav1], _, seen):
-        alone = Note(code="robot_unattended", text="in the air without anybody in charge")
+        alone = Note(code="robot_unattended", text="in the air with nobody in charge")
         uav1.notes = (Note("failsafe_none", "failsafe: none"), alone)
-        await seen.shows(".row .notes.bad", "⚠ in the air without anybody in charge · failsafe: none")
+        await seen.shows(".row .notes.bad", "⚠ in the air with nobody in charge · failsafe: none")
         uav1.notes = ()
         await seen.gone(".row .notes.bad")
 

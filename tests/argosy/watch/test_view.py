@@ -357,7 +357,7 @@ async def test_that_nobody_is_there_is_said_then_what_to_do(app: WatchApp, pilot
 
 
 def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
-    alarm = Note(code="robot_unattended", text="in the air without anybody in charge")
+    alarm = Note(code="robot_unattended", text="in the air with nobody in charge")
     fleet = flying()
     notes = (Note("failsafe_none", "failsafe: none"), alarm)
     fleet.told("uav1", "bridged", notes=notes, percepts={"scout": "x"})

@@ -55,7 +55,7 @@ def test_arming_in_a_mode_that_does_not_arm_is_refused_with_the_vehicles_text(sk
     sky.do("set_mode", "RTL")
     final = sky.do("arm_motors", True)
     assert final.state == "refused"
-    assert final.reason == "the vehicle refuses to arm until a person mends it: RTL mode not armable"
+    assert final.reason == "the vehicle refuses to arm until a person corrects this: RTL mode not armable"
 
 
 def test_an_acknowledged_mode_without_effect_is_no_success(sky: Sky) -> None:

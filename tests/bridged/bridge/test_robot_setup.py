@@ -67,7 +67,9 @@ def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -
 
 def test_a_real_robot_is_not_hurried(tmp_path: Path) -> None:
     text = "\n".join(line for line in MISSION.splitlines() if "simulate" not in line)
-    assert problems(text, tmp_path, speed=5) == ["m.yaml:8:5: error: speed 5: only a simulated robot can be hurried"]
+    assert problems(text, tmp_path, speed=5) == [
+        "m.yaml:8:5: error: speed 5: only a simulated robot can have another speed than 1"
+    ]
     assert problems(text, tmp_path, speed=1) == []
 
 

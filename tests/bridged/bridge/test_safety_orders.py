@@ -452,7 +452,7 @@ async def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequen
     await idling(sky, 15, lost=True)
     assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
     alarm = next(note for note in sky.bridge.health().notes if note.code == UNATTENDED)
-    said = "in the air without anybody in charge: agent uav is lost; it is brought to safety (rtl)"
+    said = "in the air with nobody in charge: agent uav is lost; it is brought to safety (rtl)"
     assert alarm.text == said
 
 

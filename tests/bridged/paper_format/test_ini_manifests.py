@@ -122,7 +122,7 @@ def test_what_the_vocabulary_lacks_is_an_error_at_its_line_that_names_what_there
     )
     assert wrong == [
         "a:3: [act] name: no `mavros/cmd/armin` here, did you mean `cmd/arming`?",
-        "a:7: [second] name: mavros/state is not done but perceived: it belongs into the perceptions manifest",
+        "a:7: [second] name: mavros/state is a percept, no action: it belongs in the perceptions manifest",
         "a:9: [third] method: mavros/setpoint_position/global is a topic, not a service",
         "a:11: [third] params_name: mavros/setpoint_position/global has no field `yaw` here; there is "
         "pose.position.latitude, pose.position.longitude, pose.position.altitude",
@@ -132,7 +132,7 @@ def test_what_the_vocabulary_lacks_is_an_error_at_its_line_that_names_what_there
         "p:2: [a] name: no `mavros/states` here, did you mean `state`?",
         "p:6: [b] args: mavros/state has no field `header.stamp` here; there is mode, connected, armed, guided, "
         "manual_input, system_status",
-        "p:8: [c] name: mavros/cmd/land is not perceived but done: it belongs into the actions manifest",
+        "p:8: [c] name: mavros/cmd/land is an action, no percept: it belongs in the actions manifest",
         "p:12: [d] args: mavros/state: `mode` is no list of structures",
     ]
 
@@ -152,7 +152,7 @@ def test_older_names_of_a_global_setpoint_say_the_same() -> None:
     twice = service("mavros/setpoint_position/global", "latitude", new_names[0], method="topic")
     where = "a:4: [act] params_name:"
     assert problems(twice) == [
-        f"{where} `pose.position.latitude` of mavros/setpoint_position/global says the same as another field here",
+        f"{where} `pose.position.latitude` of mavros/setpoint_position/global means the same as another field here",
         f"{where} mavros/setpoint_position/global needs `pose.position.altitude`",
         f"{where} mavros/setpoint_position/global needs `pose.position.longitude`",
     ]

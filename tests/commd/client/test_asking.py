@@ -112,7 +112,7 @@ async def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(me: Cl
     assert asyncio.get_running_loop().time() - begun < 2
     assert isinstance(first, SendTimeout)
     assert isinstance(second, NotSent)
-    assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"
+    assert str(second) == "askOne to scout: commd has not answered for an earlier message (0.5 s)"
     commd.hangs = False
     await me.send_again(first)
     assert commd.taken[-1] == first.message

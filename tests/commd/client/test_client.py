@@ -287,7 +287,7 @@ async def test_a_message_that_a_loop_was_left_with_comes_again_unless_done(me: C
 @planner_test
 async def test_one_loop_reads_at_a_time(me: Client, commd: ScriptedCommd) -> None:
     first, second = me.messages(), me.messages()
-    with pytest.raises(RuntimeError, match="another loop reads the messages"):
+    with pytest.raises(RuntimeError, match="another event loop reads the messages"):
         await anext(first)
     asking = asyncio.create_task(commd.offer(mail(1)))
     me.done(await anext(second))

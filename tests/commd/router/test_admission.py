@@ -191,7 +191,7 @@ async def test_who_comes_with_another_machines_id_is_cut_off_and_told(made: Fron
     assert await closed(false) == b""
     (note,) = made.admission.health().notes
     assert note.identity == (FORGED, f"eye 127.0.0.1 {owner or 'board'}")
-    assert f"came with the session id {whose}" in note.text
+    assert f"used the session id {whose}" in note.text
     assert made.admission.health().counters[FORGED] == 1
     assert not own[0].at_eof()
 

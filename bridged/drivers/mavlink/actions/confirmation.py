@@ -246,7 +246,9 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
         faults = named_before.intersection(texts if answered else ())
         lasting = {one for one in texts if any(part in one.lower() for part in LASTING)}
         if lasting := lasting | {one for one in faults if any(part in one.lower() for part in FAULTS)}:
-            raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(sorted(lasting))}")
+            raise Ended(
+                "refused", f"the vehicle refuses to arm until a person corrects this: {'; '.join(sorted(lasting))}"
+            )
         if not restarted and any(LANDED_BY_MISSION in one.lower() for one in texts):
             restarted = True
             flight.send(dialect.MAVLink_mission_set_current_message(*flight.addressee, 1))

@@ -211,7 +211,7 @@ class _Attitude:
             case "GIMBAL_MANAGER_STATUS" if message.get_srcComponent() == self._manager.component:
                 by = Manager(self._flight, message).by
                 if by not in (self._manager.by, (0, 0)):
-                    raise Ended("failed", f"system {by[0]} component {by[1]} took the control of the gimbal")
+                    raise Ended("failed", f"system {by[0]} component {by[1]} took control of the gimbal")
         return self._direction
 
     def _take(self, message: dialect.MAVLink_message) -> None:

@@ -155,7 +155,7 @@ def pull(flight: ProcedureContext, run: ProcedureRun, take: Callable[[str, float
             run.waits_for = f"the rest of {count} parameters; {len(indices)} came"
             if len(indices) == count:
                 return
-    came = f"{len(indices)} of {count} parameters came" if count else "the vehicle does not send its parameters"
+    came = f"only {len(indices)} of {count} parameters arrived" if count else "the vehicle does not send its parameters"
     raise Ended("failed", came)
 
 

@@ -24,4 +24,4 @@ def test_late_rounds_are_told_at_once_then_now_and_then_and_at_the_end() -> None
     pace.lost += 1.25
     pace.report()
     pace.report()
-    assert said[2:] == ["late: 10 of 100 rounds by more than 0.1 s, at worst by 0.3 s; 1.2 s never happened"]
+    assert said[2:] == ["late: 10 of 100 rounds by more than 0.1 s, at worst by 0.3 s; 1.2 s skipped"]

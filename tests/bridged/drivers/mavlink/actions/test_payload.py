@@ -276,7 +276,7 @@ def test_a_gimbal_that_another_takes_fails_at_once(sky: Sky) -> None:
     sky.downlink.append(carried(sky).gimbal.status(0))
     sky.wait(0.1)
     assert heard[-1].state == "failed"
-    assert heard[-1].reason == "system 255 component 190 took the control of the gimbal"
+    assert heard[-1].reason == "system 255 component 190 took control of the gimbal"
 
 
 @pytest.mark.parametrize("q", [[0.0] * 4, [math.nan] * 4, [math.nan, 0.0, 0.0, 0.0]], ids=["zeros", "NaN", "one NaN"])

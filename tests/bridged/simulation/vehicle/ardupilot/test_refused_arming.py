@@ -57,7 +57,7 @@ def test_what_does_not_mend_itself_fails_at_once_with_the_vehicles_words(tmp_pat
     sky = flown(tmp_path, f"prearm={text}")
     heard = sky.begin("arm_motors", True)
     assert sky.end(heard, 3).state == "refused"
-    assert heard[-1].reason == f"the vehicle refuses to arm until a person mends it: {text}"
+    assert heard[-1].reason == f"the vehicle refuses to arm until a person corrects this: {text}"
 
 
 def test_a_hardware_fault_fails_when_two_checks_have_named_it(tmp_path: Path) -> None:
