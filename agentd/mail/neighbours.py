@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
 
+from msgspec import Struct
+
 from agentd.conversion.term_conversion import to_wire
 from agentd.language.terms.terms import Literal, Var
 from agentd.mind.data.inputs import Mail
@@ -31,19 +33,20 @@ _PARTS: Final = 8
 """Arguments and annotations of a literal of which the same holds."""
 
 
-class NearMessage:
-    """A message of another agent of the daemon."""
+class NearMessage(Struct, eq=False, gc=False):
+    """A message of another agent of the daemon; nothing in it leads back to it, so the garbage collector skips it."""
 
-    __slots__ = ("_data", "in_reply_to", "mail", "number", "receiver", "seq", "taken", "whose")
-
-    def __init__(self, mail: Mail, receiver: str, in_reply_to: str, whose: Numbered, seq: int) -> None:
-        """`mail` is what the mind gets; its `in_reply_to` may be a shorter form of the argument."""
-        self.mail, self.receiver, self.in_reply_to, self.whose, self.seq = mail, receiver, in_reply_to, whose, seq
-        self.number = 0
-        """Its row on disk; 0: none."""
-        self.taken = False
-        """Whether the mind has taken it."""
-        self._data = b""
+    mail: Mail
+    """What the mind gets; its `in_reply_to` may be a shorter form of that here."""
+    receiver: str
+    in_reply_to: str
+    whose: Numbered
+    seq: int
+    number: int = 0
+    """Its row on disk; 0: none."""
+    taken: bool = False
+    """Whether the mind has taken it."""
+    _data: bytes = b""
 
     def encoded(self, wire: Wire, stamp: int) -> bytes:
         """Return it as it is written; `stamp` is in Unix nanoseconds. Raises Unsendable."""

@@ -15,8 +15,9 @@ SETTLED: Final = 3.0
 YOUNG: Final = 3_000
 """Objects made, and not freed, from one look at the newest to the next; Python's own 700 are fewer than mailboxes
 hold."""
-YOUNG_EACH: Final = 100
-"""The same for each mind of the daemon: of a thousand minds, each with a few messages, all is in use at each look."""
+YOUNG_EACH: Final = 1_000
+"""The same for each mind of the daemon: its last decisions, and its mail between two commits, come and go: of fewer
+objects nearly all are in use at each look."""
 
 
 def look_seldom(minds: int = 0) -> None:

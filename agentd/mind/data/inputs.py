@@ -48,7 +48,7 @@ class PerceptsChanged(Struct, frozen=True):
     percepts: dict[PerceptKey, Literal | None]
 
 
-class Mail(Struct, frozen=True):
+class Mail(Struct, frozen=True, gc=False):
     """A message from one agent to another: an effect of the one, an input of the other.
 
     ``msg_id`` is new for each message of a sender, ``in_reply_to`` the id of the question that it answers, or ``""``.
@@ -105,7 +105,7 @@ class SignalRaised(Struct, frozen=True):
         return SignalRaised(Literal(signature(functor, len(args)), args))
 
 
-class TimeRead(Struct, frozen=True):
+class TimeRead(Struct, frozen=True, gc=False):
     """The clock showed ``seconds`` when the program asked for the time within a cycle (see `Mind` about clocks)."""
 
     seconds: float

@@ -24,7 +24,7 @@ from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
 
 _MOST_NOTED: Final = 4096
-"""Roots noted before those of ended intentions are removed."""
+"""Roots noted between two looks before those of ended intentions are removed."""
 
 
 class Origin(IntEnum):
@@ -168,10 +168,12 @@ class Origins:
             return Origin.OTHERS
         return Origin.NEVER if SOURCE_PERCEPT in sources else Origin.OWN
 
-    def _prune(self) -> None:
-        living = {intention.id for intention in self._mind.all_intentions()}
-        self._roots = {number: root for number, root in self._roots.items() if number in living}
+    def _prune(self) -> list[Intention]:
+        """Forget the roots of intentions that have ended. Return those that live."""
+        roots, living = self._roots, self._mind.all_intentions()
+        self._roots = {each.id: roots[each.id] for each in living if each.id in roots}
         self._most = max(_MOST_NOTED, 2 * len(self._roots))
+        return living
 
     def pending(self) -> Iterator[tuple[PendingKey, Origin, tuple[Any, ...]]]:
         """Yield the pending events: place and origin, and the event as relevant plans, arguments and annotations."""
@@ -181,7 +183,7 @@ class Origins:
         for event in events:
             if event[3] is not None:
                 waiting.setdefault(event[3].id, event)
-        for intention in mind.all_intentions():
+        for intention in self._prune():
             origin, found = self._root(intention, waiting.get(intention.id))
             if origin:
                 yield (0, intention.id), origin, found

@@ -305,6 +305,8 @@ def test_intentions_that_have_ended_are_not_remembered() -> None:
         life.mind.feed(told("achieve", "g"))
     life.settle()
     assert len(life.keeper.origins._roots) <= 4096 + 1
+    life.save()
+    assert not life.keeper.origins._roots
 
 
 def test_the_keeper_says_when_there_may_be_something_to_save() -> None:
