@@ -285,7 +285,8 @@ def failsafes(facts: Facts) -> list[Diagnosis]:
 def percepts(facts: Facts) -> list[Diagnosis]:
     """Report percepts of the running manifests that are missing.
 
-    Only those with a `ttl` are expected: events and overrides, which have none, and optional ones may be absent.
+    Only those with a `ttl` are expected: overrides, which have none, events (`buf = "add"`) and optional ones may be
+    absent.
     """
     diagnoses: list[Diagnosis] = []
     for robot, found in facts.robots.items():
@@ -293,7 +294,9 @@ def percepts(facts: Facts) -> list[Diagnosis]:
             diagnoses.append(Diagnosis("warning", "percepts", f"{robot}: {found.problem}", "see `daemons`"))
             continue
         live = {
-            name for name, entry in found.declared.items() if entry.get("ttl") is not None and not entry.get("optional")
+            name
+            for name, entry in found.declared.items()
+            if entry.get("ttl") is not None and entry.get("buf") != "add" and not entry.get("optional")
         }
         missing = sorted(live - found.percepts.keys())
         if missing:

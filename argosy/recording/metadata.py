@@ -83,7 +83,7 @@ class End(msgspec.Struct, frozen=True):
     """Metadata of the end of a recording."""
 
     why: str
-    """Text: `ctrl-C`, `1 h are over`, `the disk is full`."""
+    """Text: `ctrl-C`, `the time limit of 1h is reached`, `the disk is full`."""
     ended: Int64
     """Unix nanoseconds."""
     messages: int = 0

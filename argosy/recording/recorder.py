@@ -213,7 +213,7 @@ class Recorder:
         return (
             limit is not None
             and self.write_queue.now() - self._began >= limit * SECOND
-            and not self._full(f"{limit} are over")
+            and not self._full(f"the time limit of {limit} is reached")
         )
 
     def _drain(self) -> bool:
@@ -221,7 +221,9 @@ class Recorder:
         for heard in self.write_queue.take():
             if (new := self.filter.new(heard)) is not None and self.writer.add(new) is not None:
                 self._since_flush += len(heard.payload) + 64
-            if self._size_of_file() >= self._limits.size and not self._full(f"{size(self._limits.size)} are full"):
+            if self._size_of_file() >= self._limits.size and not self._full(
+                f"the size limit of {size(self._limits.size)} is reached"
+            ):
                 return False
         if self.dropped > self._reported_drops:
             self.note("dropped", f"{self.dropped - self._reported_drops} messages did not fit and are missing")

@@ -273,6 +273,7 @@ def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_sour
         "gps": {"source": "GPS_RAW_INT", "ttl": 5},
         "override": {"source": "OVERRIDE"},
         "adsb": {"source": "ADSB_VEHICLE", "ttl": 60, "optional": True},
+        "vehicle_text": {"source": "VEHICLE_TEXT", "ttl": 60, "buf": "add"},
     }
     at = 1_000_000_000_000
     some = RobotFacts({"altitude": at}, declared)

@@ -188,7 +188,7 @@ def test_a_file_is_no_longer_than_its_limit_and_says_why_it_ended(tmp_path: Path
     recorder = recorded(path, Limits(size=1_000_000), messages)
     assert path.stat().st_size <= 1_000_000
     recording = Recording(path)
-    assert recording.end.why == recorder.why == "1.0 MB are full"
+    assert recording.end.why == recorder.why == "the size limit of 1.0 MB is reached"
     assert 500 < sum(topic.messages for topic in recording.topics) < 3000
 
 

@@ -223,7 +223,7 @@ async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_
     assert await refused(capsys, "--router", studio.endpoint, "-o", nowhere) == told
     async with studio.recording("--force", "--max-time", "1s") as recorder:
         code, out, _ = await recorder.end(None)
-    assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
+    assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: the time limit of 1s is reached")
     assert Recording(studio.path).end is not None
 
 
