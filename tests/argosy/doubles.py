@@ -169,7 +169,8 @@ def run(arguments: list[str]) -> int:
             original, command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)]
         )
 
-    mission_runner.STARTUP_PATIENCE = float(os.environ.get("STARTUP_PATIENCE", mission_runner.STARTUP_PATIENCE))
+    for bound in ("STARTUP_PATIENCE", "LEAVE"):
+        setattr(mission_runner, bound, float(os.environ.get(bound, getattr(mission_runner, bound))))
     process_table.KINDS = tuple(command(kind.name) for kind in process_table.KINDS)
     sys.path.insert(0, str(Path(HERE).parent))
     os.environ["PYTHONPATH"] = str(Path(HERE).parent)

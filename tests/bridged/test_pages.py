@@ -59,7 +59,10 @@ async def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, t
     (tmp_path / "camera.toml").write_text(f'[robot]\ndriver = "zenoh"\n{percept}')
     mission = read_mission(MISSION, tmp_path / "search.yaml")
     async with in_the_studio(endpoint, tmp_path, mission=mission, simulated=False) as studio:
-        command = [sys.executable, str(CAMERA), "uav1/victim", endpoint]
+        program = CAMERA.read_text(encoding="utf-8")
+        assert "\nREMEMBERED = 10.0\n" in program
+        (tmp_path / "camera.py").write_text(program.replace("REMEMBERED = 10.0", "REMEMBERED = 2.0"))
+        command = [sys.executable, str(tmp_path / "camera.py"), "uav1/victim", endpoint]
         camera = await asyncio.create_subprocess_exec(*command, stdin=asyncio.subprocess.PIPE)
         try:
             camera.stdin.write(b"7 -27.6035 -48.5182\n")

@@ -159,7 +159,10 @@ def test_what_a_process_started_is_not_left_behind(start: Start, single_uav: Pat
     assert running.left_running() == []
 
 
-def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, single_uav: Path) -> None:
+def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(
+    start: Start, single_uav: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LEAVE", "5")
     single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
     running = start(single_uav, "--speed", "2", fault="stubborn")
     running.until("uav1: armed")
@@ -167,12 +170,15 @@ def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, sing
     code, out, _ = ended(running)
     assert code == 130
     assert re.search(r"waiting for uav1 \(.* to be disarmed, 4 s left; ctrl-C again leaves", out)
-    first = out.index("bridged uav1: has not left after 3 s; it is killed after 10 s")
-    assert first < out.index("bridged uav1: did not leave within 10 s and was killed")
+    first = out.index("bridged uav1: has not left after 3 s; it is killed after 5 s")
+    assert first < out.index("bridged uav1: did not leave within 5 s and was killed")
 
 
 @pytest.mark.parametrize("hurried", [False, True])
-def test_a_done_mission_has_failed_if_its_vehicle_is_left_armed(start: Start, single_uav: Path, hurried: bool) -> None:
+def test_a_done_mission_has_failed_if_its_vehicle_is_left_armed(
+    start: Start, single_uav: Path, monkeypatch: pytest.MonkeyPatch, hurried: bool
+) -> None:
+    monkeypatch.setenv("LEAVE", "1")
     if not hurried:
         single_uav.write_text(single_uav.read_text() + "bring_home: 4s\n")
     running = start(single_uav, "--speed", "1", fault="done-aloft")
@@ -199,7 +205,10 @@ def test_of_two_runs_that_start_together_at_one_router_one_is_refused_and_does_n
     assert "is in use: is another mission running?" in refused.stderr
 
 
-def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(start: Start, single_uav: Path) -> None:
+def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(
+    start: Start, single_uav: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LEAVE", "1")
     running = start(single_uav, "--speed", "4", fault="never-done")
     running.until("uav1: armed")
     running.family["agentd serve"].suspend()
