@@ -392,7 +392,6 @@ class AgentHost:
 
     def health(self) -> AgentHealth:
         """Return the counters and warnings of the agent."""
-        self._runner.catch_up()
         mind, mail, percepts = self._mind, self._mailing.counters, self._perceiving or self._by_hand
         counters = {"bad_percepts": self._runner.bad_percepts}
         parts = {"mail": mail, "kept": self._checkpointer.counters}
@@ -408,7 +407,7 @@ class AgentHost:
         counters["intentions_failed"] = self._failures
         counters["trace_dropped"] = self._tracing.inputs.dropped
         counters["percepts_missed"] = self._perceiving.percepts.missed if self._perceiving else 0
-        reasons = mind.ready and not self._control.paused
+        reasons = self._runner.turn_due and not self._control.paused
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
         return AgentHealth(
             drops=sum(mind.drops.counts.values()),
@@ -425,7 +424,8 @@ class AgentHost:
         """Whether the agent has nothing to do and no intention; None while it is paused or not restored."""
         if not self._reasons or self._control.paused:
             return None
-        return self._mind.idle and not self._mind.suspended
+        mind = self._mind
+        return not (self._runner.turn_due or mind.waiting or mind.suspended) and mind.wake_at is None
 
     def notes(self) -> tuple[Note, ...]:
         """Return the present warnings."""

@@ -11,6 +11,8 @@ import logging
 from collections.abc import Callable
 from typing import Final, TypeAlias
 
+import msgspec
+
 from agentd.conversion.term_conversion import BadTerm, perceived
 from agentd.language.syntax_tree.signatures import signature
 from agentd.mind import Mind
@@ -36,6 +38,8 @@ MANY: Final = 32
 """Unpublished decisions after which they are handed over within a slice."""
 EARLY: Final = 0.0001
 """Wall seconds by which a timer may fire too early."""
+
+_ENCODE: Final = msgspec.msgpack.Encoder().encode
 
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
 """Gets runs of a mind: first cycle, mission time and effects. Called for the last run of a slice, and for runs in which
@@ -74,9 +78,9 @@ class MindRunner:
         self.bad_percepts = 0
         """Percepts of which no input can be made."""
         self._bus, self._reason, self._loop = bus, turn, asyncio.get_running_loop()
-        self._newest: dict[tuple[str, int], Perception] = {}
-        """Percepts that nothing in the mind waits for, by name and arity: a newer one takes the place of its like."""
-        self._turn_due = True
+        self._newest: dict[tuple[str, int], tuple[tuple[int, ...], dict[bytes, Perception]]] = {}
+        """Percepts that nothing in the mind waits for: by name and arity their key, and by its values the newest."""
+        self.turn_due = True
         """Whether a turn follows as soon as everything that the bus has delivered is taken in, or there is none yet."""
         self._due: float | None = None
         """Loop time of the next turn at the latest."""
@@ -92,14 +96,18 @@ class MindRunner:
     # --- inputs ---
 
     def perceive(self, perception: Perception) -> None:
-        """Give the mind a percept; of several that nothing in it waits for, and that have one value, the last one."""
-        like = perception.name, len(perception.parameters)
-        one_value = perception.update == "replace" and not perception.key
-        if one_value and like in self._newest:
-            self._newest[like] = perception
-        elif one_value and not self._turn_due and not heeds_percept(self.mind, signature(*like)):
-            self._newest[like] = perception
-            self._turn_within(BELIEVED_WITHIN)
+        """Give the mind a percept; of several that nothing in it waits for, each in the place of the last, the last."""
+        family, key = (perception.name, len(perception.parameters)), perception.key
+        waiting = self._newest.get(family)
+        if perception.update == "replace" and (
+            waiting[0] == key
+            if waiting is not None
+            else not self.turn_due and not heeds_percept(self.mind, signature(*family))
+        ):
+            if waiting is None:
+                waiting = self._newest[family] = key, {}
+                self._turn_within(BELIEVED_WITHIN)
+            waiting[1][_ENCODE([perception.parameters[place] for place in key]) if key else b""] = perception
         elif (item := self._read(perception)) is not None:
             self.feed(item)
 
@@ -121,34 +129,35 @@ class MindRunner:
 
     def _take_newest(self) -> None:
         newest, self._newest = self._newest, {}
-        for perception in newest.values():
-            if (item := self._read(perception)) is not None:
-                self.mind.feed(item)
+        for _, perceptions in newest.values():
+            for perception in perceptions.values():
+                if (item := self._read(perception)) is not None:
+                    self.mind.feed(item)
 
     def feed(self, item: Input) -> None:
         """Give the mind an input and see that it gets a turn, soon if anything in it may wait for the input."""
         if self._newest:
             self._take_newest()
         self.mind.feed(item)
-        if self._turn_due:
+        if self.turn_due:
             return
         if heeds(self.mind, item):
-            self._turn_due = True
+            self.turn_due = True
             self._bus.afterwards(self._turn)
         else:
             self._turn_within(BELIEVED_WITHIN)
 
     def catch_up(self) -> None:
         """Let the mind take what it was given, before others look at its beliefs."""
-        if (self._newest or self.mind.inputs) and not self._turn_due:
+        if (self._newest or self.mind.inputs) and not self.turn_due:
             self._turn()
 
     # --- turns ---
 
     def wake(self) -> None:
         """See that the mind gets a turn soon."""
-        if not self._turn_due:
-            self._turn_due = True
+        if not self.turn_due:
+            self.turn_due = True
             self._loop.call_soon(self._turn)
 
     def finish(self) -> None:
@@ -169,13 +178,13 @@ class MindRunner:
             stopping.cancel()
             self._over.cancel()
             self._alarm.cancel()
-            self._turn_due = True
+            self.turn_due = True
 
     def _turn(self) -> None:
         """Take a turn, and see to the next one."""
         if self._over.done() or self._stop.is_set():
             return
-        self._turn_due, self._due = False, None
+        self.turn_due, self._due = False, None
         if self._newest:
             self._take_newest()
         try:
@@ -197,7 +206,7 @@ class MindRunner:
             self._alarm.by(due)
 
     def _ring(self) -> None:
-        if self._due is None or self._turn_due:
+        if self._due is None or self.turn_due:
             return
         if self._due > self._loop.time() + EARLY:
             self._alarm.by(self._due)

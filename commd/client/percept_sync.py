@@ -153,11 +153,11 @@ class PerceptSync:
             source = perception.header.source or "nobody"
             self._note("unreadable", f"a percept {perception.name} has source {source}, not {self._robot}")
             return
-        if any(place < 0 for place in perception.key):
+        if perception.key and min(perception.key) < 0:
             self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
             return
         family = perception.name, len(perception.parameters)
-        beside = bool(len(self._by_hand.percepts)) and self._by_hand.percepts.family(*family)
+        beside = self._by_hand.percepts.family(*family)
         before = self.percepts.family(*family) if beside else []
         life, left_out = self.percepts.boot, self.percepts.left_out
         if self.percepts.apply(perception):

@@ -79,8 +79,9 @@ class PerceptSet:
 
     def alter(self, perception: Perception) -> list[Perception]:
         """Apply a perception without a stream. Returns the changes, removals first."""
-        gone, come = self._alter(perception, _identity(perception))
-        changes = [_removal(one) for one in gone]
+        identity = _identity(perception)
+        gone, come = self._alter(perception, identity)
+        changes = [_removal(one) for at, one in gone.items() if at != identity or perception.update == "remove"]
         return [*changes, replace(perception, update="add", key=())] if come else changes
 
     def concerned(self, perception: Perception) -> list[Perception]:
@@ -96,22 +97,24 @@ class PerceptSet:
         """Return the arities of the beliefs of a name."""
         return [arity for known, arity in self._families if known == name]
 
-    def _alter(self, perception: Perception, identity: bytes) -> tuple[list[Perception], bool]:
-        """Apply a perception. Returns the beliefs that are gone, and whether its own was not there before."""
+    def _alter(self, perception: Perception, identity: bytes) -> tuple[dict[bytes, Perception], bool]:
+        """Apply a perception. Returns the beliefs that it concerned, and whether its own was not there before."""
         family = (perception.name, len(perception.parameters))
         beliefs = self._families.setdefault(family, {})
         gone: dict[bytes, Perception] = {}
         if perception.update != "add":
-            gone = {known: beliefs.pop(known) for known in self._concerned(perception, identity, beliefs)}
-        self._bytes -= sum(len(known) + _EACH for known in gone)
-        come = perception.update != "remove" and identity not in gone and identity not in beliefs
-        if perception.update != "remove":
-            self._bytes += 0 if identity in beliefs else len(identity) + _EACH
-            beliefs[identity] = perception
-        elif not beliefs:
-            del self._families[family]
+            for known in self._concerned(perception, identity, beliefs):
+                gone[known] = beliefs.pop(known)
+                self._bytes -= len(known) + _EACH
         self._digest = ""
-        return [one for at, one in gone.items() if at not in beliefs], come
+        if perception.update == "remove":
+            if not beliefs:
+                del self._families[family]
+            return gone, False
+        if new := identity not in beliefs:
+            self._bytes += len(identity) + _EACH
+        beliefs[identity] = perception
+        return gone, new and identity not in gone
 
     def _concerned(self, change: Perception, identity: bytes, beliefs: dict[bytes, Perception]) -> list[bytes]:
         if not change.key:

@@ -214,6 +214,36 @@ async def test_of_percepts_that_nothing_waits_for_the_mind_is_given_the_newest_b
     await running
 
 
+@virtual_test
+async def test_of_percepts_with_a_key_that_nothing_waits_for_the_mind_is_given_the_newest_of_each_value() -> None:
+    def perceive(robot: str, number: float, *key: int) -> None:
+        runner.perceive(Perception(name="feedback", parameters=(robot, number), update="replace", key=key))
+
+    def turn() -> None:
+        world.settle()
+
+    def given(_: int, item: Any) -> None:
+        inputs.append(item.literal.args)
+
+    inputs = list[tuple[object, ...]]()
+    world = World(mind_of("!rest. +!rest.", on_input=given))
+    bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
+    runner, stop = MindRunner(bus, world.mind, turn), asyncio.Event()
+    running = asyncio.create_task(runner.run(stop))
+    await asyncio.sleep(0)
+    perceive("a", 0.0, 0)  # the first of its kind
+    await asyncio.sleep(0)
+    for robot, number in (("a", 1.0), ("b", 1.0), ("a", 2.0)):
+        perceive(robot, number, 0)
+    assert inputs == [("a", 0.0)]
+    perceive("c", 3.0)  # in the place of all that there are
+    perceive("c", 4.0, 0)
+    await asyncio.sleep(BELIEVED_WITHIN + 0.1)
+    assert inputs[1:] == [("a", 2.0), ("b", 1.0), ("c", 3.0), ("c", 4.0)]
+    stop.set()
+    await running
+
+
 def seen(number: int) -> PerceptReplaced:
     return PerceptReplaced(Literal(signature("height", 1), (float(number),)))
 
@@ -234,6 +264,7 @@ async def test_a_percept_that_nothing_waits_for_is_believed_soon_and_whenever_so
     ]
     agent.host.feed(seen(4))
     assert agent.host.health().idle, "an input that nobody waits for is no work"
+    assert len(mind.inputs) == 1, "health needs no belief"
     agent.host.feed(seen(5))
     agent.host.feed(PerceptReplaced(Literal(signature("mode", 1), (atom("rtl"),))))
     await until(lambda: "rtl" in agent.prints, "a plan runs")
