@@ -189,6 +189,7 @@ class ControlAuthority:
         What was sent before it, and may not have been heard, is not repeated: it would take the vehicle from them.
         """
         name, now = self._vehicle.mode_name, self._flight.now
+        self._flight.expect_none()
         for run in [run for run in self._runs if self._vehicle.armed and (run.moves or run.by_agent)]:
             for command in run.commands:
                 command.may_repeat = lambda: False

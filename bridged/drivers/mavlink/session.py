@@ -50,7 +50,8 @@ HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
 PATIENCE_AT_START = 3.0
 """Wall seconds after the start without a warning that the vehicle is not heard."""
 HEARTBEAT_LATE = (1.5, 1.5)
-"""Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
+"""Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt, and also
+who has the vehicle."""
 STALE = (5.0, 2.0)
 """Mission and wall seconds after which the vehicle's report of its position is stale."""
 REBOOT_REPORTED_FOR = (60.0, 30.0)
@@ -338,14 +339,13 @@ class VehicleSession:
             return [Note("autopilot_unknown", refusal), *silent]
         if silent:
             return [*rebooted, *silent, *self.failsafe.notes()]
-        late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
         own = (
             Note("other_vehicle_kind", self.vehicle.contradiction),
             Note("mission_broken", self.flight.plan.broken),
             Note("outside_limits", self.flight.outside),
             *(Note("hold_failed", run.trouble) for run in self._runs),
         )
-        unsent = [] if late else self.streams.notes()
+        unsent = [] if self._late else self.streams.notes()
         return [*rebooted, *(note for note in own if note.text), *unsent, *self.failsafe.notes()]
 
     def _step(self) -> None:
@@ -377,10 +377,13 @@ class VehicleSession:
             run.end(outcome)
 
     def _keep_velocity(self, stream: VelocityStream) -> None:
-        """Stream the velocity that is flown; at its end the vehicle holds, on purpose, before the stream ends."""
+        """Stream the velocity that is flown; at its end the vehicle holds, on purpose, before the stream ends.
+
+        One that is lost is left to its failsafe, which the stream would keep off.
+        """
         vehicle = self.vehicle
         asked = vehicle.mode == stream.mode or (self.flight.expects(stream.mode) and not stream.leaving)
-        if not asked or not vehicle.armed or vehicle.overridden:
+        if not asked or not vehicle.armed or vehicle.overridden or not vehicle.connected:
             self.flight.velocity = None
             return
         stream.keep(self.flight.now)
@@ -416,8 +419,15 @@ class VehicleSession:
             return "a heartbeat"
         if run.by_agent and self.control.in_doubt:
             return "the time since boot"
-        takes = (run.by_agent or run.yields) and (run.moves or run.procedure.sets_mode)
-        return "a heartbeat" if takes and self.vehicle.failsafe_announced else ""
+        insists = not (run.by_agent or run.yields or run.procedure is STAY)
+        takes = not insists and (run.moves or run.procedure.sets_mode)
+        unseen = self._late and run.procedure is not HOLD  # a pause cannot wait for a link that is bad
+        return "a heartbeat" if takes and (self.vehicle.failsafe_announced or unseen) else ""
+
+    @property
+    def _late(self) -> bool:
+        """Whether a HEARTBEAT is missing, so that others may have the vehicle, unseen."""
+        return self.flight.now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""

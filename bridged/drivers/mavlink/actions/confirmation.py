@@ -327,12 +327,15 @@ def check_limits(flight: ProcedureContext, action: BoundAction, around: float = 
 def target_shown(
     flight: ProcedureContext, run: ProcedureRun, action: BoundAction, *, ask: bool
 ) -> Generator[None, None, bool]:
-    """Whether the vehicle reports the target of an action as its own before long; `ask`: request its report."""
+    """Whether the vehicle reports the target of an action as its own before long; `ask`: request its report.
+
+    Only a HEARTBEAT denies it: sent again, the target could take the vehicle from a pilot who is not seen yet.
+    """
     vehicle, seen = flight.vehicle, flight.vehicle.targets
     patience = flight.now + flight.wait(*TARGET_WAIT)
     request = Poll(flight, run, "POSITION_TARGET_GLOBAL_INT")
     run.waits_for = "the vehicle to report the target as its own"
-    while vehicle.armed and flight.now <= patience:
+    while vehicle.armed and (flight.now <= patience or vehicle.heard_at <= patience):
         if ask:
             request()
         yield

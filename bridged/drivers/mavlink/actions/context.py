@@ -369,6 +369,10 @@ class ProcedureContext:
         asked = self._expected.get(mode, -math.inf)
         self._expected = {known: until for known, until in self._expected.items() if until >= asked}
 
+    def expect_none(self) -> None:
+        """Count no mode as requested by us: others have set one since."""
+        self.asked_last, self._expected = -1, {}
+
     def expects(self, mode: int) -> bool:
         """Whether we asked for the mode of this number (custom_mode) lately."""
         return self._expected.get(mode, -1.0) >= self.now

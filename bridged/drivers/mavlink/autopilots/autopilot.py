@@ -35,11 +35,12 @@ SETPOINT_EVERY = 0.2
 class VelocityStream:
     """One velocity, from its first setpoint until the vehicle has left the mode that needs them."""
 
-    send: Callable[[], None]
+    target: LocalTarget
+    send: Callable[[LocalTarget], None]
     mode: int
     """The mode (custom_mode) that flies setpoints."""
     until: float = math.inf
-    """Mission seconds at which the motion ends."""
+    """Mission seconds at which the motion ends: from then on the velocity is zero."""
     leaving: bool = False
     """Another action or order ends it: the stream lasts until the mode has changed."""
     sent: int = 0
@@ -50,7 +51,8 @@ class VelocityStream:
         if now >= self._next_at:
             self._next_at = now + SETPOINT_EVERY
             self.sent += 1
-            self.send()
+            still = LocalTarget(self.target.frame, velocity=(0.0, 0.0, 0.0), yaw_rate=0.0)
+            self.send(self.target if now < self.until else still)
 
 
 class Autopilot:

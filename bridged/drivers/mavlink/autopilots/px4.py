@@ -227,7 +227,7 @@ class Px4(Autopilot):
         if target.yaw is None and target.yaw_rate is None:
             target = replace(target, yaw_rate=0.0)
         modes = flight.vehicle.modes
-        flight.velocity = stream = VelocityStream(lambda: flight.send_local(target), PX4_OFFBOARD)
+        flight.velocity = stream = VelocityStream(target, flight.send_local, PX4_OFFBOARD)
         if flight.vehicle.mode != PX4_OFFBOARD:
             flight.expect_mode(PX4_OFFBOARD)
             while stream.sent < SETPOINTS_BEFORE:

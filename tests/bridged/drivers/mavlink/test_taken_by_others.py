@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,58 @@ def test_a_mode_whose_acknowledgement_is_lost_is_not_set_again_while_no_heartbea
     assert sky.vehicle.autopilot.mode == ALT_HOLD
     assert heard[-1].state == "failed"
     sky.forward(lambda: sky.belief("override") == ("ALT_HOLD",), "the override", 2)
+
+
+def sends_home(sky: Sky) -> None:
+    """Another ground station sends the vehicle home."""
+    parameters = (0.0,) * 7
+    request = dialect.MAVLink_command_long_message(1, 1, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0, *parameters)
+    sky.downlink.extend(sky.vehicle.receive(request))
+
+
+@pytest.mark.parametrize(("vehicle", "autopilot"), ALL)
+def test_a_target_that_is_not_reported_is_not_sent_again_while_no_heartbeat_shows_who_has_the_vehicle(
+    tmp_path: Path, vehicle: str, autopilot: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    sky.we_hear = unheard
+    heard = sky.begin("setpoint" if vehicle == "copter" else "goto", *NORTH, *([] if vehicle == "rover" else [40]))
+    sky.wait(0.4)
+    sends_home(sky)
+    sky.wait(3)
+    sky.we_hear = lambda message: True
+    sky.end(heard, 10)
+    sky.forward(lambda: sky.belief("override") == ("RTL",), "the override", 3)
+    assert mode(sky) == "RTL"
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "autopilot", "asked"),
+    [
+        (*kind, asked)
+        for kind, asked in product(ALL, ("cancel", "goto", "set_mode", "land"))
+        if (kind[0], asked) != ("rover", "land")  # it has no such action
+    ],
+)
+def test_what_is_asked_while_no_heartbeat_comes_does_not_take_the_vehicle_from_others(
+    tmp_path: Path, vehicle: str, autopilot: str, asked: str
+) -> None:
+    sky = sky_of(tmp_path, vehicle, autopilot)
+    under_way(sky, vehicle)
+    sky.we_hear = unheard
+    sends_home(sky)
+    sky.wait(2.5)
+    if asked == "cancel":
+        sky.bridge.action_server.cancel("uav", sky.statuses[-1].id, "uav")
+    else:
+        arguments = {"set_mode": ["GUIDED"], "goto": [*NORTH, *([] if vehicle == "rover" else [40])], "land": []}
+        sky.begin(asked, *arguments[asked])
+    sky.wait(1)
+    sky.we_hear = lambda message: True
+    sky.forward(lambda: sky.belief("override") == ("RTL",), "the override", 3)
+    sky.wait(3)
+    assert mode(sky) == "RTL"
 
 
 def test_a_mode_that_a_pilot_leaves_for_the_one_before_is_not_set_again(sky: Sky) -> None:
@@ -127,3 +180,29 @@ def test_a_plane_that_circles_while_it_climbs_comes_nearer(
     sky = sky_of(tmp_path, "plane", autopilot)
     sky.armed().done("takeoff", 40)
     sky.done("goto", *NORTH, 120)
+
+
+def test_a_pause_does_not_wait_for_a_heartbeat_that_is_late(sky: Sky) -> None:
+    sky.flying(20)
+    sky.begin("goto", *FAR, 20)
+    sky.we_hear = lambda message: message.get_type() != "HEARTBEAT"
+    sky.wait(2.5)
+    sky.bridge.action_server.pause()
+    sky.wait(0.2)
+    assert sky.vehicle.autopilot.mode.name == "BRAKE"
+
+
+@pytest.mark.parametrize("silence", [0, 8])
+def test_a_mode_of_others_is_theirs_though_we_had_asked_for_it_before_they_took_over(sky: Sky, silence: float) -> None:
+    sky.flying(20)
+    sky.begin("return_to_launch")
+    sky.forward(lambda: sky.belief("state") == ("RTL", True, True), "the way home", 3)
+    sky.pilot_sets(LOITER)
+    sky.forward(lambda: sky.belief("override") == ("LOITER",), "the override", 5)
+    sky.we_hear = lambda message: not silence
+    sky.wait(silence)
+    sends_home(sky)
+    sky.we_hear = lambda message: True
+    sky.wait(3)
+    assert sky.driver.overridden == "RTL"
+    assert sky.belief("override") == ("RTL",)

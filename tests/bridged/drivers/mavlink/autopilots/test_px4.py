@@ -201,6 +201,18 @@ def test_lost_setpoints_are_its_failsafe_and_it_is_not_pulled_back_into_offboard
     assert sky.belief("override") == ("RTL",)
 
 
+def test_a_velocity_ends_in_time_though_the_vehicle_is_not_heard_and_its_failsafe_has_it_when_the_link_is_lost(
+    sky: Sky,
+) -> None:
+    sky.flying(15)
+    sky.done("fly", 2.0, 0.0, 0.0)
+    sky.we_hear = lambda message: False
+    sky.wait(4.5)
+    assert math.hypot(sky.vehicle.autopilot.motion.velocity.north, sky.vehicle.autopilot.motion.velocity.east) < 0.3
+    sky.wait(5)
+    assert sky.vehicle.autopilot.mode.name == "RTL"
+
+
 def test_a_motion_that_is_cancelled_or_late_holds_and_never_flies_the_stored_mission(sky: Sky) -> None:
     sky.done("upload_mission", FLIGHT)
     sky.flying(20)
