@@ -65,7 +65,8 @@ def read_yaml(text: str, file: str) -> tuple[Any, Positions]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        tab = mark is not None and text.split("\n")[mark.line][mark.column :].startswith("\t")
+        lines = [*text.split("\n"), ""]  # a mark may be behind the last line
+        tab = mark is not None and lines[mark.line][mark.column :].startswith("\t")
         what = "a tab: indent with spaces" if tab else error.problem or error.context
         raise Findings([Finding(file, *where, f"not YAML: {what}")]) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
