@@ -83,8 +83,8 @@ class Vehicle:
         """A mode in which a failsafe of its own flies it, as somebody wants another (CURRENT_MODE); -1 = none."""
         self.held_by_failsafe_at = -math.inf
         """When a failsafe of its own began to hold it, until that is over or an agent has taken control."""
-        self._failsafe_at = -math.inf
-        """When it reported last that a failsafe of its own acts from then on."""
+        self._failsafe_after = -1
+        """After which HEARTBEAT, by count, it reported last that a failsafe of its own acts from then on."""
         self.overridden = False
         """Whether others set the present mode; set by the control authority."""
         self.armed = False
@@ -198,7 +198,7 @@ class Vehicle:
                 wanted = message.intended_custom_mode in (0, message.custom_mode)
                 self._unwanted_mode = -1 if wanted else message.custom_mode
             case "EVENT" if acts(message):
-                self._failsafe_at = now
+                self._failsafe_after = self.heartbeats
                 if holds(message):
                     self.held_by_failsafe_at = now
             case "GLOBAL_POSITION_INT":
@@ -253,7 +253,7 @@ class Vehicle:
     @property
     def failsafe_announced(self) -> bool:
         """Whether a failsafe of its own has begun since its last HEARTBEAT: the next one shows the mode."""
-        return self._failsafe_at > self.heard_at
+        return self._failsafe_after == self.heartbeats
 
     def state(self) -> dict[str, object]:
         """The content of its last HEARTBEAT; empty while it is not heard."""

@@ -15,6 +15,7 @@ from bridged.drivers.mavlink.transport.further_messages import Event
 from bridged.drivers.mavlink.vehicle.flight_modes import PX4_COPTER, PX4_OFFBOARD
 from bridged.drivers.mavlink.vehicle.px4_events import ACTS, event_of
 from bridged.drivers.mavlink.vehicle.state import Place
+from bridged.drivers.mavlink.vehicle.state import Vehicle as Copter
 from bridged.simulation.vehicle.kinds import KINDS
 from bridged.simulation.vehicle.motion.tasks import Landed
 from bridged.simulation.vehicle.vehicle import Vehicle
@@ -443,6 +444,16 @@ def test_a_mode_that_an_agent_was_setting_as_a_failsafe_began_to_hold_in_it_is_t
     sky.forward(lambda: sky.belief("override") == ("HOLD",), "the override", 3)
     sky.done("set_mode", "GUIDED")
     assert sky.belief("override") is None
+
+
+def test_a_failsafe_that_is_reported_in_the_moment_of_a_heartbeat_is_shown_by_the_next() -> None:
+    vehicle = Copter(PX4_COPTER)
+    beat = dialect.MAVLink_heartbeat_message(2, dialect.MAV_AUTOPILOT_PX4, 157, PX4_COPTER.guided, 4, 3)
+    vehicle.receive(beat, 1.0)
+    vehicle.receive(Event(min(ACTS), 1000, 1, 0, 0, 0x42, [0, 0, 4, 3, 5, *[0] * 35]), 1.0)
+    assert vehicle.failsafe_announced
+    vehicle.receive(beat, 2.0)
+    assert not vehicle.failsafe_announced
 
 
 @pytest.mark.parametrize(("does", "said"), [(5, "holds"), (6, "returns"), (7, "lands"), (8, "descends")])
