@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus
 from commd.common.repeated_log import is_logged
 from schemas.wire import keys
-from schemas.wire.percept_set import PerceptSet
+from schemas.wire.percept_set import PerceptSet, key_problem
 from schemas.wire.records import Note, Perception
 from schemas.wire.terms import Map, OpenList, Queue, Set, Source, Structure, Term, Variable
 
@@ -82,8 +82,8 @@ class HandPercepts:
             return f"expected a name such as `victim`, got `{name[:100]}`"
         if name == "bridge":
             return "`bridge` is the agent's own percept of its robot's bridge"
-        if any(place < 0 for place in perception.key):
-            return f"{name}: a position in `key` is 0 or more, got {min(perception.key)}"
+        if problem := key_problem(perception):
+            return f"{name}: {problem}"
         if not all(map(_is_value, perception.parameters)):
             return f"{name}: expected values, got a variable or a part of a program"
         if (size := len(_ENCODE(perception.parameters))) > LARGEST:

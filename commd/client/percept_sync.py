@@ -19,7 +19,7 @@ from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
 from commd.common.repeated_log import is_logged
 from schemas.wire import keys
-from schemas.wire.percept_set import MOST_BYTES, PerceptSet, differences, tells_of_none
+from schemas.wire.percept_set import MOST_BYTES, PerceptSet, differences, key_problem, tells_of_none
 from schemas.wire.records import Health, Note, Perception, Perceptions
 
 log = logging.getLogger("percepts")
@@ -153,8 +153,8 @@ class PerceptSync:
             source = perception.header.source or "nobody"
             self._note("unreadable", f"a percept {perception.name} has source {source}, not {self._robot}")
             return
-        if perception.key and min(perception.key) < 0:
-            self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
+        if problem := key_problem(perception):
+            self._note("unreadable", f"a percept {perception.name}: {problem}")
             return
         family = perception.name, len(perception.parameters)
         beside = self._by_hand.percepts.family(*family)

@@ -216,13 +216,17 @@ def tells_of_none(digest: str) -> bool:
     return digest.rpartition(":")[2] == "0" * 16
 
 
+def key_problem(perception: Perception) -> str:
+    """Return why the key of a percept names none of its parameters, or one twice; empty if it names each once."""
+    key, size = perception.key, len(perception.parameters)
+    if not key or (min(key) >= 0 and max(key) < size and len(set(key)) == len(key)):
+        return ""
+    return f"`key` holds different positions from 0 to below {size}, got {list(key)}"
+
+
 def _concerns(change: Perception, belief: Perception) -> bool:
     """Whether a `replace` or `remove` concerns a belief of its family."""
-    size = len(belief.parameters)
-    return all(
-        0 <= position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
-        for position in change.key
-    )
+    return all(_ENCODE(belief.parameters[place]) == _ENCODE(change.parameters[place]) for place in change.key)
 
 
 def _identity(perception: Perception) -> bytes:

@@ -156,7 +156,14 @@ async def test_an_agent_without_a_robot_perceives_by_hand_too(connect: Connect) 
             Perception(parameters=([Structure("f", (Variable("X"),))],)),
             "p: expected values, got a variable",
         ),
-        ("argosy/f/uav/percept_by_hand/flag", Perception(key=(-1,)), "flag: a position in `key` is 0 or more, got -1"),
+        *(
+            (
+                "argosy/f/uav/percept_by_hand/flag",
+                Perception(parameters=(1, 2), key=key),
+                f"flag: `key` holds different positions from 0 to below 2, got {list(key)}",
+            )
+            for key in ((-1,), (2,), (0, 0))
+        ),
         (
             "argosy/f/uav/percept_by_hand/p",
             Perception(parameters=("x" * LARGEST,)),

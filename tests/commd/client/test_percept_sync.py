@@ -240,9 +240,9 @@ async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     old = replace(told, header=header, name="victim")
     forge(person, old)
     await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
-    odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
-    forge(person, odd)
-    await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
+    for key in ((-1,), (1,), (0, 0)):
+        forge(person, replace(told, header=replace(told.header, seq=4), key=key))
+    await until(lambda: perceiving.counters["unreadable"] == 3, "keys of no parameter are counted")
     assert len(heard) == 3
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text
 
