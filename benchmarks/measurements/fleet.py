@@ -45,7 +45,7 @@ ASK_EVERY: Final = 1000
 _PROGRAM: Final = """\
 !begin.
 +!begin <- .wait(bridge(up), 300000); .print("serves"); !!ask_on.
-+altitude(A) : every(K) & A mod K == 0 <- .print("at ", A).
++altitude(A) : every(K, First) & A mod K == First <- .print("at ", A).
 +!ask_on <- .random(R); .wait(1000 * R); !!ask.
 +!ask : pause(P)
   <- .nano_time(B);
@@ -67,7 +67,8 @@ class Field:
     ports: list[int]
     """Of the links on loopback: one for all, or one for each vehicle."""
     every: int
-    """So many metres lie between two altitudes that a plan prints."""
+    """So many metres lie between two altitudes that a plan prints; vehicle after vehicle begins at another of them, so
+    that no moment of the second is left out."""
 
 
 def write_mission(folder: Path, size: int, *, own_links: bool) -> Field:
@@ -77,8 +78,11 @@ def write_mission(folder: Path, size: int, *, own_links: bool) -> Field:
     shared = free_port()
     ports = [free_port() if own_links else shared for _ in range(size)]
     every = max(1, size * POSITIONS // MOST_POSITIONS)
-    beliefs = f'beliefs: ["pause({ASK_EVERY})", "every({every})"]'
-    agents = [f"  agent{one}: {{program: watcher.asl, robot: uav{one}, {beliefs}}}" for one in range(1, size + 1)]
+    agents = [
+        f"  agent{one}: {{program: watcher.asl, robot: uav{one}, "
+        f'beliefs: ["pause({ASK_EVERY})", "every({every}, {one % every})"]}}'
+        for one in range(1, size + 1)
+    ]
     robots = [
         f"  uav{one}: {{manifest: copter, link: 'udpin:127.0.0.1:{port}', sysid: {one}}}"
         for one, port in enumerate(ports, 1)

@@ -1,7 +1,7 @@
 """Vehicles that only talk: the traffic of copters in flight, at a steady rate, each position with its own altitude.
 
 `python -m benchmarks.measurements.vehicles EVERY SYSTEM:PORT ...` is their process. It talks until SIGTERM, then prints
-the times (`Report`) of each EVERYth metre.
+the times (`Report`) of each EVERYth metre; the first one differs from vehicle to vehicle (their SYSTEM).
 
 They fly a circle: place, velocity and heading change from one position to the next as in a recorded flight
 (`tests/data`), so that a bridge has as much to publish. They also climb a metre with each position, which copters do
@@ -195,7 +195,7 @@ def talk(talkers: list[Talker], every: int) -> Report:
             if ended:
                 break
         begun += 1.0
-    sent = {one.system: {metres: at for metres, at in one.sent.items() if metres % every == 0} for one in talkers}
+    sent = {one.system: {m: at for m, at in one.sent.items() if m % every == one.system % every} for one in talkers}
     return Report(sent, {one.system: one.beats for one in talkers})
 
 
