@@ -217,9 +217,7 @@ def test_each_test_has_a_fresh_agent_with_the_beliefs_and_goals_of_its_file(run)
     assert ran.code == 0, ran.out
 
 
-def test_the_initial_goals_of_an_included_program_are_not_pursued_but_its_plans_and_beliefs_are_there(
-    run, tmp_path: Path
-) -> None:
+def test_initial_goals_of_an_included_program_are_not_pursued_its_plans_and_beliefs_stay(run, tmp_path: Path) -> None:
     (tmp_path / "agent.asl").write_text("home(here). !begin. +!begin <- +begun. +!go(X) : home(X) <- +went.")
     ran = run('{ include("agent.asl") }\n@t[test] +!t <- !assert_false(begun); !go(here); !assert_true(went).')
     assert ran.code == 0, ran.out

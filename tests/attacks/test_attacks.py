@@ -108,9 +108,7 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
         assert "by its rules they are not of its board; `argosy units` writes new rules" in daemon.text
 
 
-async def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
-    world: World, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_later_denials_are_noted_until_taken_back(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(access_probe, "SETTLING", 0.05)
     monkeypatch.setattr(access_probe, "PATIENCE", 0.3)
     async with world.member("pi1", "a") as bus:

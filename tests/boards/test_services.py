@@ -28,9 +28,7 @@ _SEEKER = """\
 """
 
 
-def test_what_is_offered_on_one_board_is_found_and_told_on_another_also_while_its_board_is_away(
-    fleet: Callable[..., Fleet],
-) -> None:
+def test_what_is_offered_on_one_board_is_found_on_another_also_while_that_is_away(fleet: Callable[..., Fleet]) -> None:
     team = fleet(_MISSION, seeker=_SEEKER, offerer=_OFFERER)
     team.up()
     look = team.look("pi1")

@@ -28,9 +28,7 @@ async def perceived(bus: Bus, agent: str) -> Atom | None:
     return told[0] if told else None  # type: ignore[return-value]
 
 
-async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_a_robot_is_handed_to_a_live_agent_and_taken_again_when_it_dies(endpoint: str, tmp_path: Path) -> None:
     async with serving(endpoint, tmp_path) as (field, uav):
         await uav.claim("uav")
         await field.take_off(uav)

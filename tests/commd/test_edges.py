@@ -180,9 +180,7 @@ async def near_and_distant(
             yield near, distant
 
 
-async def test_mail_crosses_a_bad_radio_once_and_in_order(
-    endpoint: str, tmp_path: Path, free_port: Callable[[], int]
-) -> None:
+async def test_mail_crosses_bad_radio_in_order(endpoint: str, tmp_path: Path, free_port: Callable[[], int]) -> None:
     async with near_and_distant(FAR, endpoint, tmp_path, free_port, "") as (near, distant):
         healths: dict[str, Health] = {}
         near._bus.subscribe(keys.health("far", "*", "commd"), Health, healths.__setitem__)

@@ -384,9 +384,7 @@ async def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(conne
     assert reader.fed == []
 
 
-async def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_heard_though_its_answer_is_lost(
-    connect: Connect,
-) -> None:
+async def test_a_message_behind_one_too_late_waits_for_the_refusal_though_its_answer_is_lost(connect: Connect) -> None:
     reader = await a_reader(connect)
     batch = (replace(numbered(1), ttl=0.0), numbered(2))
     for _ in range(2):  # the first answer is lost

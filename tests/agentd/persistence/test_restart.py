@@ -179,9 +179,7 @@ def test_a_goal_of_the_mission_file_replaces_what_the_agent_had_in_mind(tmp_path
 
 
 @pytest.mark.parametrize(("more", "arguments"), [(", on_restart: fresh", ()), ("", ("--fresh",))])
-def test_an_agent_that_is_to_start_fresh_does(
-    tmp_path: Path, endpoint: str, more: str, arguments: tuple[str, ...]
-) -> None:
+def test_an_agent_started_fresh_is_fresh(tmp_path: Path, endpoint: str, more: str, arguments: tuple[str, ...]) -> None:
     with a_fleet(tmp_path, endpoint, ONE.format(more=more), a=LIVES + BACK, b=ASKS) as fleet:
         until_kept(fleet).kill()
         second = fleet.start("a", *arguments)

@@ -97,9 +97,7 @@ def test_a_syntax_error_does_not_hide_a_missing_include(mission: Path, wrong: st
     assert len(found) == 2, found
 
 
-def test_all_files_are_checked_in_one_run_whatever_is_wrong_with_the_first(
-    mission: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_files_are_checked_whatever_the_first_holds(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edit(mission, "mission: survey", "mission: survey\nspeeed: 5")
     edit(mission.with_name("scout.asl"), "land;", "lnd;")
     assert main(["check", str(mission)]) == 2
@@ -216,9 +214,7 @@ def test_another_simulated_vehicle_than_that_of_the_manifest_is_refused(
     assert said in capsys.readouterr().err
 
 
-def test_an_action_that_the_simulated_autopilot_does_not_have_is_a_warning(
-    mission: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_action_the_simulator_does_not_have_is_a_warning(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edit(mission.with_name("scout.asl"), "land;", "orbit(-27.6, -48.5, 20, 30, 4);")
     edit(mission, "{vehicle: copter,", "{vehicle: copter, autopilot: ardupilot,")
     assert main(["check", str(mission)]) == 0

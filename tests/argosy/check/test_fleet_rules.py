@@ -52,9 +52,7 @@ def said(path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().err.replace(f"{path.parent}/", "").splitlines()
 
 
-def test_mail_that_its_receiver_refuses_by_the_mission_is_told_where_it_is_sent(
-    pair: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mail_its_receiver_refuses_is_told_where_it_is_sent(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pair.write_text(f"{MISSION}security: {{operators: [ops]}}\n")
     begin = """\
 +!begin <- +enough;

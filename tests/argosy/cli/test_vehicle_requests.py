@@ -87,9 +87,7 @@ def test_nothing_is_set_while_the_vehicle_is_armed(parked: Trial, tmp_path: Path
 
 
 @pytest.mark.parametrize("end", [".plan", ".waypoints"])
-def test_the_stored_mission_is_saved_as_a_file_that_ground_stations_and_argosy_read(
-    parked: Trial, tmp_path: Path, end: str
-) -> None:
+def test_the_stored_mission_is_saved_for_ground_stations_and_argosy(parked: Trial, tmp_path: Path, end: str) -> None:
     items = '[["takeoff", 0, 0, 10], [-27.603683, -48.518052, 20.5], ["rtl"]]'
     assert argosy(parked, "act", "uav", "upload_mission", items)[0] == 0
     path = tmp_path / f"flown{end}"

@@ -311,9 +311,7 @@ def test_two_commands_do_not_change_the_keys_at_once(made: Desk) -> None:
     assert "another `argosy keys` is using this folder" in made.err
 
 
-def test_keys_lie_in_the_users_data_folder_unless_another_is_named(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_keys_lie_in_the_users_folder_or_another(desk: Desk, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     assert argosy(["keys", "init", str(desk.mission)]) == 0
     record = json.loads((tmp_path / "data" / "argosy" / "keys" / "sar" / "fleet.json").read_text())

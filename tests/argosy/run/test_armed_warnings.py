@@ -57,9 +57,7 @@ def last_words(recording: Recording) -> str:
     ],
     ids=["on its way home", "piloted", "simulated", "not confirmed", "bridge killed", "bridge silent"],
 )
-def test_a_vehicle_in_the_air_is_in_the_last_line_of_the_summary(
-    left: RobotLeft | None, killed: bool, real: bool, told: str
-) -> None:
+def test_a_vehicle_aloft_is_in_the_summarys_end(left: RobotLeft | None, killed: bool, real: bool, told: str) -> None:
     recording = airborne(real=real)
     recording.status.killed |= {"uav1"} if killed else set()
     recording.status.left |= {"uav1": left} if left else {}

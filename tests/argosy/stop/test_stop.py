@@ -129,9 +129,7 @@ def test_nobody_there_is_said(endpoint: str, capsys: pytest.CaptureFixture[str])
     )
 
 
-def test_the_router_that_a_mission_names_is_taken_whatever_else_of_its_fleet_runs_here(
-    endpoint: str, tmp_path: Path
-) -> None:
+def test_the_router_that_a_mission_names_is_taken_whatever_else_of_it_runs_here(endpoint: str, tmp_path: Path) -> None:
     mission = tmp_path / "m.yaml"
     mission.write_text(f"mission: m\nfleet: sar\nagents: {{a: {{program: a.asl}}}}\nrouter: {{endpoint: {endpoint}}}\n")
     simulation = f"tcp/127.0.0.1:{free_port()}"

@@ -184,9 +184,7 @@ async def test_an_address_of_a_command_line_opens_once() -> None:
         await browser.enter()
 
 
-async def test_a_request_without_a_host_is_refused_without_a_question_to_the_name_service(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_request_without_a_host_is_refused_without_a_name_look_up(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
     monkeypatch.setattr("socket.getfqdn", lambda name="": asked.append(name) or "here")
     async with served() as browser:

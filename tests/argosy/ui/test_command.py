@@ -37,9 +37,7 @@ def opened(url: str) -> HTTPResponse:
     return answer
 
 
-def test_it_prints_an_address_serves_the_page_without_a_router_and_ends_by_a_signal(
-    endpoint: str, free_port: Callable[[], int]
-) -> None:
+def test_it_prints_an_address_serves_without_router_ends_by_signal(endpoint: str, free_port: Callable[[], int]) -> None:
     port = free_port()
     with running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", str(port)) as ui:
         url = address(ui)

@@ -412,9 +412,7 @@ def test_the_marks_are_those_that_the_terminal_has(term: str, encoding: str, exp
 
 
 @shown(flying)
-async def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back(
-    app: WatchApp, pilot: Pilot[None], fleet: Fleet
-) -> None:
+async def test_the_timeline_follows_unless_scrolled_back(app: WatchApp, pilot: Pilot[None], fleet: Fleet) -> None:
     await press(app, pilot, "down", "down", "enter", "4")
     for number in range(100):
         fleet.activity("scout", ActivityEvent(kind="print", text=f"line {number}"))

@@ -60,9 +60,7 @@ async def test_a_bridge_that_stops_waits_in_bounds_for_a_vehicle_never_heard(
     assert wall <= sky.clock.wall() - began <= wall + 3
 
 
-async def test_a_lost_agent_of_a_vehicle_that_comes_home_by_others_is_no_error(
-    sky: Sky, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_lost_agent_of_a_vehicle_others_bring_home_is_fine(sky: Sky, caplog: pytest.LogCaptureFixture) -> None:
     take_over(sky, RTL)
     await passing(sky, 2)
     with caplog.at_level(logging.INFO):

@@ -120,9 +120,7 @@ async def failing(workshop: Workshop, sonar: Any, error: Exception) -> None:
     await until(lambda: workshop.present("tick") != before, "the robot's own driver goes on")
 
 
-async def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own_goes_on(
-    sonar: Any, tmp_path: Path
-) -> None:
+async def test_an_auxiliary_driver_without_link_is_run_again_and_the_own_goes_on(sonar: Any, tmp_path: Path) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await failing(workshop, sonar, OSError("unplugged"))
         await workshop.perceives("range", 2.5)
@@ -170,9 +168,7 @@ async def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
         assert len(sonar.runs) == 1
 
 
-async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(
-    sonar: Any, tmp_path: Path
-) -> None:
+async def test_an_auxiliary_driver_with_a_defect_is_given_up_its_entries_refused(sonar: Any, tmp_path: Path) -> None:
     async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await failing(workshop, sonar, KeyError("depth"))
         place = f"{sonar.__file__}:21, in run"

@@ -369,9 +369,7 @@ async def test_an_order_that_could_not_be_heard_is_not_given_to_a_vehicle_that_i
 
 
 @pytest.mark.parametrize("mode", [LAND, LOITER], ids=["a safer motion", "LOITER"])
-async def test_a_restarted_bridge_leaves_a_pilot_what_was_begun_under_the_operators_hold(
-    sky: Sky, tmp_path: Path, mode: int
-) -> None:
+async def test_a_restarted_bridge_leaves_a_pilot_what_began_under_a_hold(sky: Sky, tmp_path: Path, mode: int) -> None:
     await ordered(sky, "hold")
     take_over(sky, mode)
     await passing(sky, 2)
@@ -611,9 +609,7 @@ def test_a_vehicle_that_a_bridge_without_state_finds_with_a_pilot_is_the_pilots_
     assert found.bridge.lease.answers == "uav"
 
 
-async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
-    sky: Sky, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_lost_agents_vehicle_that_will_not_return_lands(sky: Sky, caplog: pytest.LogCaptureFixture) -> None:
     sky.pretend(
         lambda message: is_command(dialect.MAV_CMD_DO_SET_MODE)(message) and message.param2 == 6,
         dialect.MAV_RESULT_FAILED,

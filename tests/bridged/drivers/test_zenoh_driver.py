@@ -176,9 +176,7 @@ async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(pond: 
         (None, False, "failed", "lamp/blink ended without a reply"),
     ],
 )
-async def test_a_service_says_how_it_went(
-    pond: Pond, reply: bytes | None, error: bool, state: str, reason: str
-) -> None:
+async def test_services_say_how_it_went(pond: Pond, reply: bytes | None, error: bool, state: str, reason: str) -> None:
     asked = await pond.serve("lamp/blink", reply, error=error)
     assert end_of(await pond.do("blink", times=3)) == (state, reason)
     assert [json.loads(payload) for payload in asked] == [{"times": 3}]

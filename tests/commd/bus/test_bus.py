@@ -302,9 +302,7 @@ async def test_a_flood_is_bounded_and_its_excess_is_counted(connect: Connect, mo
     assert len(got) == 100
 
 
-async def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
-    connect: Connect, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_session_ending_in_a_flood_blames_nobody(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     bus = await connect()
     for _ in range(1000):
         bus._dispatch.put(time.sleep, 0.005)

@@ -191,9 +191,7 @@ async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(co
     await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
 
 
-async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
-    connect: Connect, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_percept_of_no_life_of_a_bridge_is_undone(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     bridge, perceiving, heard = await watched(connect, ("altitude", 1))
     person = await connect("operator")
     odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))

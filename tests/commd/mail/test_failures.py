@@ -173,9 +173,7 @@ async def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whate
         assert {(queue.sender, queue.receiver) for queue in told.queues} == {("a", "b"), ("mail", "a")}
 
 
-async def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_as_unknown(
-    connect: Connect, tmp_path: Path
-) -> None:
+async def test_what_may_have_arrived_and_nobody_says_is_given_up_as_unknown(connect: Connect, tmp_path: Path) -> None:
     now = Time()
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mail_service:
         sender, bus = await connect("a"), await connect("b")

@@ -191,9 +191,7 @@ def test_what_is_no_duration_is_refused(text: object) -> None:
         Duration.read(text)
 
 
-def test_a_bare_name_is_the_shipped_mission_unless_such_a_file_stands_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bare_name_is_the_shipped_mission_or_a_file_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert load_mission("turtle").path == shipped("missions", "turtle.yaml")
     (tmp_path / "turtle").write_text((shipped("missions", "turtle.yaml") or tmp_path).read_text())

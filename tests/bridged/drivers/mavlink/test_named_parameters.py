@@ -41,9 +41,7 @@ def test_a_fraction_is_compared_as_the_vehicle_stores_it(sky: Sky) -> None:
 
 
 @pytest.mark.parametrize(("name", "arguments"), [("get_param", ()), ("set_param", (3,))])
-def test_a_name_that_the_vehicle_does_not_know_is_told_after_three_seconds(
-    sky: Sky, name: str, arguments: tuple[int, ...]
-) -> None:
+def test_a_name_the_vehicle_does_not_know_is_told_after_3_s(sky: Sky, name: str, arguments: tuple[int, ...]) -> None:
     sky.wait(1)
     assert end_of(sky.do(name, "NO_SUCH", *arguments)) == ("failed", "the vehicle knows no parameter NO_SUCH")
     asked = [one for one in sky.sent if one.get_type() == "PARAM_REQUEST_READ" and one.param_id == "NO_SUCH"]

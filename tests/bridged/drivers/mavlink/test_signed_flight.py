@@ -46,9 +46,7 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
         asyncio.run(asyncio.wait_for(body(port), 240))
 
 
-async def test_a_vehicle_whose_clock_is_an_hour_behind_is_told_the_time_by_a_signature_and_then_taken(
-    tmp_path: Path,
-) -> None:
+async def test_a_vehicle_whose_clock_is_an_hour_behind_learns_the_time_by_a_signature_and_comes(tmp_path: Path) -> None:
     """It has no GPS yet. Nobody else on the link would tell it: the bridge listens, and had nothing to answer to."""
     late = now_10us() - 60 * MINUTE
     its = Signing(key_of(b"argo"), Timestamps(clock=lambda: late))

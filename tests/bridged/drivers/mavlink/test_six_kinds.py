@@ -155,9 +155,7 @@ def test_a_px4_plane_lands_by_the_landing_of_its_mission(tmp_path: Path) -> None
         (LANDING, 0, "and it flies the landing of its mission with RTL_TYPE 1, which is 0"),
     ],
 )
-def test_a_px4_plane_does_not_land_without_a_landing(
-    tmp_path: Path, items: list[list[object]], rtl_type: int, why: str
-) -> None:
+def test_a_px4_plane_lands_by_a_landing(tmp_path: Path, items: list[list[object]], rtl_type: int, why: str) -> None:
     sky = sky_of(tmp_path, "plane", "px4")
     if items:
         sky.done("upload_mission", items)

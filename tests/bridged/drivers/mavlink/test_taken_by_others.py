@@ -158,9 +158,7 @@ def test_a_way_on_which_the_vehicle_comes_no_nearer_has_failed_though_its_target
 
 
 @pytest.mark.parametrize("asked", ["goto", "takeoff"])
-def test_a_motion_of_a_vehicle_that_no_longer_reports_where_it_is_fails_long_before_its_deadline(
-    sky: Sky, asked: str
-) -> None:
+def test_a_motion_of_a_vehicle_that_reports_no_place_any_more_fails_before_its_deadline(sky: Sky, asked: str) -> None:
     sky.armed()
     if asked == "goto":
         sky.done("takeoff", 20)

@@ -181,9 +181,7 @@ topic = "halt"
 """
 
 
-async def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_agent_is_lost(
-    endpoint: str, tmp_path: Path
-) -> None:
+async def test_a_robot_of_one_order_holds_when_cancelled_and_when_agentless(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "lamp.toml").write_text(SLOW)
     mission = read_mission(LAMP, tmp_path / "lamp.yaml")
     async with in_the_studio(endpoint, tmp_path, mission=mission, simulated=False) as studio:

@@ -35,9 +35,7 @@ def believed(sky: Sky) -> list[tuple[object, ...]]:
     return sky.beliefs("vehicle_text")
 
 
-def test_a_battery_failsafe_reaches_log_and_agent_though_no_action_fails(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_battery_failsafe_reaches_log_and_agent_by_itself(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     battery = {"BATT_LOW_VOLT": 12.0, "BATT_LOW_TIMER": 1.0, "BATT_FS_LOW_ACT": 0.0}
     sky = Sky(tmp_path, vehicle=Vehicle(HOME, parameters=battery.items())).flying(10)
     sky.vehicle.autopilot.parameters.set("BATT_FS_LOW_ACT", 2)

@@ -42,9 +42,7 @@ def set_parameter(station: Station, name: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("channel", "said"), [(1, ["ServoRelayEvent: Channel 1 is already in use"]), (0, ["No servo output 0"]), (17, None)]
 )
-def test_a_servo_output_that_drives_a_motor_or_is_not_there_is_refused(
-    station: Station, channel: int, said: list[str] | None
-) -> None:
+def test_a_servo_output_of_a_motor_or_none_is_refused(station: Station, channel: int, said: list[str] | None) -> None:
     assert station.command(SET_SERVO, channel, 1900) == FAILED
     assert station.texts() == (said or ["No servo output 17"])
     assert pulse(station, 1) == 1000

@@ -64,9 +64,7 @@ def test_on_the_ground_any_mode_can_be_set(px4: AttendedVehicle, main: int, sub:
 @pytest.mark.parametrize(
     ("main", "sub", "name"), [(6, 0, "Offboard"), (3, 0, "Position"), (4, 4, "Mission"), (1, 0, "Manual")]
 )
-def test_in_flight_a_mode_that_lacks_something_is_refused_with_a_text(
-    flying: AttendedVehicle, main: int, sub: int, name: str
-) -> None:
+def test_in_flight_a_mode_without_its_needs_is_refused(flying: AttendedVehicle, main: int, sub: int, name: str) -> None:
     assert flying.command(SET_MODE, 1, main, sub) == REJECTED
     flying.wait(0.2)
     assert flying.said == [f"Switching to {name} is currently not available"]
