@@ -9,6 +9,7 @@ from importlib.abc import MetaPathFinder
 import pytest
 
 from agentd.__main__ import main as agentd
+from argosy import command
 from argosy.__main__ import main as argosy
 from bridged.__main__ import main as bridged
 from commd.__main__ import main as commd
@@ -70,6 +71,7 @@ class Interrupted(MetaPathFinder):
 @pytest.mark.parametrize(
     ("program", "given", "imported"),
     [
+        (lambda _: command(), [], "argosy.__main__"),
         (agentd, ["check", "bob.asl"], "agentd.check.command"),
         (bridged, ["serve", "m.yaml"], "bridged.daemon"),
         (bridged, ["simulate", "copter"], "bridged.simulation.command"),
