@@ -25,7 +25,7 @@ DEATHS: Final = 3
 """Lives in a row that end at the same work until it is set aside."""
 LONG: Final = 1.0
 """Wall seconds of a turn after which its work is written down."""
-LOOK: Final = 0.5
+LOOK: Final = 1.0
 """Wall seconds between two checks by the thread."""
 FILE: Final = "in_hand.json"
 """In the agent's folder of state."""
