@@ -15,8 +15,9 @@ NO_NEARER_FOR = (60.0, 10.0)
 """Mission and wall seconds in which a vehicle under way comes nearer: by `NEARER` metres over ground or in height. A
 plane may turn around first."""
 NEARER = 0.5
-OTHER_TARGETS = 3
-"""Reports of another target (at 2 Hz) that prove it: one may be an old datagram."""
+OTHER_FOR = 2
+"""HEARTBEATs after the first report of another target that prove it: a change of the mode, which PX4 shows up to 1 s
+later, says more, and one report may be an old datagram."""
 
 
 def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: float | None) -> Steps:
@@ -25,15 +26,20 @@ def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: 
     The target that the vehicle has reported last is ours: another one is somebody else's.
     """
     vehicle, near, asked = flight.vehicle, tolerance or 1.0, flight.now
-    taken, targets, others = vehicle.target, vehicle.targets, 0
+    taken, targets, other_at = vehicle.target, vehicle.targets, math.inf
     nearest, lowest, nearer_at = math.inf, math.inf, asked
     while True:
         if not vehicle.armed:
             return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
         check_placed(flight, asked)
         if vehicle.targets > targets:
-            targets, others = vehicle.targets, others + 1 if _differ(taken, vehicle.target) else 0
-        if others >= OTHER_TARGETS:
+            targets = vehicle.targets
+            other_at = (
+                min(other_at, vehicle.heartbeats)
+                if _differ(taken, vehicle.target, level=not vehicle.modes.ground)
+                else math.inf
+            )
+        if vehicle.heartbeats >= other_at + OTHER_FOR:
             reason = "the vehicle has taken another target, which nobody here asked for (another ground station?)"
             return Outcome("failed", flight.with_texts(reason, asked), "pilot")
         if vehicle.position is not None:
@@ -62,7 +68,8 @@ def check_placed(flight: ProcedureContext, since: float) -> None:
         raise Ended("failed", reason, "link")
 
 
-def _differ(one: Place | None, other: Place | None) -> bool:
+def _differ(one: Place | None, other: Place | None, *, level: bool) -> bool:
+    """Whether two targets are not the same; `level`: by altitude, too."""
     if one is None or other is None:
         return one is not other
-    return one.distance(other) > TARGET_NEAR or abs(one.altitude - other.altitude) > TARGET_NEAR
+    return one.distance(other) > TARGET_NEAR or (level and abs(one.altitude - other.altitude) > TARGET_NEAR)

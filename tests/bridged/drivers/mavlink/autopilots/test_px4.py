@@ -235,6 +235,7 @@ def test_a_stations_mode_is_an_override_and_a_pilots_hold_hands_nothing_over(sky
     sky.wait(3)
     station(sky, AUTO, RTL)
     sky.wait(3)
+    assert heard[-1].reason.startswith("the mode became RTL"), "not by its target, which shows earlier"
     assert heard[-1].cause == "pilot"
     assert sky.belief("override") == ("RTL",)
     station(sky, AUTO, LOITER)
