@@ -21,7 +21,7 @@ from agentd.mind.data.inputs import Input, PerceptAdded, PerceptRemoved, Percept
 from agentd.mind.execution.input_handling import heeds, heeds_percept
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
-from commd.common.tasks import Alarm
+from commd.common.tasks import Alarm, in_step
 from schemas.wire.records import Perception
 
 log = logging.getLogger("agent")
@@ -106,7 +106,7 @@ class MindRunner:
         ):
             if waiting is None:
                 waiting = self._newest[family] = key, {}
-                self._turn_within(BELIEVED_WITHIN)
+                self._turn_within(in_step(self._loop.time(), BELIEVED_WITHIN))
             waiting[1][_ENCODE([perception.parameters[place] for place in key]) if key else b""] = perception
         elif (item := self._read(perception)) is not None:
             self.feed(item)
@@ -145,7 +145,7 @@ class MindRunner:
             self.turn_due = True
             self._bus.afterwards(self._turn)
         else:
-            self._turn_within(BELIEVED_WITHIN)
+            self._turn_within(in_step(self._loop.time(), BELIEVED_WITHIN))
 
     def catch_up(self) -> None:
         """Let the mind take what it was given, before others look at its beliefs."""
