@@ -41,6 +41,8 @@ class ActionSeen:
     ended: float | None = None
     heard: float = 0.0
     """Time of its last status."""
+    joined: bool = False
+    """It had begun before it was first heard, at `began`: its age is the least that it can be."""
 
     def silent(self, now: float) -> float | None:
         """Return the seconds since its last status; None if it has ended, or the status is fresh."""
@@ -86,6 +88,7 @@ class ActionsSeen:
             text = shortened(write(Structure(status.name, status.parameters)))
             parameters = status.parameters if len(text) < LONGEST else ()  # too long to keep
             seen = ActionSeen(id, agent, text, shortened(status.name), parameters, now, status.state)
+            seen.joined = status.state not in ("accepted", "refused")
             self._keep(seen)
             if not status.final:
                 tell(agent, text, "action")
@@ -101,7 +104,8 @@ class ActionsSeen:
             self.end(seen, status.state, seen.reason, now)
             why = f": {seen.reason}" if seen.reason else ""
             level: Level = "good" if status.state == "succeeded" else "warning"
-            tell(agent, f"{seen.text} {status.state} after {seen.age(now) * speed:.1f} s{why}", level)
+            took = f"{'more than ' * seen.joined}{seen.age(now) * speed:.1f} s"
+            tell(agent, f"{seen.text} {status.state} after {took}{why}", level)
         return seen
 
     def end(self, action: ActionSeen, state: State | Literal["unknown"], reason: str, now: float) -> None:

@@ -96,7 +96,7 @@ def action_text(model: FleetModel, action: ActionSeen, glyphs: Glyphs, state: st
     silent = action.silent(now)
     return joined(
         (f"{glyphs.runs} {rounded(action.text)}", "blue"),
-        f"{state} {span(action.age(now) * model.clock.speed)}".strip(),
+        f"{state} {'> ' * action.joined}{span(action.age(now) * model.clock.speed)}".strip(),
         ("" if silent is None else f"not heard for {span(silent)}", BAD),
         (figures, DIM),
     )

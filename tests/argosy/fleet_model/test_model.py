@@ -132,7 +132,7 @@ def test_an_order_of_the_operator_is_known_by_the_health_of_the_bridge() -> None
 
 
 def test_an_action_that_bridge_and_agent_tell_of_stands_once_in_the_timeline() -> None:
-    fleet = rescue().action("scout", 7, "goto", "running", -27.6035, -48.5182, 20)
+    fleet = rescue().action("scout", 7, "goto", "accepted", -27.6035, -48.5182, 20)
     assert [one.text for one in fleet.model.actions.open("scout")] == ["goto(-27.6035,-48.5182,20)"]
     fleet.activity("scout", ActivityEvent(kind="action", id="scout:1:7", text="goto(-27.6035,-48.5182,20)"))
     fleet.waits(2).action("scout", 7, "goto", "succeeded", -27.6035, -48.5182, 20)

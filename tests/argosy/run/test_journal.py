@@ -37,6 +37,14 @@ def test_an_action_is_told_at_its_start_and_at_its_end_with_duration_and_reason(
     assert recording.model.actions.open() == []
 
 
+def test_an_action_that_had_begun_before_it_was_heard_took_longer_than_is_known() -> None:
+    recording = Recording()
+    recording.action(1, "takeoff", "running", 5)
+    recording.at = 1.5
+    recording.action(1, "takeoff", "succeeded", 5)
+    assert recording.lines == ["uav: takeoff(5)", "uav: takeoff(5) succeeded after more than 1.5 s"]
+
+
 def test_a_vehicle_that_falls_silent_in_flight_is_lost_in_its_last_known_state() -> None:
     recording = Recording(1.0)
     recording.percept("state", "GUIDED", True, True)

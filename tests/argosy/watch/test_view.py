@@ -40,6 +40,7 @@ from tests.support import buses
 def flying() -> Fleet:
     """A scout that flies to a place, with mail waiting, and a rescuer whose mind nobody has seen."""
     fleet = rescue().mind("scout", "+!visit(3)", "+!search", state="reasoning", cycle=120, time=33.0)
+    fleet.action("scout", 1, "goto", "accepted", -27.6035123456789, -48.5182, 20)
     fleet.action("scout", 1, "goto", "running", -27.6035123456789, -48.5182, 20, feedback={"distance": 45.2})
     fleet.mail("pi1", Queue(box="inbox", sender="rescuer1", receiver="scout", messages=3, oldest=4.0))
     fleet.activity("scout", ActivityEvent(kind="print", text="hello there"))
