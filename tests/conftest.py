@@ -4,8 +4,6 @@ Hypothesis makes the same examples in each run and judges no times: a test that 
 machine fails none. `make test ARGS=--hypothesis-profile=exploring` looks for new ones.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import gc
 import itertools

@@ -1,7 +1,5 @@
 """The daemons of the first mission started by hand, as on a board: the router dies in flight."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from contextlib import ExitStack

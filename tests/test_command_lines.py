@@ -1,7 +1,5 @@
 """Commands that are misspelt: each program says which one was meant."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from importlib.abc import MetaPathFinder

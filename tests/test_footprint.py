@@ -3,8 +3,6 @@
 The processes run a copy of the code that is compiled, so that a clone without byte code has the same figures.
 """
 
-from __future__ import annotations
-
 import sys
 
 import pytest

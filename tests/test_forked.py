@@ -1,7 +1,5 @@
 """Processes of tests do not outlive the tests."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """No circles of imports: none at run time, and by types only where few files hold each other's types."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Final
 

@@ -4,8 +4,6 @@ Seconds and megabytes follow from that, on every machine. A module that is not i
 only where it is needed, or to be added here, with what it is for.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

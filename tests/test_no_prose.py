@@ -9,8 +9,6 @@ What a program acts on is a code or a value. This test finds, in product code, e
 Those below have a reason.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from functools import cache

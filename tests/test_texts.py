@@ -1,7 +1,5 @@
 """One file has all texts of errors, refusals, notes and findings, to be read and reviewed together."""
 
-from __future__ import annotations
-
 from tests.support.texts import FILE, all_texts
 
 

@@ -1,7 +1,5 @@
 """The wheel by itself: installed from a wheelhouse, without internet, far from the checkout, it does everything."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

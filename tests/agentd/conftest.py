@@ -1,7 +1,5 @@
 """The commands of `agentd` in a folder of their own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable, Mapping

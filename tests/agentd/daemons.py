@@ -1,7 +1,5 @@
 """The daemons of a mission in tests: real processes, and what their agents print."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager

@@ -1,7 +1,5 @@
 """Random syntax trees that the parser can make, the programs of the corpus, and pieces of such."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small belief bases with rules, and queries about them: texts made by a given way of choosing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Random run-time terms: ground ones, ones with variables, and pairs that may unify."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The example of a mind on docs/reference/records.md: `python -m tests.agentd.mind_format_page` writes it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

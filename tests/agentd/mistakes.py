@@ -1,7 +1,5 @@
 """The mistakes of `tests/data/syntax`: below each text, as a JSON string, its place as line:column, and the message."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

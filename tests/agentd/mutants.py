@@ -1,7 +1,5 @@
 """Bad and nearly good programs, each made from a seed and a number alone, so that any of them can be made again."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What listens to the course of minds in tests, as a recorder does."""
 
-from __future__ import annotations
-
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.mind_records import ActivityEvent, DecisionView, MindActivity, MindDecisions, MindInputs

@@ -5,8 +5,6 @@ dictionaries that are copied, variables are renamed for each use of a clause. Wh
 variables compared, cyclic terms, arithmetic on what is no number) raises `Undetermined`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import count

@@ -1,7 +1,5 @@
 """Teams in tests: agents from source text in one process, on virtual time, maybe in an environment."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from agentd.language.compiler.compile import compile_program

@@ -1,7 +1,5 @@
 """Synchronous asks between agents of a mission: answered, timed out, and not mixed up with late answers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.agentd.daemons import daemons, end, mission, printed

@@ -1,7 +1,5 @@
 """`agentd serve` as a process: what is wrong is said before anything starts, and idle agents use nothing."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal

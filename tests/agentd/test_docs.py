@@ -1,7 +1,5 @@
 """The Python in the documentation runs and does what it says."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Environments in Python: percepts, actions, their outcomes, and what goes wrong in the user's code."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 from typing import Any, cast

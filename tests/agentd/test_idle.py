@@ -1,7 +1,5 @@
 """Whether an agent says of itself that it has nothing in mind: what its robot's bridge goes by."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.agentd.hosts import Board

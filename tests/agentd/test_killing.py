@@ -1,7 +1,5 @@
 """An agent that is killed does nothing more, and leaves nothing behind that its team waits for or falls over."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -3,8 +3,6 @@
 Each rescuer claims a victim in an atomic plan, waits for a random time and tests what the other has told meanwhile.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.mind.data.inputs import Mail

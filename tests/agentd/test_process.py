@@ -1,7 +1,5 @@
 """Commands as processes: signals, an output that cannot be written, and the notice that loading is slow."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``agentd test``: which plans are tests, how they are run, what is reported of them."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

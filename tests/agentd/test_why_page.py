@@ -1,7 +1,5 @@
 """docs/guides/why.md tells the truth: each program on it says what stands below it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One input tried: the parser reads it or says what is wrong with it, in time, and what it reads can be run."""
 
-from __future__ import annotations
-
 import signal
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What runs beside a test: processes that say `there` when they are, and what serves in a thread of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import subprocess
 import sys

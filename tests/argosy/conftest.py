@@ -1,7 +1,5 @@
 """Running `argosy` as a user does: a process of its own, with or without a terminal."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

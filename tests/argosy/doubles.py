@@ -5,8 +5,6 @@ is the real one. The environment variable FAULT chooses what goes wrong, and the
 says when.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal

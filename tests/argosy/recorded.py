@@ -1,7 +1,5 @@
 """A short recorded flight, to be played into the model of a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from argosy.cli.journal import Journal

@@ -1,7 +1,5 @@
 """What others say, shown by every command in a real terminal: it commands no terminal, and no markup of it counts."""
 
-from __future__ import annotations
-
 import time
 import xml.etree.ElementTree
 from contextlib import ExitStack

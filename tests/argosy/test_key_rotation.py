@@ -1,7 +1,5 @@
 """New keys for one board while the others fly on, and boards and people who are disowned: real routers as deployed."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 from collections.abc import AsyncIterator, Iterator

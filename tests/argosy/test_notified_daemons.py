@@ -1,7 +1,5 @@
 """What the three daemons tell a service manager: real processes, a real notify socket, and the watchdog of systemd."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import time

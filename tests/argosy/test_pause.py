@@ -1,7 +1,5 @@
 """`argosy stop pause` and `continue` in flight, as an operator gives them: real processes throughout."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.argosy.conftest import Start

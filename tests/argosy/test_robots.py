@@ -1,7 +1,5 @@
 """Missions of robots that are no vehicles, by the real daemons, with a package's own driver."""
 
-from __future__ import annotations
-
 import re
 import signal
 import tomllib

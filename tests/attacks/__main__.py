@@ -1,7 +1,5 @@
 """`make attacks`: tries every attack of the table, prints what came of it and writes docs/measurements/attacks.md."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import time

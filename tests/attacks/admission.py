@@ -1,7 +1,5 @@
 """Attacks on a board's listener: floods of connections, and sessions that carry another machine's Zenoh id."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

@@ -1,7 +1,5 @@
 """Attacks on the links: who is not of the fleet does not come in, and who is comes in as nobody else."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import socket

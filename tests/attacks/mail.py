@@ -1,7 +1,5 @@
 """Attacks by mail that its sender may send: plans and goals for a robot of another board, and orders without a key."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import AsyncExitStack
 

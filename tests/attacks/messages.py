@@ -1,7 +1,5 @@
 """Attacks by what is said: in somebody else's name, twice, too much, too large, too deep."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import time

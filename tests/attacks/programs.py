@@ -1,7 +1,5 @@
 """An attack by a program on the other agents of its agentd, whose robots are left when they report nothing."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from itertools import pairwise

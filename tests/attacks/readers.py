@@ -1,7 +1,5 @@
 """An attack by not reading, on a board whose robot is in the air."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from itertools import pairwise

@@ -3,8 +3,6 @@
 python -m tests.attacks.silent ENDPOINT KEYS AGENT_KEY SESSIONS
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from contextlib import ExitStack, suppress

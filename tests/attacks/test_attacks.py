@@ -1,7 +1,5 @@
 """Every attack of docs/measurements/attacks.md is refused, and what is allowed is not."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator
 

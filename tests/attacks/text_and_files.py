@@ -1,7 +1,5 @@
 """Attacks by text that is shown, files that are named or left behind, values that grow, and what is no HTTP."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import re

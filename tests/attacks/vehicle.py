@@ -1,7 +1,5 @@
 """Attacks on the link of a vehicle: real MAVLink packets at the port of a bridge in this process."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from pathlib import Path

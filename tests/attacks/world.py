@@ -1,7 +1,5 @@
 """What the attacks are tried on: three secured boards with routers and mail, and a robot with its bridge on one."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager

@@ -1,7 +1,5 @@
 """Figures of the benchmarks are computed as their pages say: spreads, fits, intervals, ratios, means, verdicts."""
 
-from __future__ import annotations
-
 import math
 import random
 import re

@@ -1,7 +1,5 @@
 """`make bench`: a part that fails hurts no other, and errors are one line."""
 
-from __future__ import annotations
-
 import textwrap
 from pathlib import Path
 

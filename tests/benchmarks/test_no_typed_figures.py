@@ -4,8 +4,6 @@ Limits, rates and defaults are decided, not measured: a page may have those that
 that its page has no more fails, too.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Final

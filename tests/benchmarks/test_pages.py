@@ -1,7 +1,5 @@
 """The pages say what the results say: no figure of a block was typed by hand or is older than its file."""
 
-from __future__ import annotations
-
 import re
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How the sizes of programs are counted."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

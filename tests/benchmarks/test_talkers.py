@@ -1,7 +1,5 @@
 """Vehicles that only talk say as much as a copter did whose flight was recorded."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import struct

@@ -1,7 +1,5 @@
 """Boards of network namespaces, and fleets on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path

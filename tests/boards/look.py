@@ -4,8 +4,6 @@ Asked `["mind", FLEET, AGENT]` it tells the agent's beliefs, `["alive", FLEET]` 
 `["boxes", FLEET]` what waits at every `commd` that answers. What does not answer is told as null.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sys

@@ -4,8 +4,6 @@ Every other message is a `tell`, the rest are `achieve`. A receiver knows which 
 one it notes as `again(S, N)`, a greater one as `gap(S, Expected, N)`. The programs do nothing to repair anything.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The firewall rules that `argosy units` writes, loaded by nft on a board: only who connects too often has to wait."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Mail between three boards for real: what is lost, what comes twice, in which order, and what the judge can see."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Who is there, seen from every board: a cut, a kill and a router that comes back are told apart."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 

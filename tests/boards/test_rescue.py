@@ -1,7 +1,5 @@
 """The search and rescue on three boards for real, with the copters simulated on the ground."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Services across boards: offered on one, found on all, also while their board is away and after restarts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from tests.boards.fleet import Fleet

@@ -1,7 +1,5 @@
 """A copter that is simulated on the ground, and flown by an agent and a bridge on boards."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from tests.boards.fleet import Fleet

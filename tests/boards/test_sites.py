@@ -3,8 +3,6 @@
 n2 --- n1 === s1 --- s2
 """
 
-from __future__ import annotations
-
 import select
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What happens to boards while their agents write to one another: kills, cuts, a full disk, each at its time."""
 
-from __future__ import annotations
-
 import heapq
 import random
 import time

@@ -1,7 +1,5 @@
 """The bridge daemon on real Zenoh with a simulated copter on real UDP, all in one process and one event loop."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from argparse import Namespace

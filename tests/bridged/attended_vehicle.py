@@ -1,7 +1,5 @@
 """A simulated vehicle of any kind in virtual time, and a ground station that is heard each second."""
 
-from __future__ import annotations
-
 import math
 from itertools import groupby
 

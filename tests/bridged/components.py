@@ -1,7 +1,5 @@
 """Cameras and gimbals that are MAVLink components of a vehicle's system, with packets of their own."""
 
-from __future__ import annotations
-
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder

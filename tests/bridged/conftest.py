@@ -1,7 +1,5 @@
 """What tests of robots have at hand."""
 
-from __future__ import annotations
-
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 

@@ -10,8 +10,6 @@ entry. Not: EVENTs, the index of a parameter among those of the real vehicle, na
 CURRENT_MODE and HOME_POSITION are sent when the recorded ones were: a short mode is seen by whoever looks then.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

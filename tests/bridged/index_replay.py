@@ -1,7 +1,5 @@
 """How many recorded exchanges the simulated vehicles answer as recorded: `python -m tests.bridged.index_replay`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cache
 

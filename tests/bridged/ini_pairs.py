@@ -1,7 +1,5 @@
 """Pairs of the paper's INI manifests for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from bridged.drivers.registry import check_manifest, load_robot_manifest

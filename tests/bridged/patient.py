@@ -1,7 +1,5 @@
 """A desk for a robot that does whatever it is told, and never comes to an end with it."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Plug-ins and drivers as installed packages: what an installer would leave, in a folder on the path."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The Zenoh driver on a real router, beside a session that is the robot: what it is told goes to lists."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress

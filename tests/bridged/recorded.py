@@ -1,7 +1,5 @@
 """The recordings of a real ArduCopter, packet by packet."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import struct

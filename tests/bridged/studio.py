@@ -1,7 +1,5 @@
 """The bridge daemon on real Zenoh with a simulated turtle, all in one process and one event loop."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

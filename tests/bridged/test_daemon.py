@@ -1,7 +1,5 @@
 """The bridge daemon on real Zenoh, with a simulated copter on real UDP."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import time

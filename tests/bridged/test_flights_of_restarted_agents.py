@@ -1,7 +1,5 @@
 """Whole flights of real processes whose agent is killed in the air and started again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.bridged.drivers.mavlink.test_flights_that_go_wrong import Field, printed

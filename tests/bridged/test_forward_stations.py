@@ -1,7 +1,5 @@
 """A real ground station behind a bridge that flies the simulated copter: it takes it, and that is noticed."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

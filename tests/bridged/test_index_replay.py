@@ -1,7 +1,5 @@
 """The simulated vehicles answer what recorded ones answered: every exchange of the INDEX.json files, replayed."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A robot that two agents share, on real Zenoh: handed to one that is alive, and anybody's when that one has died."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

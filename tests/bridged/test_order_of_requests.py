@@ -1,7 +1,5 @@
 """What comes to a busy bridge together is carried out in the order in which it came."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """What pages show of robots works as they say: a room and a camera on Zenoh keys, programs for a copter."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import subprocess

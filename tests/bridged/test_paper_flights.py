@@ -1,7 +1,5 @@
 """Flights by the paper's INI manifests, in virtual time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

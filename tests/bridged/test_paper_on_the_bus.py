@@ -1,7 +1,5 @@
 """One pair of the paper's manifests, of which a part is a copter on UDP and a part a lamp on Zenoh keys."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

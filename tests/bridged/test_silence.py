@@ -1,7 +1,5 @@
 """What the bridge says of a vehicle that cannot be heard: in its log, in health, when it leaves, in wall seconds."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import re

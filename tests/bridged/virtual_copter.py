@@ -1,7 +1,5 @@
 """A simulated vehicle in virtual time, and a ground station that talks to it in real MAVLink bytes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """A bridge of any driver on an event loop and the wall clock, without a bus: what a robot's drivers do end to end."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

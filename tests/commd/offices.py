@@ -1,7 +1,5 @@
 """Boards with their mail in one process, and agents as small as can be: they post, and keep what they are handed."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager

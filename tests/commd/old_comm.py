@@ -1,7 +1,5 @@
 """A Comm node as the paper describes it (sections 4.4 and 5.2), and a post office in memory for the gateway's tests."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import Callable, Sequence

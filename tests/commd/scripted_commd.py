@@ -1,7 +1,5 @@
 """A `commd` that answers as it is told, for what a real one does seldom; on a real bus."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """`commd serve` as a process."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import os

@@ -1,7 +1,5 @@
 """Programs, old Comm nodes and the radio before real `commd` processes, with real mail on disk."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable

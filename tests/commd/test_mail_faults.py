@@ -1,8 +1,6 @@
 """Each row of the fault table (docs/measurements/faults.md) about mail: what waits is neither lost nor doubled, and
 all is told."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

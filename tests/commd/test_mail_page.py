@@ -1,7 +1,5 @@
 """What docs/guides/mail.md shows works as it says."""
 
-from __future__ import annotations
-
 import re
 
 from commd.gateway.gateway import read_message

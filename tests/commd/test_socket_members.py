@@ -1,7 +1,5 @@
 """Who may connect to a board's socket: members of the group, as real users, to a real router; and nobody else."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A daemon of the next major version of the records: `python -m tests.compat.next_major agentd serve ...`."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 

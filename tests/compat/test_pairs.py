@@ -1,7 +1,5 @@
 """Daemons of two major versions of the records on one bus: they refuse each other with a reason."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator

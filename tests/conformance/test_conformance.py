@@ -1,7 +1,5 @@
 """The corpus of programs with the output that Jason 3.3 printed for them: byte for byte, in virtual time."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

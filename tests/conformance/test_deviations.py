@@ -1,8 +1,6 @@
 """The deviations from Jason as `docs/reference/language.md` lists them: the program of each row does what the row
 says."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Our own cases: what the specification of the dialect says that a program prints, on virtual time in one process."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The whole corpus once more, each mind lived again from what went into it: it decides and does the same."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

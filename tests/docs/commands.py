@@ -1,7 +1,5 @@
 """The commands of `sh` and `console` blocks, what they shall print, and whether Argosy's own parsers take them."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import importlib

@@ -1,7 +1,5 @@
 """docs/reference/commands.md from the parsers of the four programs: `python -m tests.docs.commands_page`."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterator

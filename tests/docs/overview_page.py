@@ -4,8 +4,6 @@ A reference is a file and, in parentheses, names of it: classes, functions and c
 the file's name.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -11,8 +11,6 @@ How blocks are written, so that they are checked (docs may hold no other kind of
 - `ini` with a title is a file too; `text` is output or a drawing and is not looked at.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """The records on docs/reference/records.md, from their declarations: `python -m tests.docs.records_page`."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 Each row is a run of missions/relay with one vehicle, without faults and in virtual time: the same each time.
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

@@ -4,8 +4,6 @@ A docstring begins with its calls, ``.name(A[, B])``, a colon, and what they mea
 ``?- QUERY gives X = 1; X = 2`` (or ``holds``, ``fails``) is an example; tests/docs/test_generated_pages.py asks each.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import pkgutil

@@ -4,8 +4,6 @@ A key is a page and how a command, or the text of a block, begins. Forms of comm
 entry: that they parse is checked, and nothing else can be.
 """
 
-from __future__ import annotations
-
 from typing import Final, NamedTuple, TypeVar
 
 Key = tuple[str, str]

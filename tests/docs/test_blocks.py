@@ -1,7 +1,5 @@
 """Every block of every page is of a known kind and well-formed, and every command line of ours parses."""
 
-from __future__ import annotations
-
 import configparser
 import json
 import re

@@ -1,7 +1,5 @@
 """No example ships that nothing runs: each mission and each example has the test, or page, that runs it."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.docs.pages import ROOT

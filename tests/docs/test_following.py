@@ -1,7 +1,5 @@
 """Whoever follows a page, command by command, gets what it says; and the table of exceptions has no stale entry."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

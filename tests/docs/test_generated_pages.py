@@ -1,7 +1,5 @@
 """Pages that are generated are what docstrings, parsers, declarations, flights and lines of the code say."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Callable

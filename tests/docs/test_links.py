@@ -3,8 +3,6 @@
 What the site makes of them `make docs` checks; README and its neighbours are on no site.
 """
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """docs/guides/monitoring.md lists the code of every note that a daemon makes, and no other."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """docs/watch-*.svg, screens of `argosy watch` in the search and rescue: `python -m tests.docs.watch_pictures`."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import tempfile

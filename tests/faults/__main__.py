@@ -1,7 +1,5 @@
 """`make faults`: inject every fault of the table, print the results and write docs/measurements/faults.md."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """A bridge and a simulated copter in virtual time with a link that is as bad as a fault says: real bytes both ways."""
 
-from __future__ import annotations
-
 import math
 import resource
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The faults that come to mail from outside: broken input, another version, clocks that jump."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 import socket

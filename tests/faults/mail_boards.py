@@ -1,7 +1,5 @@
 """Boards whose mail is put to the test: real `commd` processes on one machine, and programs that post and read."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from collections.abc import AsyncIterator, Callable, Coroutine

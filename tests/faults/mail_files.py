@@ -1,7 +1,5 @@
 """The faults of the files in which mail and minds are kept: corrupt, of a newer version, on a full disk."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 import shutil

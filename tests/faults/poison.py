@@ -1,7 +1,5 @@
 """The faults of what an agent is given to do: a message at which its process dies, again and again."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The faults that need processes of their own: a flood of percepts, a slow agent, a killed bridge."""
 
-from __future__ import annotations
-
 import re
 import signal
 import time

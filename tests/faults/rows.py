@@ -1,7 +1,5 @@
 """What a row of the fault table says: how the fault was injected, the outcome of each action, and its cost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

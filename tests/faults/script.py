@@ -1,7 +1,5 @@
 """Runs a script as a module would be: `python -m tests.faults.script FILE`."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 

@@ -1,7 +1,5 @@
 """The faults that need no process of their own: a bridge, a copter and bad air in virtual time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect

@@ -4,8 +4,6 @@ docs/measurements/faults.md; some 30 minutes.
 `--times N` (default 3) flies each row so often; names of rows (`agents.hung`) fly those alone and write nothing.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

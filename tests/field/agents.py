@@ -1,7 +1,5 @@
 """What becomes of a vehicle whose agent fails: killed, stopped, hung in a function, cut off with its board."""
 
-from __future__ import annotations
-
 import re
 import signal
 import time

@@ -1,7 +1,5 @@
 """What becomes of a vehicle whose bridge, router or whole board fails."""
 
-from __future__ import annotations
-
 import signal
 import time
 

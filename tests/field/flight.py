@@ -1,7 +1,5 @@
 """A vehicle in flight, and the moments of what it shows by itself."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

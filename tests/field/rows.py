@@ -1,8 +1,6 @@
 """What a row of docs/measurements/faults.md says: what failed, what the vehicle showed and when, against
 what was declared."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager

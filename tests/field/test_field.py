@@ -1,8 +1,6 @@
 """A few rows of docs/measurements/faults.md as tests: in the order and for the reasons declared, with
 patience for a busy machine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -4,8 +4,6 @@ Each line has `at` (the machine's monotonic seconds), `mode`, `armed` and `altit
 or the arming changes. Arguments `NAME=VALUE` set parameters of its autopilot.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sys

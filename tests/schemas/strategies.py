@@ -1,7 +1,5 @@
 """Hypothesis strategies for wire terms of every kind."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from schemas.wire.terms import Atom, Map, Number, OpenList, Queue, Set, Source, Structure, Variable

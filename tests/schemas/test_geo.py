@@ -1,7 +1,5 @@
 """Distances on the earth."""
 
-from __future__ import annotations
-
 import pytest
 
 from schemas.geo import Position, distance, offset

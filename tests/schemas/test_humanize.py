@@ -1,7 +1,5 @@
 """Texts for people: lengths of time, sizes, counts, lists, columns."""
 
-from __future__ import annotations
-
 import json
 import math
 

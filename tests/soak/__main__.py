@@ -3,8 +3,6 @@
 Writes its section of docs/measurements/soak.md and exits with 0 only if all flights were done.
 """
 
-from __future__ import annotations
-
 import re
 import statistics
 import subprocess

@@ -8,8 +8,6 @@ all the time. What agents and clients heard is compared with the bridge's ledger
 Writes its section of docs/measurements/soak.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import random

@@ -7,8 +7,6 @@ acts, decides and believes. What is in FOLDER already is not flown again. Writes
 docs/measurements/soak.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import statistics

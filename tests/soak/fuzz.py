@@ -5,8 +5,6 @@ python -m tests.soak.fuzz --keep FILE                         the same, resumed:
 python -m tests.soak.fuzz --seed N --only TARGET NUMBER       one input again, shown
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

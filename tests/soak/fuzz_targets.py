@@ -3,8 +3,6 @@
 An input is made from a seed and a number alone. It is read, or refused by a documented error, within `HANG`.
 """
 
-from __future__ import annotations
-
 import gc
 import math
 import os

@@ -5,8 +5,6 @@ docs/measurements/soak.md; a part of that, some thousand messages, is a test (te
 and iproute2.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

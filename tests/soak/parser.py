@@ -6,8 +6,6 @@ python -m tests.soak.parser --seed N --only NUMBER       one of them again, show
 Every input is made from the seed and its number (`tests.agentd.mutants`), so a failure can be made again.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import sys

@@ -1,8 +1,6 @@
 """The report of the soak tests, docs/measurements/soak.md: a section per test, each written by the test when it has
 run."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -7,8 +7,6 @@ judges by the simulators' logs. Then the same without keys and rules, by plain T
 docs/measurements/soak.md.
 """
 
-from __future__ import annotations
-
 import asyncio
 import re
 import sys

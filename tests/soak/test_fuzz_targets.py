@@ -1,7 +1,5 @@
 """Whatever strangers send is read or refused, in time and in bounds; `python -m tests.soak.fuzz` goes on further."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

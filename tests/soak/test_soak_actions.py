@@ -1,7 +1,5 @@
 """The soak of actions under a router that is killed, short: its judge, and a few actions with real processes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.soak.actions import AGENTS, CLIENTS, HEARD_WITHIN, soak

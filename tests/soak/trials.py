@@ -7,8 +7,6 @@ what is done.
 Writes a section of docs/measurements/soak.md for each mission.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -5,8 +5,6 @@
 Boots a machine of its own (tests/support/booted.py). Writes docs/measurements/daemons.md.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A run of Argosy under way: each line that it writes is kept, and heard."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import sys

@@ -1,7 +1,5 @@
 """How many inputs a generated test makes: some in CI, all in `make soak`."""
 
-from __future__ import annotations
-
 import os
 
 THOROUGH = bool(os.environ.get("ARGOSY_THOROUGH"))

@@ -1,7 +1,5 @@
 """What systemd-analyze says of the units that `argosy units` has written, without asking a running systemd."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 python ask_mind.py ENDPOINT FLEET AGENT
 """
 
-from __future__ import annotations
-
 import asyncio
 import sys
 

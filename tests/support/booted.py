@@ -3,8 +3,6 @@
 Needs root, systemd, cgroups and overlay file systems. Argosy is in /opt/argosy as on a board.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

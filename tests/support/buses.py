@@ -1,7 +1,5 @@
 """Real Zenoh sessions for tests: a router and clients in one process, closed at the end whatever happens."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence

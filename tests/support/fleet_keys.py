@@ -1,7 +1,5 @@
 """Keys for tests of what machines make of each other's: good ones, and each kind of bad ones, without the command."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -8,8 +8,6 @@ Their parent is this module as a program, one for each process of pytest: it has
 needs before it forks the first process for it. It ends with that process of pytest, and they with it.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import os

@@ -1,7 +1,5 @@
 """Open a session at an endpoint as whoever runs this: prints `in`, or `out` if the router cannot be reached."""
 
-from __future__ import annotations
-
 import sys
 
 import zenoh

@@ -1,7 +1,5 @@
 """What a test needs of the machine, by fixtures: each also marks the tests that use it."""
 
-from __future__ import annotations
-
 import os
 from typing import NoReturn
 

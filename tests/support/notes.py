@@ -1,7 +1,5 @@
 """Warnings in health, for tests: asserted by what they are, not by their texts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from schemas.wire.records import Note

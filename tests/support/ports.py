@@ -6,8 +6,6 @@ given out once in a run of the tests, so that nothing of an earlier test answers
 run (pytest-xdist) have ports of their own.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import socket

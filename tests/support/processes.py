@@ -1,7 +1,5 @@
 """Daemons as real processes in tests: started with a bound on everything, and always ended."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

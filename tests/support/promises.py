@@ -1,7 +1,5 @@
 """Promises in seconds, kept by a quiet machine of today: a busy or slow one has as much longer as it takes for all."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

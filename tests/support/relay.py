@@ -1,7 +1,5 @@
 """A link between two routers that can be cut: a TCP relay which, while it is cut, passes nothing and closes nothing."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import suppress
 from typing import Self

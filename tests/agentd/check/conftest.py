@@ -1,7 +1,5 @@
 """`agentd check` in a folder of its own."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The findings of `agentd check` about one program."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from agentd.check.command import Robot, findings_of

@@ -1,7 +1,5 @@
 """What `agentd check` tells about a program before it runs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

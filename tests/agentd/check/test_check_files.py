@@ -1,7 +1,5 @@
 """What `agentd check` makes of the files that a program reads while it runs: `.include` and `.create_agent`."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.agentd.check.conftest import Check

@@ -1,7 +1,5 @@
 """docs/reference/errors.md tells the truth: each program on it gets the messages that stand below it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

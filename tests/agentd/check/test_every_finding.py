@@ -1,7 +1,5 @@
 """One program holds every finding that `agentd check` knows; its comments say which line has which."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

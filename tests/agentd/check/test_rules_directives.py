@@ -1,7 +1,5 @@
 """Directives: the messages for wrong ones; included files and namespaces find one another."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a mind shows of itself: bounded, filtered as asked for, with sources and ages of beliefs; on a real bus."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

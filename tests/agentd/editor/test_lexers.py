@@ -1,7 +1,5 @@
 """The Pygments lexers and the TextMate grammar: nothing is forgotten, nothing lost, and both see the same."""
 
-from __future__ import annotations
-
 import json
 import plistlib
 import re

@@ -1,7 +1,5 @@
 """Packages that provide internal actions and functions: found by entry points, used, and reported when broken."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import tomllib

@@ -1,7 +1,5 @@
 """Project files of Jason: read, run, and told about where they cannot be."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

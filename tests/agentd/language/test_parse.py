@@ -1,7 +1,5 @@
 """AgentSpeak text becomes the syntax tree that `agentd.language.syntax_tree.nodes` describes."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The mail of one agent between its mind and commd: numbered, in batches, acknowledged, never doubled."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Mail between agents of one daemon: it stays in the process, and a commit has it with all that its sender did."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager

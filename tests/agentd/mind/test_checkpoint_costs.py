@@ -1,7 +1,5 @@
 """What keeping a mind costs, in instructions of the interpreter: as much as has changed, and nothing if not kept."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

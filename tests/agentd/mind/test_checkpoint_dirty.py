@@ -1,7 +1,5 @@
 """Nothing that is kept changes without a word, in cycles in which but percepts come as in all others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A mind that is kept and restored: beliefs in query order, rules, plans, and what it counts, whatever has happened."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any

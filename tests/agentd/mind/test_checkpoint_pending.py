@@ -1,7 +1,5 @@
 """What a restarted mind is given again: the roots of what it had begun, of others and of its own, nothing else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """An intention that no longer wants its action has it cancelled, however the program says so."""
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.mind.data.effects import CancelAction, PerformAction

@@ -1,7 +1,5 @@
 """What a beginner reads when a plan fails: the exact text of each situation of `tests/agentd/failure_reports`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

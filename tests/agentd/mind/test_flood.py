@@ -1,7 +1,5 @@
 """An agent that floods itself: bounded, counted, told, and still there for others."""
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.language.compiler.compile import compile_program

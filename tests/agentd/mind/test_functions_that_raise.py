@@ -1,7 +1,5 @@
 """A function of a package may raise anything: only what needed it fails."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import agentd

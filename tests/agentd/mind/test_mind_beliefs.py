@@ -1,7 +1,5 @@
 """Beliefs: percepts, annotations, indexes, queries."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

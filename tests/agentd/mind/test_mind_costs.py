@@ -2,8 +2,6 @@
 thing no dearer.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from types import FrameType

@@ -1,7 +1,5 @@
 """The reasoning cycle: what happens in which cycle, waiting, actions, atomic plans."""
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.conversion.term_conversion import to_wire

@@ -1,7 +1,5 @@
 """Depth and length: recursion of goals, long lists, deep terms, constant memory for tail calls."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.agentd.minds import World, mind_of, run

@@ -1,7 +1,5 @@
 """Failure: handlers, what they are given, and what is reported when there is none."""
 
-from __future__ import annotations
-
 from agentd.language.parse import parse_formula
 from tests.agentd.minds import run
 

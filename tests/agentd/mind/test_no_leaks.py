@@ -1,7 +1,5 @@
 """Whatever ends an intention that waits, nothing of it is left: no wait, timer, question, request or branch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import HealthCheck, given, settings

@@ -1,7 +1,5 @@
 """Text of others reaches terminals and logs as text: no control character, no line in somebody else's name."""
 
-from __future__ import annotations
-
 import logging
 import os
 from types import SimpleNamespace

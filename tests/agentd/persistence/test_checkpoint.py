@@ -1,7 +1,5 @@
 """The file that an agent survives in: all or nothing at each save, whatever happens to process, disk and file."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

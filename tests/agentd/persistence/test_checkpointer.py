@@ -1,7 +1,5 @@
 """When an agent is kept: mail and actions wait for the disk, the mind does not."""
 
-from __future__ import annotations
-
 import asyncio
 import sqlite3
 from contextlib import closing

@@ -1,7 +1,5 @@
 """How often the agents of a daemon are committed, in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Agents that are killed and started again: real daemons, a real commd, kill -9."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Iterator

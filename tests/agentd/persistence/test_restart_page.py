@@ -1,7 +1,5 @@
 """docs/guides/restart.md: its program is one, and its figures are those of the code."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from agentd.language.compiler.compile import compile_program

@@ -1,7 +1,5 @@
 """The state of an agent is found wherever it was kept last, and moves with the agent to another daemon."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A mind that lives again from its recorded course decides and does the same; an edited one shows where it parts."""
 
-from __future__ import annotations
-
 import tracemalloc
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator

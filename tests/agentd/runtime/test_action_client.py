@@ -1,7 +1,5 @@
 """The actions of an agent that dies and comes back: written down before, joined or reported truthfully after."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The directory as a daemon's agents use it: names, beliefs about who is online (real minds and routers), services."""
 
-from __future__ import annotations
-
 import asyncio
 from argparse import Namespace
 from collections.abc import AsyncIterator, Callable, Collection

@@ -1,7 +1,5 @@
 """Agents made at run time, files and services under `agentd serve`: a real bus, real daemons."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

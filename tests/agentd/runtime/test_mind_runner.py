@@ -1,7 +1,5 @@
 """A mind on the event loop: its turns, with one timer that is moved as little as possible, and its lag."""
 
-from __future__ import annotations
-
 import asyncio
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """What an operator does to a mind: pause, step, resume, a goal, a belief; on a real bus, and in real daemons."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import AsyncIterator

@@ -1,7 +1,5 @@
 """Where the files of programs are looked for, and what a folder's name stands for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -5,8 +5,6 @@ mail. Each case includes the tester, which finds its plans with the annotation `
 assertion plans find file and line of the plan that makes them in its label.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``agentd run``: output, exit codes, messages between agents, sleeping."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

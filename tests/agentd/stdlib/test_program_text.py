@@ -1,7 +1,5 @@
 """What ``.save_agent`` writes, and what crosses the bus as source text, reads back as the same."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Every internal action and function of Jason 3.3's standard library is there."""
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.mind.data.registry import FUNCTIONS, Library, find_action

@@ -1,7 +1,5 @@
 """The mind on docs/reference/records.md: its example is what an agent publishes, its tables name every kind."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What an agent tells of its course on a real bus, and that it lives again by that: also after a restart."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """`argosy check`: every finding in one run, each at its line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

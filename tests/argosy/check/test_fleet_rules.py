@@ -1,7 +1,5 @@
 """What `argosy check` says of a team: receivers, presence, restarts, boards, the radio."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

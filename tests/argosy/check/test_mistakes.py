@@ -1,7 +1,5 @@
 """Every mistake in a mission and its programs is told in its own words at its place; the words stand in one file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `argosy check` says of plan files that programs name, and which board gets them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Questions to several boards at once: each one ends, whatever becomes of the boards."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from contextlib import aclosing

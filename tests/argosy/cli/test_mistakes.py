@@ -1,7 +1,5 @@
 """What is wrong in the same way for every command: no router, no mission."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands on the bus of an operator who names another mission than the one that runs."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

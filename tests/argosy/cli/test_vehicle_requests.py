@@ -1,7 +1,5 @@
 """`argosy params` and `argosy plan save` against a running mission: real daemons and a simulated copter."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The three daemons of a board in one process."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import logging

@@ -1,7 +1,5 @@
 """The units of a board under a real systemd, in a machine of its own: they start, are watched, keep strangers out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

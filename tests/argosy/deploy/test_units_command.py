@@ -1,7 +1,5 @@
 """`argosy units`: what it writes for a board, what it refuses, and what systemd itself says of the units."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """`argosy doctor`: what it says of facts, and of real boards."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from collections.abc import Mapping

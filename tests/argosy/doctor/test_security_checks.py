@@ -1,7 +1,5 @@
 """The doctor's look at certificates: real keys, a real router that shows its own by mutual TLS."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator

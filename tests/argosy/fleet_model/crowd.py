@@ -4,8 +4,6 @@ Each tells what a real one does, as often as a flying copter does: a token, heal
 10 Hz, how its action stands at 2 Hz, events at 4 Hz, and it shows its mind.
 """
 
-from __future__ import annotations
-
 import asyncio
 import sys
 from contextlib import AsyncExitStack, suppress

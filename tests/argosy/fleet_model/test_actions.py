@@ -1,7 +1,5 @@
 """Actions of which nobody tells any more end, in words; those of which somebody does go on."""
 
-from __future__ import annotations
-
 from schemas.wire.mind_records import ActivityEvent
 from tests.argosy.fleet_model.fleet import Fleet, rescue
 

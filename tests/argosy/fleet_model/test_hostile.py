@@ -1,7 +1,5 @@
 """What a model makes of records that no honest daemon tells: it takes no harm, and nothing of it grows or commands."""
 
-from __future__ import annotations
-
 import time
 
 import msgspec

@@ -1,7 +1,5 @@
 """A fleet that flies anew: what was heard of the run before is not shown as present; a mere restart changes nothing."""
 
-from __future__ import annotations
-
 from argosy.fleet_model.model import FleetModel
 from schemas.wire.mind_records import ActivityEvent
 from schemas.wire.records import Queue

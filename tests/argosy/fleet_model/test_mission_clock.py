@@ -1,7 +1,5 @@
 """The mission's clock, by what minds tell of it."""
 
-from __future__ import annotations
-
 from argosy.fleet_model.mission_clock import MissionClock
 from tests.argosy.fleet_model.fleet import rescue
 

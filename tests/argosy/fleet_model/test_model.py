@@ -1,7 +1,5 @@
 """The model of a fleet, from records."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from argosy.fleet_model.model import TRACK, FleetModel

@@ -1,7 +1,5 @@
 """The watcher of a fleet on a real bus."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import AsyncExitStack
 

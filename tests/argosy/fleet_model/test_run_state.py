@@ -1,7 +1,5 @@
 """What `argosy run` tells of a run: who left with it is no loss, what was known last stands, its mission counts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

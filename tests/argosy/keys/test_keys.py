@@ -1,7 +1,5 @@
 """`argosy keys`: who gets which certificate, what lies where, and what is said of mistakes."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """`argosy mail`: what waits on which board, from the daemons and from a board's file."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sqlite3

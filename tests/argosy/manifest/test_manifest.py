@@ -1,7 +1,5 @@
 """`argosy manifest`: files checked, the running manifest of a bridge read and changed, on a real bus."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

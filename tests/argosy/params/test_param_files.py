@@ -1,7 +1,5 @@
 """Parameter files: what ground stations write is read, what is written they read, and a vehicle is compared with it."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

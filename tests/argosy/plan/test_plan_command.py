@@ -1,7 +1,5 @@
 """`argosy plan show`: a plan file as `upload_plan` would take it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

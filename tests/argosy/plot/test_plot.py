@@ -1,7 +1,5 @@
 """`argosy plot`: figures and tables of recordings, made by the recorder's own writer."""
 
-from __future__ import annotations
-
 import csv
 import re
 import xml.etree.ElementTree as ElementTree

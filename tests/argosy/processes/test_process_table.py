@@ -1,7 +1,5 @@
 """The table of processes: what is started for a mission, in which order, with which commands."""
 
-from __future__ import annotations
-
 import signal
 import socket
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What is started again when it dies, on small processes of their own."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections import Counter

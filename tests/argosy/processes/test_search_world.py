@@ -1,7 +1,5 @@
 """What a simulated copter is told of the mission's world, and what `argosy check` says of that."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

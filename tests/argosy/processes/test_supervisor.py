@@ -1,7 +1,5 @@
 """The supervisor, on small processes of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal

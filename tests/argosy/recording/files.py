@@ -1,7 +1,5 @@
 """Recordings made and looked at by tests."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recorders and replays as processes, as users start them; trials that are recorded."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import sys

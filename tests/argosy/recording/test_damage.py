@@ -1,7 +1,5 @@
 """Files that are not what they say: damaged, out of order, made to harm. They are told in a line, within bounds."""
 
-from __future__ import annotations
-
 import resource
 import struct
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Recordings on disks that are full, in files that are taken, and parts that cannot be begun."""
 
-from __future__ import annotations
-
 import asyncio
 import resource
 import shutil

@@ -1,7 +1,5 @@
 """Files of recordings: what is written is read, also from files that were cut off or damaged."""
 
-from __future__ import annotations
-
 from argparse import ArgumentTypeError
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The JSON Schemas of records: Foxglove takes them, and what is sent fulfils them."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which stretches of a mind's inputs are missing, whatever numbers an agent gives them."""
 
-from __future__ import annotations
-
 from argosy.recording.mind_inputs import MOST_MISSING, Minds, RecordedMind, Whose, range_text, stretches
 from schemas.wire.mind_records import MindInputs
 

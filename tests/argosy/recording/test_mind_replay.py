@@ -1,7 +1,5 @@
 """`argosy replay --mind`: minds of a recorded trial live again; and what damaged recordings prove."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The recording of a run: beside the daemons, whole from the first word on, and no flight ends with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`argosy record`: a real recorder on a real router, and the file that it leaves."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import re

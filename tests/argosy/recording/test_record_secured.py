@@ -1,7 +1,5 @@
 """A recorder with an observer's keys hears every board of a fleet, each record once, and minds from their birth."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from pathlib import Path

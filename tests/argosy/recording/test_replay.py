@@ -1,7 +1,5 @@
 """`argosy replay`: what was recorded is said once more, in its order and at its times, and never to somebody alive."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

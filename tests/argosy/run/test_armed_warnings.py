@@ -1,7 +1,5 @@
 """What the summary says of vehicles that were left armed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What ends a run, from records alone."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The journal of a run, and the model behind it, from records alone."""
 
-from __future__ import annotations
-
 import io
 from contextlib import suppress
 

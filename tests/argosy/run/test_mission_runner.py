@@ -1,7 +1,5 @@
 """The first mission, flown by the real daemons and the simulated copter, and what happens when one of them dies."""
 
-from __future__ import annotations
-
 import re
 import signal
 import xml.etree.ElementTree as ElementTree

@@ -1,7 +1,5 @@
 """What the processes of a run write: where it is shown, and what is known of the robots by it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

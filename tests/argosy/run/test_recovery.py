@@ -1,7 +1,5 @@
 """What a run does with vehicles in the air before it ends, in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from types import SimpleNamespace

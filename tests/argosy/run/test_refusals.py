@@ -1,7 +1,5 @@
 """What keeps a run from its start: it is told in a line, before any process is there."""
 
-from __future__ import annotations
-
 import fcntl
 import re
 import socket

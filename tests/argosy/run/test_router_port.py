@@ -1,7 +1,5 @@
 """The router's port of a mission that leaves it open."""
 
-from __future__ import annotations
-
 import socket
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`argosy run` from outside: its ends, its exit codes, and that it leaves nothing behind."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import pty

@@ -1,7 +1,5 @@
 """The live view: its content at several sizes, and drawn in a real terminal."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import re

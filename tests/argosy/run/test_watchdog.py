@@ -1,7 +1,5 @@
 """Which daemons count as hung, and what becomes of them."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

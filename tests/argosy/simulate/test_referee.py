@@ -1,7 +1,5 @@
 """The referee of a search and rescue: what fell where, and what it makes of that."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

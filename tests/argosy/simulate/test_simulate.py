@@ -1,7 +1,5 @@
 """`argosy simulate`: the simulated robots of one machine, for bridges that run elsewhere."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path

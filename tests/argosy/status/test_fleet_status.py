@@ -1,7 +1,5 @@
 """`argosy status`: who of a fleet is there, from real daemons, and how it is shown."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

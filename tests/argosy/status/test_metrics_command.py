@@ -1,7 +1,5 @@
 """`argosy metrics`: what Prometheus reads, over real HTTP."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import urllib.request

@@ -1,7 +1,5 @@
 """`argosy stop` against bridges on a real bus."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import threading

@@ -1,7 +1,5 @@
 """A small mission that flies: a router, a bridge with a simulated copter and an agent that prints what it perceives."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

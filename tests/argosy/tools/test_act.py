@@ -1,7 +1,5 @@
 """`argosy act` against a flying mission: real daemons, a simulated copter, the command as a user types it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -1,7 +1,5 @@
 """By hand in a fleet with keys: where a mission says `inject: true` operators act and tell percepts, observers not."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """`argosy echo`, `hz`, `list` as users type them, on a real bus: JSON and MessagePack, one router, several boards."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Each record in one line, found out by its Encoding, or by its key and its fields, JSON or MessagePack."""
 
-from __future__ import annotations
-
 import json
 
 import msgspec

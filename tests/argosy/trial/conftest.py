@@ -1,7 +1,5 @@
 """What flies a shipped mission in a trial."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A process with a session that is going to be killed: `python -m tests.argosy.trial.doomed ENDPOINT`."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 

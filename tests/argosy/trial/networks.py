@@ -1,7 +1,5 @@
 """One set of scenarios on two networks: a real Zenoh router and its sessions, and the virtual network of a trial."""
 
-from __future__ import annotations
-
 import asyncio
 import subprocess
 import sys

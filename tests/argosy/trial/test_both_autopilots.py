@@ -1,7 +1,5 @@
 """Shipped missions by the other autopilot: the same programs and manifests, only what is simulated differs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

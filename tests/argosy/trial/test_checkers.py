@@ -1,7 +1,5 @@
 """Each checker of a trial reports what must not be, and is silent when all is well."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace

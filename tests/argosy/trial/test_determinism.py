@@ -1,7 +1,5 @@
 """A run of a trial depends on its seed alone."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """No process of a trial reads a clock, an id or chance behind the authority."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import textwrap

@@ -1,7 +1,5 @@
 """The event loop of a trial: virtual time, its order, its end, and UDP within the process."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import time

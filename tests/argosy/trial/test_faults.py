@@ -1,7 +1,5 @@
 """Faults of a trial: drawn by seed, within bounds, and read from YAML."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

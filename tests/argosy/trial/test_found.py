@@ -1,7 +1,5 @@
 """Defects that trials have found: each run shows that one does not come back."""
 
-from __future__ import annotations
-
 import pytest
 
 from argosy.trial.faults import BoardDown, DiskFull, Fault, Kill, Vehicle

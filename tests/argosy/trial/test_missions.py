@@ -3,8 +3,6 @@
 Real kills of real daemons: tests/argosy/run/test_mission_runner.py, tests/field, tests/boards.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The virtual network of a trial does what Zenoh does: each scenario finds the same on both."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from contextlib import aclosing

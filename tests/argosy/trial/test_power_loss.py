@@ -1,7 +1,5 @@
 """What is synced survives a power failure; what is not may be lost from some point on, and no database is corrupt."""
 
-from __future__ import annotations
-
 import sqlite3
 from pathlib import Path
 from random import Random

@@ -1,7 +1,5 @@
 """The processes of a trial: their ends, their signals, and what a killed one leaves."""
 
-from __future__ import annotations
-
 import asyncio
 import fcntl
 import gc

@@ -3,8 +3,6 @@
 With boards of their own, real kills and real cuts: tests/boards/test_rescue.py.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shares and intervals, the difference of two missions, causes, distributions."""
 
-from __future__ import annotations
-
 import pytest
 
 from argosy.trial.checkers import Violation

@@ -1,7 +1,5 @@
 """`argosy trial` from its arguments to its report: real worker processes, a few seeds."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

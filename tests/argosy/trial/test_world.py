@@ -1,7 +1,5 @@
 """What befalls a mission in a trial acts on it: each run has one fault, and its journal shows what it did."""
 
-from __future__ import annotations
-
 import math
 import random
 from itertools import combinations

@@ -3,8 +3,6 @@
 `python -m tests.argosy.trial.watched_worker NOTES`.
 """
 
-from __future__ import annotations
-
 import datetime
 import os
 import random

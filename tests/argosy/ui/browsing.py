@@ -1,7 +1,5 @@
 """A headless chromium of the system's, that notes what it asked for and what went wrong in it."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

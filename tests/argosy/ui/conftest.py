@@ -1,7 +1,5 @@
 """The browser that the tests of the page need."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.argosy.ui.browsing import NoBrowser, chromium

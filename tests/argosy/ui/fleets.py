@@ -1,7 +1,5 @@
 """Small fleets on a real bus, with bridges and agents that answer as they are told."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager

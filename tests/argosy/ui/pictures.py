@@ -1,8 +1,6 @@
 """Takes the pictures of docs/guides/monitoring.md while a search and rescue flies: `python -m
 tests.argosy.ui.pictures`, 3 minutes."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import shutil

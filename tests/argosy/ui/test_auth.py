@@ -1,7 +1,5 @@
 """Who is let in by the server of `argosy ui`: a browser with this run's token, from its own page, by its own name."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

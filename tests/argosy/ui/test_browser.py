@@ -1,7 +1,5 @@
 """The page of `argosy ui` in a real browser, of a small fleet that really flies: map, mind, why, mail, stop."""
 
-from __future__ import annotations
-
 import re
 import signal
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """`argosy ui` as a command: what it prints, what it refuses, and that it ends when it is told to."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

@@ -1,7 +1,5 @@
 """What a page hears of a fleet on a real bus: its members, what they do, and when the router is gone."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from contextlib import AsyncExitStack

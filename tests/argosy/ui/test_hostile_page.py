@@ -1,7 +1,5 @@
 """The page in a real browser, of a fleet that says script and markup wherever it can: nothing runs, all is text."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from argparse import Namespace

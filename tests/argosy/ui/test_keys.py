@@ -1,7 +1,5 @@
 """The page of a fleet with keys: an operator orders at each board, an observer sees the same and orders nothing."""
 
-from __future__ import annotations
-
 import json
 import time
 from argparse import Namespace

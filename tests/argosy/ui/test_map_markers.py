@@ -1,7 +1,5 @@
 """What stands on the map: victims and how they are, targets of running actions, waypoints, areas."""
 
-from __future__ import annotations
-
 from argosy.ui.map_markers import literal, marks
 from argosy.ui.view_structs import MarkView
 from schemas.wire.mind_records import BeliefView

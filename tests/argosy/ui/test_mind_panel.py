@@ -1,7 +1,5 @@
 """The panel of a mind in a real browser: what an agent shows stands there, can be found, and leads to why."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the buttons do: orders to robots and to minds, and their outcome as it is, never better."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager

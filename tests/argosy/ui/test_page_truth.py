@@ -1,7 +1,5 @@
 """What the page says when something is wrong: a server that hangs, members that are gone, hands that slip."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import signal

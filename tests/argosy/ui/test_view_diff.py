@@ -1,7 +1,5 @@
 """What a page is told: what is new since it last asked, whole when it is new, and never a backlog."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

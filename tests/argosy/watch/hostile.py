@@ -4,8 +4,6 @@
 AGENT ROBOT` is a member of a secured board, which says it in the names that it may use there.
 """
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import time

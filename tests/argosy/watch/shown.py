@@ -1,7 +1,5 @@
 """The view in a terminal of some size, without a bus: a fleet on paper is shown."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Coroutine
 from inspect import Signature, signature

@@ -1,7 +1,5 @@
 """`argosy watch` as a user runs it: in a real terminal, with a real fleet."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

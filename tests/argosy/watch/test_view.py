@@ -1,7 +1,5 @@
 """The view at several sizes, on keys, with a fleet on paper."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Asking why: programs that real daemons run, and what `argosy why` says of them, with its times made the same."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

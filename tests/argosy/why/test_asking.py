@@ -1,7 +1,5 @@
 """`argosy why`: what is said of names of every kind, and of agents that are not there or remember nothing."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What is said of a view of a mind: where a question is, what is asked about, and texts of any kind."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 

@@ -1,7 +1,5 @@
 """The texts of docs/guides/why.md: a failed context, a failed action, dropped events, a message never answered."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

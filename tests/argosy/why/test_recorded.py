@@ -1,7 +1,5 @@
 """`argosy why --recording`: a mind that lives again is asked as the running one is."""
 
-from __future__ import annotations
-
 import signal
 from pathlib import Path
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """Actions from the request to their one final status, against the simulated copter in virtual time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock

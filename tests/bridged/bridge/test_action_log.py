@@ -1,7 +1,5 @@
 """The ids of the last hour outlive the bridge, whatever state the file is in."""
 
-from __future__ import annotations
-
 import os
 import random
 import time

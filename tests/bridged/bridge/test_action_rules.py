@@ -1,7 +1,5 @@
 """What a manifest says of its actions holds: what runs beside what, how often it is sent, cancelled, told."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every action has one final status that its asker can read, whatever the driver says or does."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """When the agents of a robot count as idle, and when as lost."""
 
-from __future__ import annotations
-
 import asyncio
 from functools import partial
 from types import SimpleNamespace

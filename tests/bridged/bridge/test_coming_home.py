@@ -1,7 +1,5 @@
 """A vehicle that comes home is said to come home, whoever sent it there."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from pathlib import Path

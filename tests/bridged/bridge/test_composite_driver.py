@@ -1,7 +1,5 @@
 """A robot of several drivers: a copter on MAVLink whose gripper is the work of Python functions."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager

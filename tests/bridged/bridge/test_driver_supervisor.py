@@ -1,7 +1,5 @@
 """Drivers that cannot open their links, or fail: what becomes of the robot, and of those served beside it."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

@@ -1,7 +1,5 @@
 """A robot that knows no hold, only an action that does it: when it is told to hold, and what if it is not."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

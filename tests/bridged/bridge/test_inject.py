@@ -1,7 +1,5 @@
 """Actions asked for by hand, over a real bus: refused unless the mission says `inject: true`, then as an agent's."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from pathlib import Path

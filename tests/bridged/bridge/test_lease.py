@@ -1,7 +1,5 @@
 """One agent has a robot at a time: held, released, handed over, taken by rank, lost; a copter in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The manifest of a running bridge: changed as a whole or not at all, with every reason, and no percept lost."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 from typing import Any

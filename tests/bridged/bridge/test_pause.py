@@ -1,7 +1,5 @@
 """The operator pauses a robot and lets it go on: its actions are kept; a simulated copter in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Percepts: terms of readings, only changes, limited by rate, aged by their source, equal at both ends of the bus."""
 
-from __future__ import annotations
-
 import asyncio
 import functools
 import math

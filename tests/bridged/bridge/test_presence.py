@@ -1,7 +1,5 @@
 """How often a bridge steps and beats, whose failsafe watches whom, and what it does about a dead agent."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import suppress
 from pathlib import Path

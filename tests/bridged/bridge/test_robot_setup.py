@@ -1,7 +1,5 @@
 """Wrong missions, manifests and links: said at their line before anything starts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

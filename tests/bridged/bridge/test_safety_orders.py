@@ -1,7 +1,5 @@
 """What the bridge orders without an agent, and that a pilot is above it: a simulated copter, virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable
 from pathlib import Path

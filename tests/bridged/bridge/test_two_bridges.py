@@ -1,7 +1,5 @@
 """Which of two bridges of a robot gives way to the other."""
 
-from __future__ import annotations
-
 from itertools import product
 
 from bridged.bridge.two_bridges import NEAR, UNDECIDED, gives_way

@@ -3,8 +3,6 @@
 Prints one line per step that is done. Ends with exit code 1 and the reason at the first step that fails.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 import sys

@@ -1,7 +1,5 @@
 """Arguments of actions: typed, in range, lists and structures element by element, and errors that say which."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """A vehicle whose autopilot is not known is listened to, and nothing is asked of it that it could misunderstand."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from pathlib import Path

@@ -1,8 +1,6 @@
 """The example package of docs/guides/drivers.md: a driver of one's own and functions of one's own, installed and
 used."""
 
-from __future__ import annotations
-
 import asyncio
 import tomllib
 from importlib import import_module

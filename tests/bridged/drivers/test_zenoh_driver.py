@@ -1,7 +1,5 @@
 """The Zenoh driver: percepts from what a robot publishes, actions by what it listens to and serves; real router."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

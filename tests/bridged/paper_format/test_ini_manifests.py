@@ -1,7 +1,5 @@
 """The paper's INI manifests as the bridge takes them: translated, or refused in words."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """docs/reference/manifests.md tells the vocabulary as it is; what it shows is what happens."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Values as texts: what percepts and arguments are by way of their text, as in the paper's bridge."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The bus over real Zenoh sessions and a real router."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

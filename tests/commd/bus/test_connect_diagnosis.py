@@ -1,7 +1,5 @@
 """Who is let in by mutual TLS and who is not, by real routers; and why, in words where Zenoh has none."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

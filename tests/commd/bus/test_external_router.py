@@ -1,7 +1,5 @@
 """A router that somebody else runs: `router: {external: true}` makes commd its client."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

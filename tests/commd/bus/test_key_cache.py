@@ -1,7 +1,5 @@
 """Keys that a session declares because it uses them again and again."""
 
-from __future__ import annotations
-
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A board whose certificate is out of date is alone, and goes on: its own daemons need none."""
 
-from __future__ import annotations
-
 import asyncio
 from datetime import UTC, datetime, timedelta
 

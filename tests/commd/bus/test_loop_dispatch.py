@@ -1,7 +1,5 @@
 """What comes on other threads is handed to the event loop in its order, together, and with a turn behind it."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections import Counter

@@ -1,7 +1,5 @@
 """The routers of several boards: where they listen, whom they dial, and what happens when one is away."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import AsyncIterator, Callable

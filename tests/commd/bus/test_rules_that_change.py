@@ -1,7 +1,5 @@
 """A router that comes back with other rules: whom it denies now hears of it, and when it is allowed again."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

@@ -1,7 +1,5 @@
 """How sessions are configured, here and for a router that somebody else runs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

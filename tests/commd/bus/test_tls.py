@@ -1,7 +1,5 @@
 """A machine's folder of keys, read by what the standard library has: who one is, and what is wrong in words."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

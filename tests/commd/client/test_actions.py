@@ -1,7 +1,5 @@
 """An action from the agent's side: one final status, whatever happens to the bridge; waits are in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from types import SimpleNamespace
 from typing import Any, cast

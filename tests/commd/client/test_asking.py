@@ -1,7 +1,5 @@
 """A program asks: answers come back to who asked, and mail is numbered as before."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 from typing import Any

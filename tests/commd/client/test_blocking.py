@@ -1,7 +1,5 @@
 """Programs without an event loop as members of the team."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Programs in Python as members of the team: on real Zenoh, before a `commd` that answers as it is told."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Callable, Coroutine

@@ -1,7 +1,5 @@
 """A program in Python that has a robot: it perceives and acts as an agent does, by a real bridge and a turtle."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import AsyncIterator

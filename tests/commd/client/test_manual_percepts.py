@@ -1,7 +1,5 @@
 """Percepts put by hand on a real bus: beside the bridge's, until they are taken away by hand."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

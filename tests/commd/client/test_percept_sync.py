@@ -1,7 +1,5 @@
 """An agent's percepts over a real bus: late, restarted, lost on the way, and without a bridge."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from contextlib import AsyncExitStack

@@ -1,7 +1,5 @@
 """What goes on for long is said again at longer and longer intervals."""
 
-from __future__ import annotations
-
 import asyncio
 
 from commd.common.repeated_log import RepeatedLog

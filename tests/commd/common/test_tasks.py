@@ -1,7 +1,5 @@
 """Waiting with a bound."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import suppress
 

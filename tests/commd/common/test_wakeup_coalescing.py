@@ -1,7 +1,5 @@
 """Input that is left waiting, so that one wake-up takes all of it."""
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 import socket

@@ -1,7 +1,5 @@
 """Who offers what, who joined, who is told: without a bus or a disk."""
 
-from __future__ import annotations
-
 import pytest
 
 from commd.directory.registry import Problem, Services

@@ -1,7 +1,5 @@
 """The gateway and Comm nodes of the paper, by real datagrams on loopback."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

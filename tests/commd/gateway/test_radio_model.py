@@ -1,7 +1,5 @@
 """The radio model: who hears whom, what is lost, how long it takes; on a bus, by where the simulated robots are."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import AsyncIterator

@@ -1,7 +1,5 @@
 """Whether a bridge is there, while the router comes and goes; by a bus that says what the test wants."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from unittest.mock import Mock

@@ -4,8 +4,6 @@ A line of a course is what happens at a moment: `20 uav -b1` a token of a life t
 of a board's commd, `20 router -` our own router, `20 lost uav` who is lost then.
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest

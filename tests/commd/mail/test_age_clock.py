@@ -1,7 +1,5 @@
 """The age of mail does not depend on what the wall clock shows, and goes on over boots of the computer."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 

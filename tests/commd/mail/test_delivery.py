@@ -1,7 +1,5 @@
 """Which line gets a worker when, with peers that are away, full, hanging or cannot read what they get."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence

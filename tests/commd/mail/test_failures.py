@@ -1,7 +1,5 @@
 """Mail that cannot arrive: it is refused at once, waits, or is given up with a dead stored and a notice."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 from typing import Any

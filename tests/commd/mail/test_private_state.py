@@ -1,7 +1,5 @@
 """What daemons keep is for their user alone, whatever the umask is."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Iterator

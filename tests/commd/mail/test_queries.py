@@ -1,7 +1,5 @@
 """What is done with messages in a board's mail file, without a board."""
 
-from __future__ import annotations
-
 import sqlite3
 from copy import deepcopy
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The mail of boards: on disk before it is acknowledged, in order, once, and handed on as soon as somebody takes it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import AsyncIterator

@@ -1,7 +1,5 @@
 """The file of the mail: what is said to be on disk is there, whatever happens to the process, the disk or the file."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import sqlite3

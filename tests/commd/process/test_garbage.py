@@ -1,7 +1,5 @@
 """When daemons look for garbage."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """How commands find the router of a run on this machine."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

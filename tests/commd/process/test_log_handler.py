@@ -1,7 +1,5 @@
 """What a daemon logs: lines for the journal and for people, and no flood."""
 
-from __future__ import annotations
-
 import logging
 import os
 import re

@@ -1,7 +1,5 @@
 """Lines to a reader that may stop reading: the daemon goes on."""
 
-from __future__ import annotations
-
 import array
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """A daemon as a process: how it ends."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

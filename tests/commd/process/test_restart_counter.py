@@ -1,7 +1,5 @@
 """How often a daemon was started again, from a note on disk."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

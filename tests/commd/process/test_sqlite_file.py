@@ -1,7 +1,5 @@
 """Each damaged file is told at its start, whichever byte was hit."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3

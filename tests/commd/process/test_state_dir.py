@@ -1,7 +1,5 @@
 """Where daemons keep what must outlive them."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a process says to its service manager, heard at a real socket; time is the test's."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

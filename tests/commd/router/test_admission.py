@@ -1,7 +1,5 @@
 """Which connections of other machines reach a router, and which sessions stay; the router is a plain server here."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import socket

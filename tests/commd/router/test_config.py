@@ -1,7 +1,5 @@
 """The configuration of a board's router, as it is written and read."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A link over which nothing is known of what its board serves is renewed; that of a slow or foreign router is not."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import select

@@ -1,7 +1,5 @@
 """What a board tells of its clock, its disk and its links: real routers, linked over loopback."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from contextlib import AbstractAsyncContextManager, AsyncExitStack

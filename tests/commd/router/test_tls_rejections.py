@@ -1,7 +1,5 @@
 """What a board tells of machines that it refuses."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import subprocess

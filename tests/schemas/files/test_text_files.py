@@ -1,7 +1,5 @@
 """Files that users name: what is told of one that is missing, or of another kind."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

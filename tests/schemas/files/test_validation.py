@@ -1,7 +1,5 @@
 """Types that are used for the first time by two threads at once: msgspec alone ends the process then."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

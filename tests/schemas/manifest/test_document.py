@@ -1,7 +1,5 @@
 """A manifest written as TOML is the same manifest, and its JSON Schema agrees with what reading it finds."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from typing import Any

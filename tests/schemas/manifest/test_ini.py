@@ -1,7 +1,5 @@
 """The paper's INI files as they are written: what reads, and every problem at its line, all of it at once."""
 
-from __future__ import annotations
-
 import pytest
 
 from schemas.files.ini_positions import read_ini

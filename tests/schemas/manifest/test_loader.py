@@ -1,7 +1,5 @@
 """Manifests: what ships reads, and whatever is wrong is said at its line, all of it at once."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

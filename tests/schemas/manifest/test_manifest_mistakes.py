@@ -1,7 +1,5 @@
 """Every mistake in a manifest is told in its own words at its own line; the words stand in one file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

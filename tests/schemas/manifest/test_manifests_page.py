@@ -1,7 +1,5 @@
 """The page on manifests: its examples load, and its tables name every field there is."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

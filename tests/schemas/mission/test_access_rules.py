@@ -1,7 +1,5 @@
 """Who may put, serve, ask and see what, by the mission."""
 
-from __future__ import annotations
-
 from fnmatch import fnmatchcase
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which mail an agent accepts, by the mission."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

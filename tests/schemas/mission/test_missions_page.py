@@ -1,7 +1,5 @@
 """The page on the mission file: its examples load, and its tables name every field there is, with its default."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

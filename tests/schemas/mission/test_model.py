@@ -1,7 +1,5 @@
 """Mission files: what is wrong is said in one line each, with file, line and column; nothing else ever comes out."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

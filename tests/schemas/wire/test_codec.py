@@ -1,7 +1,5 @@
 """Records and terms survive the wire; bad bytes are told apart, by field."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Whom a health record is about."""
 
-from __future__ import annotations
-
 from schemas.wire.health import each_health
 from schemas.wire.records import AgentHealth, Header, Health, Note
 

@@ -1,7 +1,5 @@
 """The one table of key expressions, its builders, and the page that shows it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Compiled queries answer as a reference does that was written from the book, wherever a query can stand."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from random import Random

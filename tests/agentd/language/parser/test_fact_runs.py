@@ -1,7 +1,5 @@
 """Ground facts of large programs: recognised without a syntax tree, and the same as the parser makes of them."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a program or a user may name that is no file, leads out of the project, or grows without bound."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the parser refuses, where, and in which words."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Whatever the text, the parser reads it or says what is wrong with it, in time; what it reads can be run."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from functools import lru_cache

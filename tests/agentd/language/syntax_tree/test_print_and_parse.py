@@ -1,7 +1,5 @@
 """What is printed reads back as itself: terms, literals, triggers, plans, programs; values as a program shows them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Terms as a checkpoint keeps them: every term that a mind may hold comes back equal, or it is said why not."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Run-time terms: equality, hashes, the standard order, and the way over the bus and back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Unification: what a textbook says of plain terms, and the subset rule of annotations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import assume, given, settings

@@ -1,7 +1,5 @@
 """Messages in a team on virtual time: floods, their bounds, and the order of what arrives."""
 
-from __future__ import annotations
-
 from agentd.mind.data.effects import Log
 from agentd.mind.data.inputs import Mail
 from agentd.mind.state import MOST_MAIL

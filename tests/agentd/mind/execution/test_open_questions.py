@@ -1,7 +1,5 @@
 """What the question of another agent may do to the one that is asked: look, within bounds, and nothing else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Selection functions: messages, events, options and intentions chosen from Python, options by a program's rule."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

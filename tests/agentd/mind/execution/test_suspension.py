@@ -1,7 +1,5 @@
 """``.suspend`` and ``.resume`` of intentions that wait, ask, fork, fail or are atomic: none is lost or runs early."""
 
-from __future__ import annotations
-
 from tests.agentd.teams import played
 
 AMY = "v(7). +?slow(X) <- .wait(60); X = 1."

@@ -1,7 +1,5 @@
 """A formula that would compute for ever fails, in whatever way it is written, and the mind goes on."""
 
-from __future__ import annotations
-
 import pytest
 
 from agentd.mind import mind

@@ -1,7 +1,5 @@
 """Decision records: what was chosen, what was rejected and why, with the values at the time of the decision."""
 
-from __future__ import annotations
-
 import gc
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Whole flights of real processes in which somebody hangs, is killed, changes its mind or takes over."""
 
-from __future__ import annotations
-
 import re
 import signal
 import socket

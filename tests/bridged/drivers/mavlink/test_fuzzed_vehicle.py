@@ -1,7 +1,5 @@
 """Whatever a vehicle sends, the bridge neither fails nor grows: real packets, absurd contents."""
 
-from __future__ import annotations
-
 import struct
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Independent clients fly the simulated copter: mavsdk and MAVProxy, over loopback."""
 
-from __future__ import annotations
-
 import asyncio
 import queue
 import re

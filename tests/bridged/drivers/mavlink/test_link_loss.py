@@ -1,7 +1,5 @@
 """Links that break and come back, and what a robot's agents are told of it."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

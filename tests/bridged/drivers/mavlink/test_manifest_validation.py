@@ -1,7 +1,5 @@
 """What a manifest may say to the MAVLink driver: what it does not know is told at its line, with what there is."""
 
-from __future__ import annotations
-
 import pytest
 
 from bridged.drivers.mavlink.action_binding import CALLS, COMMANDS, MESSAGES

@@ -1,7 +1,5 @@
 """Parameters by name: what the vehicle tells that it has is the proof, and a name that it does not know is told."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What a vehicle does by itself in mid-action: failsafes, crashes, terminations; no action succeeds, none fights it."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Plan files of ground stations: what QGroundControl and Mission Planner write is read, flown and written again."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

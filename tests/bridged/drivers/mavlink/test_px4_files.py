@@ -1,7 +1,5 @@
 """Plans, parameters and logs of a simulated PX4, whose items, integers and logs are numbered and sent its own way."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What a PX4 carries, and the percepts of its equipment: the same actions and beliefs as with ArduPilot."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

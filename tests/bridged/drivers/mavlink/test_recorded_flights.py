@@ -1,7 +1,5 @@
 """The driver fed with every packet that a real ArduCopter sent."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """A copter that asks for signatures is flown by a bridge with its passphrase; any other bridge is told why not."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

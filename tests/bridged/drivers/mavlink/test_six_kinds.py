@@ -1,7 +1,5 @@
 """Copter, plane and rover of ArduPilot and of PX4: the same actions and orders by the manifest of each kind."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

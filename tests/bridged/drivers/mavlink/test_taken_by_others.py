@@ -1,7 +1,5 @@
 """Who else has the vehicle, seen late or not at all: no action takes it from them, and none waits for it for ever."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 from pathlib import Path

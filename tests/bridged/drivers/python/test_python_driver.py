@@ -1,7 +1,5 @@
 """The Python driver: functions of installed plug-ins as percepts and actions, whatever they return, raise or forget."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import textwrap

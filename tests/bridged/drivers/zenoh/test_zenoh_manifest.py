@@ -1,7 +1,5 @@
 """What the Zenoh driver says of a manifest and of a mission's robot, each problem at its line."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

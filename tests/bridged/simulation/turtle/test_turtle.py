@@ -1,7 +1,5 @@
 """The simulated turtle: how it moves, and how agents drive it through the bridge daemon on real Zenoh."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,8 +1,6 @@
 """Each row of the fault table (docs/measurements/faults.md): every action ends once, and is what the robot's own
 state says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Faults of the simulated copter and its link: what passes, what does not, and that it can be repeated."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What holds for all six kinds of simulated vehicles: they bear anything, and have all faults."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A simulated vehicle tells when it cannot keep up with the time."""
 
-from __future__ import annotations
-
 from bridged.simulation.vehicle.process import LATE_S, RealtimeMonitor
 
 

@@ -1,7 +1,5 @@
 """The simulated vehicles as processes on real links: a pilot's link of its own, each kind, a bad link."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 from contextlib import closing

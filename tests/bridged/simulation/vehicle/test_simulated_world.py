@@ -1,7 +1,5 @@
 """The world of a search: its victims, the camera that sees them, the log of what fell; virtual time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

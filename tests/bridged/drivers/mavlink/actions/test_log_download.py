@@ -1,7 +1,5 @@
 """Logs of a vehicle: downloaded as a whole or not at all, over any link, under names of ours."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

@@ -1,7 +1,5 @@
 """Missions as actions: sent, read back, flown with progress, and never left half done in silence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What operators read and set of a vehicle: nothing of it becomes a percept, and nothing unsafe is set unnamed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Camera, gimbal, winch and relays: each action is confirmed by what the equipment reports."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A PX4 is flown by the manifest that flies an ArduCopter, and each danger that it once was is gone: real bytes."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

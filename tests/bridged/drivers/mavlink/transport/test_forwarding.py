@@ -1,7 +1,5 @@
 """Ground stations behind a bridge: they see the vehicle as it is, may fly it, and what they do is seen here."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import Callable

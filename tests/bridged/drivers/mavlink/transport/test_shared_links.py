@@ -1,7 +1,5 @@
 """Several robots at one link: each hears its own vehicle and is answered by it, whatever becomes of the others."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from itertools import pairwise

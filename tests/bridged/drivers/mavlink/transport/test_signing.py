@@ -1,7 +1,5 @@
 """Signed packets: pymavlink takes ours and we take its, and nothing unsigned, forged or replayed gets through."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

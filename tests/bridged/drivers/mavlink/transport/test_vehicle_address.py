@@ -1,7 +1,5 @@
 """A vehicle is a system id and an address: what others say in its name is told, not taken; two of one id as well."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

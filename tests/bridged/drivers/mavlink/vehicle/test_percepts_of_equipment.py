@@ -1,7 +1,5 @@
 """Percepts of equipment that not every vehicle has: radio, wind, range finder, collisions, aircraft."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

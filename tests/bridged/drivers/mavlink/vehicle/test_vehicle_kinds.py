@@ -1,7 +1,5 @@
 """Planes and rovers: their tables against pymavlink's, their manifests, and what only they do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

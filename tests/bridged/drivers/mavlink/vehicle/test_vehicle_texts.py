@@ -1,7 +1,5 @@
 """The vehicle's own warnings, in log and percepts, and a restart that is called a restart."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a pilot would want of a bridge when things go wrong: nobody is overruled, nothing flies on unattended."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Why a vehicle cannot be armed is said at once, in log, status and percept, and what stays so is not waited for."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

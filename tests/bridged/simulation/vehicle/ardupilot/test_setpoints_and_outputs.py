@@ -1,7 +1,5 @@
 """Targets in metres and m/s, channels, servos and raw commands: each confirmed by what the vehicle itself reports."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the simulated copter does and refuses beyond the recorded exchanges; virtual time, real MAVLink bytes."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The simulated copter and its map bear anything: any message, any bytes, any place."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Servos, gripper, battery, sticks and signatures of the simulated copter; virtual time, real MAVLink bytes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Missions of the simulated copter: how they are loaded, flown, jumped about in and ended; virtual time."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import pytest

@@ -1,7 +1,5 @@
 """A simulated ArduPlane and a Rover with ArduPilot, as tests/data/autopilots have them."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Wind, and a GPS that is lost or wrong: what the simulated copter does, and what its autopilot says of it."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Callable

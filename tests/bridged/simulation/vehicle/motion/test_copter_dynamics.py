@@ -4,8 +4,6 @@
 by side.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The motion of a simulated plane without an autopilot."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A simulated copter with PX4, as tests/data/autopilots/px4_quad_*.tlog.gz have it: modes, failsafes, OFFBOARD."""
 
-from __future__ import annotations
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 

@@ -1,7 +1,5 @@
 """Missions, fences and parameters of a simulated PX4."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

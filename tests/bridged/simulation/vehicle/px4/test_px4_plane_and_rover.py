@@ -1,7 +1,5 @@
 """A simulated plane with PX4: takeoff, circles, a landing by the mission; and a rover, which takes no takeoff."""
 
-from __future__ import annotations
-
 import pytest
 
 from bridged.simulation.vehicle.motion.dynamics import Vector
