@@ -341,7 +341,7 @@ def test_what_cannot_be_kept_is_reported_once_and_counted_and_the_rest_is_kept()
     changes = life.save()
     assert len(changes.unkept) == 1
     assert "bad/1" in changes.unkept[0]
-    assert "inside of itself" in changes.unkept[0]
+    assert "contains itself" in changes.unkept[0]
     assert not life.save()
     assert life.keeper.unkept == 1
     assert beliefs(life.next(), "good/1") == ["good(1)[source(self)]"]
