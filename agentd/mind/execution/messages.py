@@ -16,7 +16,7 @@ from agentd.language.terms.source_annotations import SELF, SOURCE_SELF, told_by
 from agentd.language.terms.terms import FALSE, Literal, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.dynamic_formulas import solve
-from agentd.mind.beliefs.term_copy import Copier, detach, nested_source, resolve, resolve_all
+from agentd.mind.beliefs.term_copy import Copier, detach, detached, nested_source, resolve, resolve_all
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked, QueryRefused, TooMuchWork
 from agentd.mind.data.effects import Log
@@ -68,7 +68,7 @@ def reply(mind: MindState, mail: Mail, content: Term) -> None:
 
 def answer_of(mind: MindState, mail: Mail, found: Term) -> Any:
     """Return the answer to a question: a synchronous one names its source; else the receiver adds it."""
-    answer = Copier(fresh=True).copy(found)
+    answer = detached(found)
     if type(answer) is not Literal:
         return answer
     if mail.msg_id.startswith("sync"):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.source_annotations import PERCEPT, SELF, SOURCE_SELF
@@ -92,6 +92,8 @@ class Failure(NamedTuple):
 Origin = tuple[Input | None, int, Step | None]
 """The origin of an event that starts an intention: an input, or the id of an intention and its formula that raised it;
 neither for initial beliefs and goals."""
+_Raising: TypeAlias = Mail | GoalAdded | BeliefAdded | SignalRaised
+"""The inputs that may raise events, made once: it is asked for each message."""
 
 
 MOST_FRAMES: Final = 20
@@ -131,7 +133,7 @@ class Decisions:
         """How many large lists had been made when `let_go` looked last."""
         self._origins: dict[int, tuple[Any, Origin]] = {}
         """The origins of waiting events, by identity of the event, which this keeps alive."""
-        self._given: list[Mail | GoalAdded | BeliefAdded | SignalRaised] = []
+        self._given: list[_Raising] = []
         self._given_in = -1
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
@@ -379,7 +381,7 @@ class Decisions:
 
     def given(self, cycle: int, item: Input) -> None:
         """Note an input of this cycle that may raise events."""
-        if isinstance(item, Mail | GoalAdded | BeliefAdded | SignalRaised):
+        if isinstance(item, _Raising):
             if self._given_in != cycle:
                 self._given.clear()
                 self._given_in = cycle
