@@ -19,7 +19,7 @@ from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
 from commd.common.repeated_log import is_logged
 from schemas.wire import keys
-from schemas.wire.percept_set import MOST_BYTES, PerceptSet, differences, key_problem, tells_of_none
+from schemas.wire.percept_set import MOST_BYTES, PerceptSet, differences, key_problem, place_of, tells_of_none
 from schemas.wire.records import Health, Note, Perception, Perceptions
 
 log = logging.getLogger("percepts")
@@ -28,6 +28,8 @@ ASK_TIMEOUT = 2.0
 """Wall seconds for the bridge to reply with the present set."""
 IN_FLIGHT = 2.0
 """Wall seconds after a repair in which older percepts may still arrive."""
+FOLLOWS = 0.5
+"""Wall seconds in which percepts may arrive that were put before a health record: it is urgent, and overtakes them."""
 RETRY = 0.2
 """Wall seconds between two attempts to fetch the present set."""
 
@@ -177,7 +179,11 @@ class PerceptSync:
 
     def _health(self, key: str, health: Health) -> None:
         self._reported = health.percepts.get(self._agent, "")
-        if self._reported and self.percepts.needs_repair(self._reported):
+        if (at := place_of(self._reported)) is not None:
+            self.when_seen(*at, FOLLOWS, self._compare)
+
+    def _compare(self) -> None:
+        if self.percepts.needs_repair(self._reported):
             self._doubt.set()
 
     def notes(self) -> tuple[Note, ...]:

@@ -160,16 +160,14 @@ class PerceptSet:
         `reported` is the digest in the bridge's health, which follows its percepts. If its seq is behind ours, somebody
         else has published in the bridge's name.
         """
-        place, _, content = reported.rpartition(":")
-        boot, _, seq = place.rpartition(":")
-        readable = seq.isascii() and seq.isdigit() and len(seq) <= _DIGITS
-        if readable and boot == self.boot and int(seq) < self.seq:
-            self._reported = int(seq)
+        at = place_of(reported)
+        if at is not None and at[0] == self.boot and at[1] < self.seq:
+            self._reported = at[1]
             return True
-        if self.in_doubt or not readable:
+        if self.in_doubt or at is None:
             return self.in_doubt
         full = self.left_out and self._bytes > MOST_BYTES // 2
-        return not full and content != self.digest().rpartition(":")[2]
+        return not full and reported.rpartition(":")[2] != self.digest().rpartition(":")[2]
 
     def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
         """Become the reply to a repair query that was asked at our seq `asked_at` (now by default).
@@ -209,6 +207,12 @@ def differences(before: Iterable[Perception], after: Iterable[Perception]) -> li
     new = {_identity(one): one for one in after}
     gone = [_removal(one) for at, one in old.items() if at not in new]
     return gone + [replace(one, update="add") for at, one in new.items() if at not in old]
+
+
+def place_of(digest: str) -> tuple[str, int] | None:
+    """Return the boot and the seq of a digest; None if it is not readable."""
+    boot, _, seq = digest.rpartition(":")[0].rpartition(":")
+    return (boot, int(seq)) if seq.isascii() and seq.isdigit() and len(seq) <= _DIGITS else None
 
 
 def tells_of_none(digest: str) -> bool:

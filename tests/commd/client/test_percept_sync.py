@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus, Query
-from commd.client.percept_sync import PerceptSync
+from commd.client.percept_sync import FOLLOWS, PerceptSync
 from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
@@ -146,6 +146,18 @@ async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_heal
     await until(lambda: ("came", "altitude", (2,)) in heard, "the digest shows what was lost")
     assert ("gone", "altitude", (1,)) in heard
     assert perceiving.counters["repairs"] == 2
+
+
+async def test_health_that_overtakes_a_percept_makes_nobody_fetch_the_set(connect: Connect) -> None:
+    bridge, perceiving, heard = await watched(connect, ("altitude", 1))
+    bridge.tell("altitude", 2, lose=True)
+    bridge.report()
+    await until(lambda: bool(perceiving._waiting), "the digest is ahead")
+    bridge.bus.put(keys.percepts(FLEET, "uav"), Perceptions(changes=tuple(bridge.percepts.named("altitude"))))
+    await until(lambda: ("came", "altitude", (2,)) in heard, "the percept follows")
+    bridge.report()
+    await asyncio.sleep(FOLLOWS + 0.2)
+    assert (perceiving.counters["repairs"], perceiving.counters["late"]) == (1, 0)
 
 
 async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
