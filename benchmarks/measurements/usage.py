@@ -246,12 +246,12 @@ CPU: Final = "CPU"
 DOUBT: Final = 0.1
 """By so much may the processor time of a single pair be off by chance: pairs of the same flights differ as much."""
 _CPU: Final = (
-    "Counted in flight (single UAV, fccdc05, 2026-11-28) the agent takes 29,900 instructions of Python a second, the "
-    "program 17,600, nearly all of them for the bus and passes of its loop; of the difference the mind takes 43 %, "
-    "more passes of the loop 24 %, handing percepts over 14 %, records 6 %, health and supervision the rest. Tried: "
-    "of percepts that nothing waits for the mind is given the newest (07ad4de: a quarter fewer instructions); an "
-    "action takes no task and no timer (ff4f45a); what is to be kept is looked for only when more than percepts came "
-    "(4f513ce)"
+    "Counted in flight (single UAV, ce18aa4f, 2026-11-29, after the flights of this table) the agent takes 26,800 "
+    "instructions of Python a second, the program 17,800, nearly all of them for the bus and passes of its loop; of "
+    "the difference the mind takes 38 %, passes of the loop 30 %, health and supervision 14 %, handing percepts over "
+    "13 %, records 4 %. Tried: of percepts that nothing waits for the mind is given the newest, every 2 s (07ad4de, "
+    "c6d72209); an action takes no task and no timer (ff4f45a); what is to be kept is looked for only when more than "
+    "percepts came (4f513ce)"
 )
 _MEMORY: Final = (
     "Taken to be the reason, not measured apart: the agent's process holds language, reasoner and checkpoint (SQLite) "
