@@ -86,7 +86,7 @@ def test_a_hold_does_not_fly_back_to_where_the_vehicle_was_long_ago(sky: Sky) ->
     heard = sky.begin("goto", GOAL[0] + 0.01, GOAL[1], 20)
     sky.wait(3)
     sky.we_hear = without("GLOBAL_POSITION_INT")
-    sky.wait(30)
+    sky.wait(25)
     sky.bridge.action_server.cancel("uav", heard[0].id)
     cancelled_at = sky.vehicle.autopilot.motion.position.north
     sky.wait(20)
