@@ -81,7 +81,7 @@ def poison_message(state: Path) -> Row:
             daemon.says("heard 1")
             daemon.says("set aside: +!crunch[source(cid)]")
             row.expect("[ann] at it" not in daemon.text, "the poison is not taken again")
-            noted = [line for line in daemon.lines if "set aside after" in line]
+            noted = [line for line in daemon.lines if "set aside, because" in line]
             row.expect(noted, "the log tells of it")
             row.seen.append(
                 f'at start {DEATHS + 1} the agent takes the next message; reported: `+set_aside("+!crunch")`'

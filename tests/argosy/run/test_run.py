@@ -70,7 +70,7 @@ def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(done: Done) -
     for told in (
         "uav1: mode GUIDED",
         "uav: taking off to 5 m",
-        "uav: arm_motors(true) failed after 0.0 s: Arm: Need Position Estimate",
+        "uav: arm_motors(true) failed after more than 0.0 s: Arm: Need Position Estimate",
         "uav: goto(-27.603683,-48.518052,40) succeeded after",
         "single-uav: done",
         "MB at most",
