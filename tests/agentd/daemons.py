@@ -49,7 +49,8 @@ def end(*daemons: Daemon) -> None:
     for daemon in daemons:
         daemon.signal(signal.SIGTERM)
     for daemon in daemons:
-        assert daemon.ends() == 0
+        code = daemon.ends()
+        assert code == 0, (code, daemon.text)
         assert "defect" not in daemon.text
 
 

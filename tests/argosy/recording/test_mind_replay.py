@@ -413,7 +413,7 @@ def test_what_is_not_there_is_named(arguments: list[str], told: str, replayed: R
 def test_a_file_that_is_no_recording_is_refused(recorded: Recorded, replayed: Replay) -> None:
     code, out, err = replayed("buyer", path="lamp.yaml")
     assert (code, out) == (2, "")
-    assert err == "error: lamp.yaml: not an MCAP file: it does not begin like one\n"
+    assert err == "error: lamp.yaml: not an MCAP file: missions are for `argosy run`\n"
 
 
 COUNT = """\
