@@ -13,6 +13,7 @@ from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
 from tests.bridged.airfield import serving, until
 from tests.bridged.sky import MISSION, Sky
+from tests.support.buses import arrived
 
 INJECT = f"{MISSION}inject: true\n"
 
@@ -59,6 +60,7 @@ async def test_without_inject_an_action_by_hand_is_refused_by_the_fields_name(en
     async with serving(endpoint, tmp_path) as (field, bus), field.client("operator") as person:
         told: list[ActionStatus] = []
         bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))
+        await arrived(bus)
         [refused] = await asyncio.to_thread(asked, person, "arm_motors", b'{"parameters": [true]}')
         assert (refused["state"], refused["result"], refused["reason"]) == ("refused", False, BY_HAND)
         assert "inject: true" in BY_HAND
