@@ -1,6 +1,8 @@
 """A mind on the event loop: its turns, with one timer that is moved as little as possible, and its lag."""
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -178,38 +180,46 @@ async def test_intentions_that_end_by_a_failure_that_no_plan_handles_are_counted
     assert agent.host.health().counters["intentions_failed"] == 2
 
 
+@asynccontextmanager
+async def turning(world: World) -> AsyncIterator[MindRunner]:
+    """Run the mind of a world, which settles in each turn, until the block ends."""
+
+    def turn() -> None:
+        world.settle()
+
+    bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
+    runner, stop = MindRunner(bus, world.mind, turn), asyncio.Event()
+    running = asyncio.create_task(runner.run(stop))
+    await asyncio.sleep(0)
+    yield runner
+    stop.set()
+    await running
+
+
 @virtual_test
 async def test_of_percepts_that_nothing_waits_for_the_mind_is_given_the_newest_before_all_that_follows() -> None:
     def perceive(name: str, number: float, update: Any = "replace", *key: int) -> None:
         runner.perceive(Perception(name=name, parameters=(number,), update=update, key=key))
-
-    def turn() -> None:
-        world.settle()
 
     def given(_: int, item: Any) -> None:
         inputs.append((item.literal.sig.functor, *item.literal.args))
 
     inputs = list[tuple[object, ...]]()
     world = World(mind_of('+mode(_) : height(H) <- .print("at ", H).', on_input=given))
-    bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
-    runner, stop = MindRunner(bus, world.mind, turn), asyncio.Event()
-    running = asyncio.create_task(runner.run(stop))
-    await asyncio.sleep(0)
-    perceive("height", 0.0)  # the first of its kind
-    await asyncio.sleep(0)
-    for number in (1.0, 2.0, 3.0):
-        perceive("height", number)
-    perceive("mode", 1.0)
-    await asyncio.sleep(0)
-    assert (world.prints, inputs) == (["at 3"], [("height", 0.0), ("height", 3.0), ("mode", 1.0)])
-    perceive("height", 4.0)
-    perceive("height", 4.0, "remove", 0)
-    perceive("height", 5.0)
-    await asyncio.sleep(BELIEVED_WITHIN + 0.1)
-    assert inputs[3:] == [("height", 4.0), ("height", 4.0), ("height", 5.0)]
-    assert world.mind.query(parse_formula("height(5)"))
-    stop.set()
-    await running
+    async with turning(world) as runner:
+        perceive("height", 0.0)  # the first of its kind
+        await asyncio.sleep(0)
+        for number in (1.0, 2.0, 3.0):
+            perceive("height", number)
+        perceive("mode", 1.0)
+        await asyncio.sleep(0)
+        assert (world.prints, inputs) == (["at 3"], [("height", 0.0), ("height", 3.0), ("mode", 1.0)])
+        perceive("height", 4.0)
+        perceive("height", 4.0, "remove", 0)
+        perceive("height", 5.0)
+        await asyncio.sleep(BELIEVED_WITHIN + 0.1)
+        assert inputs[3:] == [("height", 4.0), ("height", 4.0), ("height", 5.0)]
+        assert world.mind.query(parse_formula("height(5)"))
 
 
 @virtual_test
@@ -217,29 +227,21 @@ async def test_of_percepts_with_a_key_that_nothing_waits_for_the_mind_is_given_t
     def perceive(robot: str, number: float, *key: int) -> None:
         runner.perceive(Perception(name="feedback", parameters=(robot, number), update="replace", key=key))
 
-    def turn() -> None:
-        world.settle()
-
     def given(_: int, item: Any) -> None:
         inputs.append(item.literal.args)
 
     inputs = list[tuple[object, ...]]()
     world = World(mind_of("!rest. +!rest.", on_input=given))
-    bus = cast(Bus, SimpleNamespace(afterwards=asyncio.get_running_loop().call_soon))
-    runner, stop = MindRunner(bus, world.mind, turn), asyncio.Event()
-    running = asyncio.create_task(runner.run(stop))
-    await asyncio.sleep(0)
-    perceive("a", 0.0, 0)  # the first of its kind
-    await asyncio.sleep(0)
-    for robot, number in (("a", 1.0), ("b", 1.0), ("a", 2.0)):
-        perceive(robot, number, 0)
-    assert inputs == [("a", 0.0)]
-    perceive("c", 3.0)  # in the place of all that there are
-    perceive("c", 4.0, 0)
-    await asyncio.sleep(BELIEVED_WITHIN + 0.1)
-    assert inputs[1:] == [("a", 2.0), ("b", 1.0), ("c", 3.0), ("c", 4.0)]
-    stop.set()
-    await running
+    async with turning(world) as runner:
+        perceive("a", 0.0, 0)  # the first of its kind
+        await asyncio.sleep(0)
+        for robot, number in (("a", 1.0), ("b", 1.0), ("a", 2.0)):
+            perceive(robot, number, 0)
+        assert inputs == [("a", 0.0)]
+        perceive("c", 3.0)  # in the place of all that there are
+        perceive("c", 4.0, 0)
+        await asyncio.sleep(BELIEVED_WITHIN + 0.1)
+        assert inputs[1:] == [("a", 2.0), ("b", 1.0), ("c", 3.0), ("c", 4.0)]
 
 
 def seen(number: int) -> PerceptReplaced:

@@ -33,12 +33,17 @@ def sky_of(tmp_path: Path, vehicle: str, autopilot: str, flown: Vehicle | None =
     return Sky(tmp_path, vehicle=flown, manifest=load_manifest(vehicle), mission=mission)
 
 
+def aloft(vehicle: str, place: tuple[float, float]) -> tuple[float, ...]:
+    """Return a place for a `goto` of a vehicle: 40 m high, unless it drives."""
+    return place if vehicle == "rover" else (*place, 40)
+
+
 def under_way(sky: Sky, vehicle: str, place: tuple[float, float] = FAR) -> None:
     """Depart, and be on the way to a place."""
     sky.armed()
     if vehicle != "rover":
         sky.done("takeoff", 40)
-    sky.begin("goto", *place, *(() if vehicle == "rover" else (40,)))
+    sky.begin("goto", *aloft(vehicle, place))
     sky.forward(lambda: sky.driver.vehicle.speed > 3, "it moves", 30)
     sky.wait(3)
 
@@ -54,7 +59,7 @@ def test_it_departs_goes_to_a_place_and_comes_home(tmp_path: Path, vehicle: str,
     sky.armed()
     if vehicle != "rover":
         sky.done("takeoff", 40)
-    sky.done("goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+    sky.done("goto", *aloft(vehicle, NORTH))
     sky.done("return_to_launch")
     assert sky.belief("override") is None
     assert sky.driver.notes() == []
@@ -104,7 +109,7 @@ def test_what_is_asked_of_a_bridge_that_was_started_again_in_flight_waits_for_th
     before = sky_of(tmp_path / "before", vehicle, autopilot)
     under_way(before, vehicle)
     after = sky_of(tmp_path / "after", vehicle, autopilot, before.vehicle)
-    after.done("goto", *NORTH, *(() if vehicle == "rover" else (40,)))
+    after.done("goto", *aloft(vehicle, NORTH))
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import by_operator
 from bridged.drivers.mavlink.actions import arrival
-from tests.bridged.drivers.mavlink.test_six_kinds import ALL, FAR, NORTH, mode, sky_of, under_way
+from tests.bridged.drivers.mavlink.test_six_kinds import ALL, FAR, NORTH, aloft, mode, sky_of, under_way
 from tests.bridged.sky import GOAL, HOME, Message, Sky
 
 ALT_HOLD, LOITER = 2, 5
@@ -54,7 +54,7 @@ def test_a_target_that_is_not_reported_is_not_sent_again_while_no_heartbeat_show
     sky = sky_of(tmp_path, vehicle, autopilot)
     under_way(sky, vehicle)
     sky.we_hear = unheard
-    heard = sky.begin("setpoint" if vehicle == "copter" else "goto", *NORTH, *([] if vehicle == "rover" else [40]))
+    heard = sky.begin("setpoint" if vehicle == "copter" else "goto", *aloft(vehicle, NORTH))
     sky.wait(0.4)
     sends_home(sky)
     sky.wait(3)
@@ -83,7 +83,7 @@ def test_what_is_asked_while_no_heartbeat_comes_does_not_take_the_vehicle_from_o
     if asked == "cancel":
         sky.bridge.action_server.cancel("uav", sky.statuses[-1].id, "uav")
     else:
-        arguments = {"set_mode": ["GUIDED"], "goto": [*NORTH, *([] if vehicle == "rover" else [40])], "land": []}
+        arguments = {"set_mode": ["GUIDED"], "goto": [*aloft(vehicle, NORTH)], "land": []}
         sky.begin(asked, *arguments[asked])
     sky.wait(1)
     sky.we_hear = lambda message: True
