@@ -133,7 +133,7 @@ def _tested_versions(wheel: Path, folder: Path) -> list[str]:
     try:
         with ZipFile(wheel) as files:
             return [f"--constraint={files.extract('schemas/shipped/deploy/constraints.txt', folder)}"]
-    except (BadZipFile, KeyError):  # pip refuses what is no wheel; 0.2.0 had no such file
+    except (BadZipFile, KeyError):  # pip refuses what is no wheel; one of an earlier revision has no such file
         return []
 
 
